@@ -1,0 +1,531 @@
+"""The families of components: what a method must say, with shapes and units.
+
+A component is a frozen dataclass. Its fields are its options, filled from YAML; ``Annotated`` bounds and units on
+them are what validation, schema and help read. Its class facts (`name`, `summary`, `references`, ...) stand beside
+them as plain class attributes. What depends on a model or on the time step appears in `bind`, never in the options.
+
+A kernel is a static method that the time loop calls. Where it can be compiled it is; it may read its arguments and
+module-level constants and call plain helper functions, and it keeps nothing between calls.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Integers = NDArray[np.int64]
+
+__all__ = [
+    "BodyMesh",
+    "Component",
+    "ContactLaw",
+    "ContactPoints",
+    "DataFile",
+    "Doc",
+    "Element",
+    "Ge",
+    "Gt",
+    "Integrator",
+    "Judged",
+    "Le",
+    "LeapFrog",
+    "Load",
+    "Lt",
+    "Mass",
+    "Material",
+    "Mesh",
+    "Region",
+    "Rows",
+    "Shape",
+    "Trial",
+    "Unit",
+]
+
+NAME_PATTERN = re.compile(r"[A-Za-z][\w-]*")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Physical dimension of an option, in words: ``Unit("force/length")``; ``Unit("1")`` is a pure number."""
+
+    unit: str
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(core_schema)
+        schema["x-unit"] = self.unit
+        return schema
+
+
+@dataclass(frozen=True)
+class Doc:
+    """One line that says what an option is; shown in the schema and by ``percuss plugins NAME``."""
+
+    text: str
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(core_schema)
+        schema["description"] = self.text
+        return schema
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """A CSV file of numbers named in a case, relative to it; read once, when the case is checked.
+
+    Attributes
+    ----------
+    path
+        As written in the case.
+    table : (columns, rows) array
+        Its numbers; a first line of words is skipped.
+    """
+
+    path: str
+    table: Floats
+
+    def columns(self, count: int) -> Floats:
+        """Return the (count, rows) numbers.
+
+        Raises
+        ------
+        ValueError
+            If the file does not have `count` columns.
+        """
+        if self.table.shape[0] != count:
+            raise ValueError(f"{self.path} has {self.table.shape[0]} columns, expected {count}")
+        return self.table
+
+
+class Component(ABC):
+    """Root of every contract. A class is either a contract or a finished method, never both.
+
+    Attributes
+    ----------
+    name
+        As written in a case; matches ``[A-Za-z][\\w-]*``.
+    summary
+        One line for tables and help.
+    references
+        Sources, with DOI where there is one.
+    examples
+        Option sets that make sense; the conformance kit runs them.
+    shorthand
+        Name of the option meant where a case gives a bare value in place of a mapping; empty if none.
+    """
+
+    family: ClassVar[str]
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    references: ClassVar[tuple[str, ...]] = ()
+    examples: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)
+    shorthand: ClassVar[str] = ""
+
+    def __init_subclass__(cls, *, contract: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if contract:
+            cls.family = contract
+            return
+        parent = cls.__mro__[1]
+        if "name" in vars(parent):
+            msg = f"{cls.__name__} subclasses the finished method {parent.__name__}: subclass its contract instead"
+            raise TypeError(msg)
+        for fact in ("name", "summary"):
+            if not isinstance(vars(cls).get(fact), str):
+                raise TypeError(f"{cls.__name__} does not say its `{fact}`: add `{fact} = \"...\"` to the class")
+        if not NAME_PATTERN.fullmatch(cls.name):
+            raise TypeError(f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -")
+        if not (vars(cls).get("__doc__") or "").strip():
+            raise TypeError(f"{cls.__name__} has no docstring: give formula, source and stability limit")
+
+
+# ---------------------------------------------------------------------------------------------- integrators
+
+
+class Judged(NamedTuple):
+    """At which state a contact law is judged, and how that state answers a multiplier.
+
+    Attributes
+    ----------
+    gap, rate
+        ``"current"``: g(u_n) and the rate at n - 1/2; ``"predicted"``: the same after the bulk update of the step.
+    acceleration
+        ``"bulk"``: the gap's bulk acceleration; ``"none"``: zero is shown to the law.
+    answer
+        What a unit multiplier adds to (gap, rate, acceleration), in units of the Delassus operator S.
+    """
+
+    gap: Literal["current", "predicted"]
+    rate: Literal["current", "predicted"]
+    acceleration: Literal["bulk", "none"]
+    answer: tuple[float, float, float]
+
+
+class LeapFrog(NamedTuple):
+    """A leap-frog scheme (displacement at n, velocity at n - 1/2) as its contact sees it: all such a scheme must say.
+
+    Attributes
+    ----------
+    explicit
+        For laws judged before the step is corrected.
+    end
+        For laws judged at the end of the step.
+    """
+
+    explicit: Judged
+    end: Judged
+
+
+class Integrator(Component, contract="integrators"):
+    """A time integrator.
+
+    Attributes
+    ----------
+    order
+        Order of convergence of the displacement on smooth contact-free motion.
+    conserves
+        What holds to round-off without contact, e.g. ``("energy", "momentum")``.
+    """
+
+    order: ClassVar[int]
+    conserves: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def bind(self, dt: float) -> LeapFrog:
+        """Return how contact is judged in a step of length `dt`.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+
+        Returns
+        -------
+        LeapFrog
+            The framework does the bulk update and solves the contact equation.
+        """
+
+    def refuses(self, law: ContactLaw) -> str | None:  # noqa: ARG002
+        """Return why `law` makes no sense with this integrator, or None."""
+        return None
+
+
+def end_of_step(dt: float) -> Judged:
+    """Return how the end of a leap-frog step answers a multiplier; the same for every leap-frog scheme."""
+    return Judged("predicted", "predicted", "bulk", (dt * dt, dt, 1.0))
+
+
+# ------------------------------------------------------------------------------------------------- contacts
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """What a contact law may know of its points; every array is read-only with one value a point.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The contact of each point, as the case names it.
+    stiffness : (P,) array
+        EA/h of the softer of the two sides [force/length].
+    frequency : (P,) array
+        Smaller 2c/h of the two sides [1/time].
+    mass : (P,) array
+        Half the mass of the end element, rho A h / 2, of the softer side [mass].
+    equal_sides : (P,) bool array
+        Whether both sides have the same EA/h and 2c/h; true at a rigid wall.
+    delassus : (P,) array
+        s, the point's own entry of S = N^T M^-1 N [1/mass].
+    weight : (P,) array
+        Share of the contact surface that belongs to the point; 1 for a bar's end.
+    """
+
+    names: tuple[str, ...]
+    stiffness: Floats
+    frequency: Floats
+    mass: Floats
+    equal_sides: NDArray[np.bool_]
+    delassus: Floats
+    weight: Floats
+
+
+class Rows(NamedTuple):
+    """A contact law as a line in (multiplier, gap, rate, acceleration), one a point.
+
+    The framework solves ``(diag(sigma) + diag(w) S) lambda = gamma`` over all active points of a step, where w is
+    (gap, rate, acceleration) times the integrator's answer, and gamma minus (gap, rate, acceleration) times the
+    judged state.
+
+    Attributes
+    ----------
+    at
+        ``"explicit"`` or ``"end"`` of the step.
+    sigma : float or (P,) array
+        Compliance [length/force]: 1/stiffness for a penalty, 0 for an exact constraint.
+    gap, rate, acceleration : float or (P,) array
+        Weights [1, time, time^2].
+    active
+        ``"gap < 0"`` or ``"all"``.
+    sign
+        ``"free"``: an equation; ``">= 0"``: complementarity, the contact never pulls.
+    """
+
+    at: Literal["explicit", "end"]
+    sigma: Floats | float
+    gap: Floats | float = 1.0
+    rate: Floats | float = 0.0
+    acceleration: Floats | float = 0.0
+    active: Literal["gap < 0", "all"] = "gap < 0"
+    sign: Literal["free", ">= 0"] = "free"
+
+
+class Trial(NamedTuple):
+    """What the kernel of a law that is not rows sees of its points in one step; (P,) arrays, read-only.
+
+    Attributes
+    ----------
+    gap, predicted_gap
+        g(u_n), and the gap after the bulk update.
+    rate, predicted_rate
+        Gap rate at n - 1/2, and after the bulk update at n + 1/2.
+    delassus
+        s of each point [1/mass].
+    dt, time
+        Step, and t_n.
+    """
+
+    gap: Floats
+    predicted_gap: Floats
+    rate: Floats
+    predicted_rate: Floats
+    delassus: Floats
+    dt: float
+    time: float
+
+
+class ContactLaw(Component, contract="contacts"):
+    """A way to enforce contact: rows wherever it can be written so, else a kernel `multipliers`.
+
+    A law whose `bind` returns `Rows` is complete. Any other law returns a NamedTuple of arrays of its own and
+    has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`,
+    compression positive, from the `Trial`; there is no closed-form stability certificate for it.
+    """
+
+    @abstractmethod
+    def bind(self, points: ContactPoints, dt: float) -> Rows | Any:
+        """Return the law's `Rows` at `points` for the step `dt`, or the bound arrays of its `multipliers`."""
+
+    def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
+        """Return the parameters as they came out at `points` for the step `dt`; they go into the provenance."""
+        return {}
+
+    def refuses(self, integrator: Integrator) -> str | None:  # noqa: ARG002
+        """Return why `integrator` makes no sense with this law, or None."""
+        return None
+
+
+# ---------------------------------------------------------------------------------------------------- loads
+
+
+class Load(Component, contract="loads"):
+    """An amplitude over time. Where it acts, when, along what and as what quantity, the case says.
+
+    Attributes
+    ----------
+    acts_as
+        What the amplitude is unless the case says otherwise (`as`).
+    everywhere
+        Whether it acts on all bodies unless the case says where (`on`).
+    """
+
+    acts_as: ClassVar[Literal["force", "acceleration", "velocity"]] = "force"
+    everywhere: ClassVar[bool] = False
+
+    @abstractmethod
+    def amplitude(self, time: Floats) -> Floats:
+        """Return the amplitude at each `time`, which counts from the moment the load is switched on.
+
+        Parameters
+        ----------
+        time : (T,) array
+            Times since the load's `from`, not negative.
+
+        Returns
+        -------
+        (T,) array
+            Amplitude [force, acceleration or velocity, as the case says].
+        """
+
+    def vector(self) -> tuple[float, ...] | None:
+        """Return the direction the load itself gives, or None where the case or the body gives it."""
+        return None
+
+
+# ----------------------------------------------------------------------------------- shapes and bulk methods
+
+
+class Region(NamedTuple):
+    """A named part of a body's boundary: its nodes, and the unit vector that points out of the body there."""
+
+    nodes: tuple[int, ...]
+    outward: Floats
+
+
+class Mesh(NamedTuple):
+    """A body's line mesh: element i joins nodes i and i + 1.
+
+    Attributes
+    ----------
+    nodes : (n + 1, dim) array
+        Positions [length].
+    lengths : (n,) array
+        Element lengths [length].
+    direction : (dim,) array
+        Unit vector along the line.
+    regions
+        Named ends; ``BODY.REGION`` is the only address there is.
+    """
+
+    nodes: Floats
+    lengths: Floats
+    direction: Floats
+    regions: Mapping[str, Region]
+
+
+class Shape(Component, contract="shapes"):
+    """The geometry of a body; its name is the key in the body's mapping."""
+
+    regions: ClassVar[tuple[str, ...]]
+
+    @abstractmethod
+    def dimension(self) -> int | None:
+        """Return the number of dimensions the options imply, or None where any will do."""
+
+    @abstractmethod
+    def mesh(self, at: Floats, refine: int) -> Mesh:
+        """Return the mesh of the body whose start is `at`, with `refine` times the elements asked for.
+
+        Parameters
+        ----------
+        at : (dim,) array
+            Start of the body [length].
+        refine
+            Factor on the number of elements.
+        """
+
+
+class Material(Component, contract="materials"):
+    """A one-dimensional material: stress from strain.
+
+    The kernel ``stress(parameters, strain)`` gets the (k,) array that `parameters` returned and a float, and
+    returns a float. ``energy_density(parameters, before, after)`` is the staggered strain energy per volume of the
+    strains at t_n and t_n+1; for a linear material half the product of the one's stress and the other's strain.
+
+    Attributes
+    ----------
+    linear
+        Whether stress is proportional to strain; the energy identity to round-off holds for linear bodies only.
+    """
+
+    linear: ClassVar[bool]
+
+    @property
+    @abstractmethod
+    def rho(self) -> float:
+        """Density [mass/length^3]."""
+
+    @property
+    @abstractmethod
+    def modulus(self) -> float:
+        """Largest tangent modulus, from which wave speed, step and penalty scales follow [force/length^2]."""
+
+    @abstractmethod
+    def parameters(self) -> tuple[float, ...]:
+        """Return what the kernels need, as plain numbers."""
+
+    @staticmethod
+    @abstractmethod
+    def stress(parameters: Floats, strain: float) -> float:
+        """Return the stress at `strain` [force/length^2]; a kernel."""
+
+    @staticmethod
+    @abstractmethod
+    def energy_density(parameters: Floats, before: float, after: float) -> float:
+        """Return the staggered strain-energy density of two consecutive strains [energy/length^3]; a kernel."""
+
+
+@dataclass(frozen=True)
+class BodyMesh:
+    """What an element may know of the body it fills.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Nodes, element lengths and direction.
+    area : float
+        Cross-section [length^2].
+    """
+
+    mesh: Mesh
+    area: float
+
+
+class Element(Component, contract="elements"):
+    """A two-node line element.
+
+    Both kernels work on a run of consecutive elements, of which `first` is the number of the first in the bound
+    arrays; displacement, velocity and force are flat, node by node, `dim` components each.
+
+    ``internal_force(element, parameters, first, dim, displacement, force)`` *sets* `force` to what the stretched
+    elements do to their nodes. ``energy(element, parameters, first, dim, displacement, velocity, dt)`` returns their
+    staggered strain energy, where `displacement` is at n + 1 and ``displacement - dt * velocity`` at n. They call the
+    material by the slots `percuss.kernels.stress` and `percuss.kernels.energy_density`.
+    """
+
+    @abstractmethod
+    def bind(self, body: BodyMesh) -> Any:
+        """Return a NamedTuple of (elements, ...) float arrays for one body."""
+
+    @abstractmethod
+    def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
+        """Return the stiffness of each element along the line, (elements,) [force/length]."""
+
+    @abstractmethod
+    def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
+        """Return an upper bound of each element's own angular frequency with lumped mass, (elements,) [1/time]."""
+
+    @staticmethod
+    @abstractmethod
+    def internal_force(
+        element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, force: Floats
+    ) -> None:
+        """Set `force` to the internal force of the elements on their nodes; a kernel."""
+
+    @staticmethod
+    @abstractmethod
+    def energy(
+        element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, velocity: Floats, dt: float
+    ) -> float:
+        """Return the staggered strain energy of the elements; a kernel."""
+
+
+class Mass(Component, contract="masses"):
+    """How element masses become nodal masses; always diagonal."""
+
+    @abstractmethod
+    def nodal(self, element_mass: Floats) -> Floats:
+        """Return the (n + 1,) nodal masses of a line of (n,) element masses [mass]."""
+
+
+FAMILIES: dict[str, type[Component]] = {
+    contract.family: contract for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass)
+}

@@ -1,0 +1,62 @@
+"""The methods that come with percuss, registered like anybody's plug-in: one line each."""
+
+from percuss.hookspecs import hookimpl
+
+from percuss_methods.contacts.bipenalty import Bipenalty
+from percuss_methods.contacts.lagrange import Lagrange
+from percuss_methods.contacts.penalty import Penalty
+from percuss_methods.elements.bar import BarElement
+from percuss_methods.integrators.central_difference import CentralDifference
+from percuss_methods.integrators.wu_predictor_corrector import WuPredictorCorrector
+from percuss_methods.loads.constant import Constant
+from percuss_methods.loads.gravity import Gravity
+from percuss_methods.loads.half_sine import HalfSine
+from percuss_methods.loads.harmonic import Harmonic
+from percuss_methods.loads.prescribed_velocity import PrescribedVelocity
+from percuss_methods.loads.ramp import Ramp
+from percuss_methods.loads.table import Table
+from percuss_methods.masses.lumped import Lumped
+from percuss_methods.materials.elastic import Elastic
+from percuss_methods.shapes.bar import Bar
+
+
+@hookimpl
+def percuss_integrators() -> list[type]:
+    """Return the built-in time integrators."""
+    return [CentralDifference, WuPredictorCorrector]
+
+
+@hookimpl
+def percuss_contacts() -> list[type]:
+    """Return the built-in contact laws."""
+    return [Penalty, Bipenalty, Lagrange]
+
+
+@hookimpl
+def percuss_loads() -> list[type]:
+    """Return the built-in load amplitudes."""
+    return [Constant, Ramp, Table, HalfSine, Harmonic, Gravity, PrescribedVelocity]
+
+
+@hookimpl
+def percuss_shapes() -> list[type]:
+    """Return the built-in shapes."""
+    return [Bar]
+
+
+@hookimpl
+def percuss_elements() -> list[type]:
+    """Return the built-in elements."""
+    return [BarElement]
+
+
+@hookimpl
+def percuss_materials() -> list[type]:
+    """Return the built-in materials."""
+    return [Elastic]
+
+
+@hookimpl
+def percuss_masses() -> list[type]:
+    """Return the built-in mass matrices."""
+    return [Lumped]

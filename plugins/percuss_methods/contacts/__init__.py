@@ -1,0 +1,1 @@
+"""The contact laws that come with percuss."""

@@ -1,0 +1,1 @@
+"""The time integrators that come with percuss."""

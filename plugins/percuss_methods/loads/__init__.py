@@ -1,0 +1,1 @@
+"""The load amplitudes that come with percuss."""

@@ -1,0 +1,29 @@
+"""A constant load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from percuss.contracts import Doc, Load, Unit
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+
+
+@dataclass(frozen=True)
+class Constant(Load):
+    """A constant amplitude: ``A(t) = value``."""
+
+    name = "constant"
+    summary = "The same value at all times"
+    shorthand = "value"
+    examples = ({"value": 2.0},)
+
+    value: Annotated[float, Unit("amplitude"), Doc("the value")]
+
+    def amplitude(self, time: Floats) -> Floats:
+        """Return `value` at each time."""
+        return np.full(time.shape, self.value)

@@ -1,0 +1,29 @@
+"""A half-sine pulse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from percuss.contracts import Doc, Gt, Load, Unit
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+
+
+@dataclass(frozen=True)
+class HalfSine(Load):
+    """One half-wave of a sine: ``A(t) = peak sin(pi t / duration)`` up to `duration`, zero after it."""
+
+    name = "half-sine"
+    summary = "One half-wave of a sine"
+    examples = ({"peak": 2.0, "duration": 0.1},)
+
+    peak: Annotated[float, Unit("amplitude"), Doc("largest value")]
+    duration: Annotated[float, Gt(0), Unit("time"), Doc("length of the pulse")]
+
+    def amplitude(self, time: Floats) -> Floats:
+        """Return the pulse at each time."""
+        return np.where(time < self.duration, self.peak * np.sin(np.pi * time / self.duration), 0.0)

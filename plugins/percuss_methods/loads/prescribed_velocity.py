@@ -1,0 +1,30 @@
+"""Prescribed velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from percuss.contracts import Doc, Load, Unit
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+
+
+@dataclass(frozen=True)
+class PrescribedVelocity(Load):
+    """A constant prescribed velocity: the end moves so, whatever force that takes."""
+
+    name = "prescribed-velocity"
+    summary = "Constant prescribed velocity of an end"
+    shorthand = "value"
+    acts_as = "velocity"
+    examples = ({"value": 1.0},)
+
+    value: Annotated[float, Unit("length/time"), Doc("velocity along the direction")]
+
+    def amplitude(self, time: Floats) -> Floats:
+        """Return `value` at each time."""
+        return np.full(time.shape, self.value)

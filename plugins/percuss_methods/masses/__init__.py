@@ -1,0 +1,1 @@
+"""The mass matrices that come with percuss."""

@@ -1,0 +1,29 @@
+"""Lumped mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.contracts import Mass
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+
+
+@dataclass(frozen=True)
+class Lumped(Mass):
+    """Row-sum lumping: each node gets half the mass of each element it belongs to."""
+
+    name = "lumped"
+    summary = "Half of each element's mass to each of its nodes"
+    references = ("Hughes: The Finite Element Method, Dover 2000, ch. 7",)
+
+    def nodal(self, element_mass: Floats) -> Floats:
+        """Return the nodal masses."""
+        nodal = np.zeros(element_mass.size + 1)
+        nodal[:-1] += 0.5 * element_mass
+        nodal[1:] += 0.5 * element_mass
+        return nodal

@@ -1,0 +1,1 @@
+"""The materials that come with percuss."""

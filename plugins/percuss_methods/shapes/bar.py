@@ -1,0 +1,67 @@
+"""A straight bar."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+
+from percuss.contracts import Doc, Ge, Gt, Mesh, Region, Shape, Unit
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+
+
+@dataclass(frozen=True)
+class Bar(Shape):
+    """A straight bar from its start (`left`) along `direction` to its end (`right`).
+
+    Elements are of equal length, or in a geometric row whose last is `grading` times as long as the first.
+    """
+
+    name = "bar"
+    summary = "A straight line of elements with the ends left and right"
+    regions = ("left", "right")
+    examples = ({"length": 10.0, "elements": 10}, {"length": 10.0, "elements": 10, "grading": 3.0})
+
+    length: Annotated[float, Gt(0), Unit("length"), Doc("length of the bar")]
+    elements: Annotated[int, Ge(1), Unit("1"), Doc("number of elements, before `refine`")]
+    direction: Annotated[tuple[float, ...], Unit("1"), Doc("any vector along the bar; x by default")] | None = None
+    grading: Annotated[float, Gt(0), Unit("1"), Doc("last element's length over the first one's")] = 1.0
+
+    def __post_init__(self) -> None:
+        if self.direction is None:
+            return
+        if not 1 <= len(self.direction) <= 3:
+            raise ValueError(f"direction has {len(self.direction)} components: give 1, 2 or 3")
+        if not np.any(self.direction):
+            raise ValueError("direction is the zero vector: give one that points along the bar")
+
+    def dimension(self) -> int | None:
+        """Return the length of `direction`, if given."""
+        return None if self.direction is None else len(self.direction)
+
+    def mesh(self, at: Floats, refine: int) -> Mesh:
+        """Return nodes from `at` along the direction."""
+        dim = at.size
+        direction = np.zeros(dim)
+        if self.direction is None:
+            direction[0] = 1.0
+        else:
+            # scaled first: a square of 1e-200 or 1e200 would be lost
+            vector = np.asarray(self.direction) / np.max(np.abs(self.direction))
+            direction[: vector.size] = vector / np.linalg.norm(vector)
+        n = self.elements * refine
+        if self.grading == 1.0 or n == 1:
+            lengths = np.full(n, self.length / n)
+        else:
+            lengths = self.grading ** (np.arange(n) / (n - 1))
+            lengths *= self.length / lengths.sum()
+        along = np.append(np.concatenate([[0.0], np.cumsum(lengths[:-1])]), self.length)
+        return Mesh(
+            nodes=at + along[:, None] * direction,
+            lengths=lengths,
+            direction=direction,
+            regions={"left": Region((0,), -direction), "right": Region((n,), direction)},
+        )
