@@ -1,3 +1,56 @@
-"""percuss: a bench on which explicit contact-impact methods are compared."""
+"""percuss: a bench on which explicit contact-impact methods are compared.
+
+The public door. ``load`` a case, ``run`` it, look at the `Result`; subclass a component family to bring a method.
+Everything is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "Case": "case",
+    "ContactLaw": "contracts",
+    "Element": "contracts",
+    "InputError": "errors",
+    "Integrator": "contracts",
+    "Load": "contracts",
+    "Mass": "contracts",
+    "Material": "contracts",
+    "PercussError": "errors",
+    "PluginError": "errors",
+    "RefusedPair": "errors",
+    "Result": "result",
+    "RunError": "errors",
+    "Shape": "contracts",
+    "compare": "comparison",
+    "hookimpl": "hookspecs",
+    "load": "case",
+    "open_result": "result",
+    "run": "runner",
+}
+
+__all__ = list(_HOME)  # noqa: PLE0605
+
+if TYPE_CHECKING:
+    from percuss.case import Case, load
+    from percuss.comparison import compare
+    from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Shape
+    from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
+    from percuss.hookspecs import hookimpl
+    from percuss.result import Result, open_result
+    from percuss.runner import run
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name not in _HOME:
+        raise AttributeError(f"module 'percuss' has no attribute {name!r}")
+    return getattr(import_module(f"percuss.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

@@ -14,18 +14,17 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
-    Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 __all__ = [
+    "AllowInf",
     "BodyMesh",
     "Component",
     "ContactLaw",
@@ -33,8 +32,10 @@ __all__ = [
     "DataFile",
     "Doc",
     "Element",
+    "Floats",
     "Ge",
     "Gt",
+    "Integers",
     "Integrator",
     "Judged",
     "Le",
@@ -63,6 +64,16 @@ class Unit:
     def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
         schema: dict[str, Any] = handler(core_schema)
         schema["x-unit"] = self.unit
+        return schema
+
+
+@dataclass(frozen=True)
+class AllowInf:
+    """Marks a number that may be infinite; every other one is finite. ``nan`` is never a value."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(source)
+        schema["allow_inf_nan"] = True
         return schema
 
 

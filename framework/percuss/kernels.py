@@ -1,6 +1,212 @@
-"""The slots a compiled step may call."""
-from typing import Any
-def stress(parameters: Any, strain: float) -> float:
-    raise NotImplementedError
-def energy_density(parameters: Any, before: float, after: float) -> float:
-    raise NotImplementedError
+"""The slots a step may call, and the templates of the compiled loop that call them.
+
+A slot is a function without a body of its own; `percuss.specialise` binds it to the kernel a plug-in brings.
+Everything here also runs as plain Python: one source, two speeds. Displacement and velocity are flat, node by node
+with `dim` components each, displacement at t_n and velocity at t_n - dt/2; arrays called `special` hold the same for
+the few nodes at which something other than the bulk acts (contacts, supports, drives, end loads, probes).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats, Integers
+
+BLOCK = 1024  # nodes a block: its displacement, velocity, mass and force stay in the first-level cache
+
+
+def _unbound() -> NoReturn:
+    raise NotImplementedError("a slot is called before a kernel is bound to it")
+
+
+def stress(parameters: Floats, strain: float) -> float:  # noqa: ARG001
+    """Slot: the stress at `strain`; bound to the body's material."""
+    _unbound()
+
+
+def energy_density(parameters: Floats, before: float, after: float) -> float:  # noqa: ARG001
+    """Slot: the staggered strain-energy density; bound to the body's material."""
+    _unbound()
+
+
+def internal_force(
+    element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, force: Floats  # noqa: ARG001
+) -> None:
+    """Slot: set `force` to the internal force of a run of elements; bound to the body's element."""
+    _unbound()
+
+
+def energy(  # noqa: PLR0917
+    element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, velocity: Floats, dt: float  # noqa: ARG001
+) -> float:
+    """Slot: the staggered strain energy of a run of elements; bound to the body's element."""
+    _unbound()
+
+
+class Group(NamedTuple):
+    """The bodies that share one element class and one material class."""
+
+    element: Any  # NamedTuple of (elements, ...) arrays
+    parameters: Floats  # (bodies, k) material parameters
+    body: Integers  # (bodies,) number of the body in the case
+    start: Integers  # (bodies,) first node
+    stop: Integers  # (bodies,) one past the last node
+    first: Integers  # (bodies,) first element in the arrays of `element`
+
+
+class Bulk(NamedTuple):
+    """Nodal masses and scratch of the bulk update."""
+
+    mass: Floats  # (nodes * dim,)
+    inverse_mass: Floats  # (nodes * dim,)
+    force: Floats  # ((BLOCK + 1) * dim,) scratch
+
+
+def bulk_group(
+    group: Group, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float
+) -> None:
+    """Advance the bodies of one group by a step without contact, in place, block by block.
+
+    The force of the element that joins two blocks is carried from the one to the next. `pull` is the acceleration of
+    each body by loads that act on all of it, (bodies * dim,); with `weigh` the bodies' momentum after the update is
+    left in `momentum`.
+    """
+    force, mass, inverse_mass = bulk.force, bulk.mass, bulk.inverse_mass
+    for b in range(group.body.size):
+        lo = group.start[b]
+        stop = group.stop[b]
+        parameters = group.parameters[b]
+        offset = group.first[b] - lo
+        body = group.body[b] * dim
+        for d in range(dim):
+            force[d] = 0.0
+            if weigh:
+                momentum[body + d] = 0.0
+        while lo < stop:
+            hi = min(lo + BLOCK, stop)
+            m = hi - lo - 1 if hi == stop else hi - lo
+            if dim == 1:
+                carried = force[0]
+                if m > 0:
+                    internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1])
+                    force[0] += carried
+                update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], pull[body], dt)
+                if m > 0:
+                    force[0] = force[m]
+            else:
+                advance_block(group.element, parameters, offset, bulk, u, v, pull, body, lo, hi, m, dim, dt)
+            if weigh:
+                for d in range(dim):
+                    momentum[body + d] += weighed(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
+            lo = hi
+
+
+def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, pull: float, dt: float) -> None:
+    """Advance a run of nodes in one dimension, in place."""
+    for i in range(u.size):
+        v[i] += dt * (inverse_mass[i] * force[i] + pull)
+        u[i] += dt * v[i]
+
+
+def advance_block(
+    element: Any,
+    parameters: Floats,
+    offset: int,
+    bulk: Bulk,
+    u: Floats,
+    v: Floats,
+    pull: Floats,
+    body: int,
+    lo: int,
+    hi: int,
+    m: int,
+    dim: int,
+    dt: float,
+) -> None:
+    """Advance one block of nodes in two or three dimensions, in place."""
+    force = bulk.force
+    spill = BLOCK * dim  # behind the block's own nodes: there the carried force waits while the slot sets the others
+    if m > 0:
+        for d in range(dim):
+            force[spill + dim + d] = force[d]
+        internal_force(element, parameters, offset + lo, dim, u[lo * dim : (lo + m + 1) * dim], force[: (m + 1) * dim])
+        for d in range(dim):
+            force[d] += force[spill + dim + d]
+    for i in range(hi - lo):
+        for d in range(dim):
+            j = (lo + i) * dim + d
+            v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + pull[body + d])
+            u[j] += dt * v[j]
+    if m > 0:
+        for d in range(dim):
+            force[d] = force[m * dim + d]
+
+
+def weighed(mass: Floats, v: Floats, component: int, dim: int) -> float:
+    """Return the momentum of a run of nodes along one component."""
+    total = 0.0
+    for i in range(component, v.size, dim):
+        total += mass[i] * v[i]
+    return total
+
+
+weighed.reduction = True  # type: ignore[attr-defined]
+
+
+def kinetic(mass: Floats, v: Floats) -> float:
+    """Return the kinetic energy."""
+    total = 0.0
+    for i in range(v.size):
+        total += mass[i] * v[i] * v[i]
+    return 0.5 * total
+
+
+kinetic.reduction = True  # type: ignore[attr-defined]
+
+
+def bulk_head(
+    group: Any, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float  # noqa: ARG001
+) -> None:
+    """Slot: advance the first group of bodies."""
+    _unbound()
+
+
+def bulk_tail(
+    group: Any, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float  # noqa: ARG001
+) -> None:
+    """Slot: advance the other groups."""
+    _unbound()
+
+
+def bulk_chain(
+    groups: Any, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float
+) -> None:
+    """Advance a pair (group, other groups): bodies of unlike element or material run through code of their own."""
+    bulk_head(groups[0], bulk, u, v, pull, momentum, weigh, dim, dt)
+    bulk_tail(groups[1], bulk, u, v, pull, momentum, weigh, dim, dt)
+
+
+def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
+    """Return the staggered strain energy of the bodies of one group."""
+    total = 0.0
+    for b in range(group.body.size):
+        lo = group.start[b] * dim
+        hi = group.stop[b] * dim
+        total += energy(group.element, group.parameters[b], group.first[b], dim, u[lo:hi], v[lo:hi], dt)
+    return total
+
+
+def elastic_head(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:  # noqa: ARG001
+    """Slot: strain energy of the first group of bodies."""
+    _unbound()
+
+
+def elastic_tail(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:  # noqa: ARG001
+    """Slot: strain energy of the other groups."""
+    _unbound()
+
+
+def elastic_chain(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
+    """Return the strain energy of a pair (group, other groups)."""
+    return elastic_head(groups[0], u, v, dim, dt) + elastic_tail(groups[1], u, v, dim, dt)

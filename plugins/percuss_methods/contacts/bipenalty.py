@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from percuss.contracts import ContactLaw, ContactPoints, Doc, Ge, Gt, Rows, Unit
+from percuss.contracts import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, Rows, Unit
 
 DEFAULT_BETA_S = 0.25
 DEFAULT_RATIO = "matched"
@@ -48,7 +48,7 @@ class Bipenalty(ContactLaw):
     beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h of the softer side")] | None = None
     epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = None
     ratio: (
-        Annotated[float, Gt(0), Unit("1"), Doc("beta_s / (2 beta_m); .inf is the penalty method")]
+        Annotated[float, AllowInf(), Gt(0), Unit("1"), Doc("beta_s / (2 beta_m); .inf is the penalty method")]
         | Literal["matched", "free-step"]
         | None
     ) = None

@@ -1,0 +1,212 @@
+"""A case: the checked contents of a YAML file or of a mapping, with the place of every value."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from percuss import overrides as overriding
+from percuss.errors import InputError, PluginError, Problem
+from percuss.expectations import expectations
+from percuss.reading import Reader
+from percuss.registry import Registry
+from percuss.sections import MethodSpec, TimeSpec
+from percuss.source import Source
+from percuss.specs import Address, BodySpec, ContactSpec, Expectation, LoadSpec, RecordSpec
+from percuss.yamltext import KeyPath
+
+__all__ = [
+    "Address",
+    "BodySpec",
+    "Case",
+    "ContactSpec",
+    "Expectation",
+    "LoadSpec",
+    "MethodSpec",
+    "RecordSpec",
+    "TimeSpec",
+    "load",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A case, checked.
+
+    Attributes
+    ----------
+    title, source
+        What the case is and where it is from.
+    dimension
+        1, 2 or 3; of every vector in it.
+    bodies, contacts, loads
+        By name, in the order of the file.
+    refine
+        Factor on every body's elements.
+    method, time, record, expect
+        The other sections.
+    data
+        The plain mapping behind it, overrides applied.
+    notes
+        What was changed on the way that the user should know.
+    registry
+        The components it was read with.
+    origin
+        Its text and places.
+    plugins
+        Single-file plug-ins given beside the case.
+    """
+
+    title: str
+    source: str
+    dimension: int
+    bodies: dict[str, BodySpec]
+    contacts: dict[str, ContactSpec]
+    loads: dict[str, LoadSpec]
+    refine: int
+    method: MethodSpec
+    time: TimeSpec
+    record: RecordSpec
+    expect: tuple[Expectation, ...]
+    data: Mapping[str, Any] = field(repr=False)
+    notes: tuple[str, ...]
+    registry: Registry = field(repr=False)
+    origin: Source = field(repr=False)
+    plugins: tuple[Path, ...] = ()
+
+    def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
+        """Return a mistake at `path`, as ``("bodies", "short", "area")``, with its place in the file."""
+        return self.origin.problem(path, message, advice)
+
+    def with_overrides(self, overrides: Mapping[str, Any]) -> Case:
+        """Return the case with values replaced, as by ``--set``; the same checks apply.
+
+        Parameters
+        ----------
+        overrides
+            Value for each dotted path; text is read as YAML.
+
+        Raises
+        ------
+        InputError
+            If a path does not exist or the result is not a case.
+        """
+        registry = None if any(path.split(".")[0] == "plugins" for path in overrides) else self.registry
+        return _load(self.origin, overrides, registry, self.plugins, self.notes)
+
+
+def load(
+    source: str | Path | Mapping[str, Any],
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    registry: Registry | None = None,
+    plugins: Sequence[str | Path] = (),
+) -> Case:
+    """Return a checked case.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the same as a mapping; paths in a mapping are relative to the current folder.
+    overrides
+        Value for each dotted path, as ``{"method.contact.beta_s": 1}``; text is read as YAML.
+    registry
+        Components to read it with; by default those installed and the case's own ``plugins``.
+    plugins
+        Single-file plug-ins beside those that the case names.
+
+    Raises
+    ------
+    InputError
+        With every mistake found, in the order of the file.
+    PluginError
+        If one of `plugins` cannot be used.
+    """
+    origin = Source.of(source) if isinstance(source, Mapping) else Source.read(source)
+    return _load(origin, overrides or {}, registry, tuple(Path(file) for file in plugins), ())
+
+
+def _load(
+    source: Source,
+    overrides: Mapping[str, Any],
+    registry: Registry | None,
+    plugins: tuple[Path, ...],
+    notes: tuple[str, ...],
+) -> Case:
+    early = {path: value for path, value in overrides.items() if path.split(".")[0] == "plugins"}
+    rest = {path: value for path, value in overrides.items() if path not in early}
+    if overrides and not isinstance(source.data, Mapping):
+        rest = {}
+    else:
+        for path, value in early.items():
+            source = source.override(path, value)
+    if registry is None:
+        registry = _registry(source, plugins)
+    source, dropped = overriding.apply(source, rest, registry)
+    return _read(source, registry, plugins, (*notes, *dropped))
+
+
+def _registry(source: Source, plugins: tuple[Path, ...]) -> Registry:
+    """Return the components of the installed plug-ins, of `plugins` and of the files that the case names."""
+    named = source.get(("plugins",), ())
+    if not isinstance(named, tuple):
+        named = ()
+    files = list(plugins)
+    registry = Registry.load(files)
+    for i, name in enumerate(named):
+        if not isinstance(name, str):
+            continue
+        try:
+            registry = Registry.load([*files, source.folder / name])
+        except PluginError as error:
+            raise InputError([source.problem(("plugins", i), str(error))]) from error
+        files.append(source.folder / name)
+    return registry
+
+
+def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: tuple[str, ...]) -> Case:
+    reader = Reader(source, registry)
+    top = reader.case()
+    bodies = reader.bodies()
+    method, time = reader.method(), reader.time()
+    contacts = reader.contacts(method.contact if method is not None else None)
+    loads = reader.loads(bodies)
+    record = reader.record()
+    dimension = reader.dimension()
+    expect = expectations(reader, dimension)
+    reader.finish()
+    if top is None or method is None or time is None or record is None:
+        raise AssertionError("a part of a case is wrong and nothing says why")
+    return Case(
+        title=top.title,
+        source=top.source,
+        dimension=dimension,
+        bodies={name: _sized(body, dimension) for name, body in bodies.items()},
+        contacts=contacts,
+        loads={name: _along(one, dimension) for name, one in loads.items()},
+        refine=top.refine,
+        method=method,
+        time=time,
+        record=record,
+        expect=expect,
+        data=source.data,
+        notes=notes,
+        registry=registry,
+        origin=source,
+        plugins=plugins,
+    )
+
+
+def _sized(body: BodySpec, dimension: int) -> BodySpec:
+    """Return the body with its start as a point: a number lies on x."""
+    return dataclasses.replace(body, at=body.at + (0.0,) * (dimension - len(body.at)))
+
+
+def _along(one: LoadSpec, dimension: int) -> LoadSpec:
+    """Return the load with a direction of all components: a load that acts along x says so in one."""
+    if one.direction is None:
+        return one
+    return dataclasses.replace(one, direction=one.direction + (0.0,) * (dimension - len(one.direction)))

@@ -1,0 +1,110 @@
+"""The accounts of a run: energy, work and momentum, and how well they close.
+
+Energies are staggered, at t_{n+1/2}: kinetic ``v M v / 2``, elastic ``u_n K u_{n+1} / 2``. For every leap-frog method on
+linear bodies the change of their sum over a step is ``lambda (g_{n+1} - g_{n-1}) / 2`` of the contacts plus
+``(f_ext + reactions) (u_{n+1} - u_{n-1}) / 2``, to round-off; both works are summed in every step.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+    from percuss.march import March, Outcome
+
+
+def energies(outcome: Outcome) -> dict[str, Floats]:
+    """Return kinetic, elastic, external and contact energy at each record and how far they are from closing.
+
+    Returns
+    -------
+    dict
+        ``kinetic_energy``, ``elastic_energy``, ``external_work``, ``contact_work`` [energy] and ``energy_error``, the
+        closure over the largest energy so far; (records,) each, at t_{n+1/2}.
+    """
+    kinetic, elastic, external, contact = outcome.record.energy[: outcome.records].T
+    total = kinetic + elastic
+    closure = total - outcome.energy_before - external - contact
+    sizes = np.max(np.abs([kinetic, elastic, external, contact]), axis=0, initial=abs(outcome.energy_before))
+    largest = np.maximum.accumulate(sizes) if sizes.size else sizes
+    return {
+        "kinetic_energy": kinetic,
+        "elastic_energy": elastic,
+        "external_work": external,
+        "contact_work": contact,
+        "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
+    }
+
+
+def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
+    """Return initial, final and largest energy, the works, and the largest closure error."""
+    parts = energies(outcome)
+    total = parts["kinetic_energy"] + parts["elastic_energy"]
+    initial = 0.5 * float(march.bulk.mass @ march.model.initial_velocity.ravel() ** 2)
+    last = {name: float(values[-1]) if values.size else 0.0 for name, values in parts.items()}
+    return {
+        "initial": initial,
+        "final": float(total[-1]) if total.size else initial,
+        "max": float(np.max(total, initial=initial)),
+        "external_work": last["external_work"],
+        "contact_work": last["contact_work"],
+        "ledger_error": float(np.max(np.abs(parts["energy_error"]), initial=0.0)),
+    }
+
+
+def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
+    """Return linear momentum before the first and after the last step, the impulses between, and their closure.
+
+    The momenta are those at -dt/2 and t_N - dt/2, between which N steps bring exactly the impulses given; the error is
+    their difference over the largest impulse or momentum involved.
+    """
+    model, dim = march.model, march.dim
+    mass = model.mass[:, None]
+    before = (mass * outcome.starting_velocity.reshape(-1, dim)).sum(axis=0)
+    after = (mass * outcome.final_velocity.reshape(-1, dim)).sum(axis=0)
+    supports = np.zeros(dim)
+    for hold, reaction in zip(model.holds, outcome.reactions, strict=True):
+        supports += model.dt * reaction * hold.direction
+    walls = np.zeros(dim)
+    for point, impulse in zip(march.order, outcome.points.impulse, strict=True):
+        meeting = model.meetings[point]
+        if len(meeting.nodes) == 1:
+            walls -= impulse * meeting.normal
+    closure = after - before - outcome.load_impulse - supports - walls
+    moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
+    started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
+    contacts = float(np.abs(outcome.points.impulse).sum())
+    scale = max(moving, started, contacts, float(np.abs(outcome.load_impulse).max(initial=0.0)), float(np.abs(supports).max()))
+    return {
+        "initial": before.tolist(),
+        "final": after.tolist(),
+        "impulse_of_loads": outcome.load_impulse.tolist(),
+        "impulse_of_supports": supports.tolist(),
+        "impulse_of_walls": walls.tolist(),
+        "error": float(np.abs(closure).max() / scale) if scale > 0 else 0.0,
+    }
+
+
+def contact_summary(march: March, outcome: Outcome) -> dict[str, dict[str, Any]]:
+    """Return, for each contact, impulse, peak force, times of closing and opening, and penetration."""
+    model, dt = march.model, march.model.dt
+    out: dict[str, dict[str, Any]] = {}
+    for place, point in sorted(enumerate(march.order), key=lambda pair: pair[1]):
+        p = outcome.points[place]
+        met = p.first >= 0
+        out[model.meetings[point].name] = {
+            "impulse": float(p.impulse),
+            "peak_force": float(p.peak),
+            "first_closed": float(p.first * dt) if met else None,
+            "last_open": float((p.last + 1) * dt) if met else None,
+            "closed_time": float(p.closed * dt),
+            "penetration": {
+                "largest": float(p.deepest),
+                "time_mean": float(p.overlap / max(outcome.done, 1)),
+                "energy": float(0.5 * p.end_stiffness * p.deepest**2) if np.isfinite(p.end_stiffness) else 0.0,
+            },
+        }
+    return out

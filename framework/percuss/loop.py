@@ -1,0 +1,326 @@
+"""The loop over steps, as it is compiled: templates whose slots `percuss.march` binds.
+
+What acts on few nodes is kept in record arrays: in compiled code and in plain Python alike ``p = points[i]`` is a view
+whose fields are read and written by name.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.contact import solve
+from percuss.kernels import Bulk, kinetic
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats, Integers
+
+# a degree of freedom of the few nodes at which more than the bulk acts
+SPECIAL = np.dtype(
+    [
+        ("dof", "i8"),  # place in the flat global arrays
+        ("mass", "f8"),
+        ("body", "i8"),  # its entry in the bodies' momenta
+        ("old_u", "f8"),  # displacement at n
+        ("old_v", "f8"),  # velocity at n - 1/2
+        ("bulk_v", "f8"),  # velocity right after the bulk update
+        ("new_v", "f8"),  # velocity as loads, supports and contacts correct it, in the end that at n + 1/2
+    ]
+)
+# a direction (`axes` from `axis` on) in which a node's velocity is prescribed; `reaction` is the sum over steps
+HOLD = np.dtype([("base", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
+# the part of a contact force that a hold bears
+SHARE = np.dtype([("hold", "i8"), ("point", "i8"), ("value", "f8")])
+# a force on a single node: `axes` from `axis` on is the force at amplitude 1
+PUSH = np.dtype([("base", "i8"), ("axis", "i8"), ("inverse_mass", "f8"), ("column", "i8")])
+# works so far, and what the watch compares them with
+TOTAL = np.dtype(
+    [
+        ("external_work", "f8"),
+        ("contact_work", "f8"),
+        ("largest_work", "f8"),  # largest absolute external work so far
+        ("began_with", "f8"),  # energy
+        ("growth", "f8"),  # contact work allowed, over all energy put in
+        ("floor", "f8"),  # contact work that is noise
+    ]
+)
+
+
+class Few(NamedTuple):
+    """All that acts on few nodes."""
+
+    special: Any  # SPECIAL
+    points: Any  # percuss.contact.POINT
+    entries: Any  # percuss.contact.ENTRY
+    others: Any  # percuss.contact.OTHER
+    holds: Any  # HOLD
+    shares: Any  # SHARE
+    pushes: Any  # PUSH
+    axes: Floats
+    totals: Any  # TOTAL, one
+    momentum: Floats  # (bodies * dim,) at n + 1/2, where whole bodies are pulled
+    before: Floats  # (bodies * dim,) at n - 1/2
+
+
+class Drive(NamedTuple):
+    """Amplitudes of the loads for a run of T steps."""
+
+    force: Floats  # (T, columns) at t_n
+    velocity: Floats  # (T, columns) at t_n+1/2
+    pull: Floats  # (T, bodies * dim) acceleration of each body at t_n
+
+
+class Record(NamedTuple):
+    """What is kept: R records, every `every` steps and at the last step."""
+
+    every: int
+    last: int  # step of the last record
+    multiplier: Floats  # (R, P)
+    gap: Floats  # (R, P)
+    end_force: Floats  # (R, P)
+    displacement: Floats  # (R, probes * dim)
+    velocity: Floats  # (R, probes * dim)
+    probe: Integers  # (probes * dim,) places among the special ones
+    energy: Floats  # (R, 4) kinetic, elastic, external work, contact work, at n + 1/2
+    field_every: int  # 0: no field is kept
+    field: Floats  # (F, nodes kept * dim) displacement
+    field_dof: Integers  # (nodes kept * dim,)
+
+
+def bulk(  # noqa: PLR0917
+    groups: Any, masses: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float  # noqa: ARG001
+) -> None:
+    """Slot: advance all bodies by a step without contact."""
+    raise NotImplementedError
+
+
+def elastic(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:  # noqa: ARG001
+    """Slot: the strain energy of all bodies."""
+    raise NotImplementedError
+
+
+def strain_energy(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
+    """Return the staggered strain energy of all bodies; `elastic` as it is called from Python."""
+    return elastic(groups, u, v, dim, dt)
+
+
+def own_laws(bound: Any, points: Any, dt: float, time: float) -> None:  # noqa: ARG001
+    """Slot: the multipliers of laws that are not rows; nothing to do where there is none."""
+
+
+def advance(
+    groups: Any,
+    masses: Bulk,
+    few: Few,
+    bound: Any,
+    drive: Drive,
+    record: Record,
+    u: Floats,
+    v: Floats,
+    weigh: bool,
+    dim: int,
+    dt: float,
+    first: int,
+    count: int,
+) -> int:
+    """March `count` steps from step `first`; return how many were done before the watch stopped the run."""
+    special, points, totals = few.special, few.points, few.totals
+    holds, shares, pushes, axes = few.holds, few.shares, few.pushes, few.axes
+    for s in range(count):
+        n = first + s
+        if record.field_every > 0 and n % record.field_every == 0:
+            snapshot(record, u, n)
+        for i in range(special.size):
+            q = special[i]
+            q.old_u = u[q.dof]
+            q.old_v = v[q.dof]
+        bulk(groups, masses, u, v, drive.pull[s], few.momentum, weigh, dim, dt)
+        for i in range(special.size):
+            q = special[i]
+            q.bulk_v = v[q.dof]
+            q.new_v = q.bulk_v
+        if pushes.size > 0:
+            push(pushes, special, axes, drive.force, s, dim, dt)
+        work = 0.0
+        if holds.size > 0:
+            work += hold(holds, special, axes, drive.velocity, s, dim, dt)
+        sound = True
+        if points.size > 0:
+            judge(points, few.entries, special, dt)
+            own_laws(bound, points, dt, n * dt)
+            sound = solve(points, few.others, dt)
+            correct(points, few.entries, special, dt)
+            if shares.size > 0:
+                work += bear(shares, holds, points, special, axes, drive.velocity, s, dim, dt)
+        for i in range(special.size):
+            q = special[i]
+            v[q.dof] = q.new_v
+            u[q.dof] = q.old_u + dt * q.new_v
+        if pushes.size > 0:
+            work += pushed(pushes, special, axes, drive.force, s, dim, dt)
+        if weigh:
+            work += lifted(special, few.momentum, few.before, drive.pull, s, dt)
+        total = totals[0]
+        total.external_work += work
+        total.largest_work = max(total.largest_work, abs(total.external_work))
+        total.contact_work += account(points, few.entries, special, n, dt)
+        if n % record.every == 0 or n == record.last:
+            keep(groups, masses, few, record, u, v, dim, dt, n)
+        limit = total.growth * (total.began_with + total.largest_work) + total.floor
+        # the comparison fails for a work that is no number, too
+        if not (sound and total.contact_work <= limit):
+            return s + 1
+    return count
+
+
+def push(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> None:
+    """Let forces on single nodes change their velocity."""
+    for i in range(pushes.size):
+        f = pushes[i]
+        scale = dt * f.inverse_mass * amplitude[s, f.column]
+        for d in range(dim):
+            special[f.base + d].new_v += scale * axes[f.axis + d]
+
+
+def pushed(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> float:
+    """Return the work of forces on single nodes: half of force times u_{n+1} - u_{n-1}."""
+    work = 0.0
+    for i in range(pushes.size):
+        f = pushes[i]
+        for d in range(dim):
+            q = special[f.base + d]
+            work += amplitude[s, f.column] * axes[f.axis + d] * (q.old_v + q.new_v)
+    return 0.5 * dt * work
+
+
+def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: int, dt: float) -> float:
+    """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
+    work = 0.0
+    for i in range(holds.size):
+        h = holds[i]
+        now = 0.0
+        before = 0.0
+        for d in range(dim):
+            now += axes[h.axis + d] * special[h.base + d].new_v
+            before += axes[h.axis + d] * special[h.base + d].old_v
+        wanted = velocity[s, h.column]
+        for d in range(dim):
+            special[h.base + d].new_v += (wanted - now) * axes[h.axis + d]
+        reaction = h.mass * (wanted - now) / dt
+        h.reaction += reaction
+        work += reaction * (before + wanted)
+    return 0.5 * dt * work
+
+
+def bear(
+    shares: Any, holds: Any, points: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: int, dt: float
+) -> float:
+    """Let supports and drives bear the contact forces on their nodes; return the work this takes."""
+    work = 0.0
+    for i in range(shares.size):
+        share = shares[i]
+        h = holds[share.hold]
+        before = 0.0
+        for d in range(dim):
+            before += axes[h.axis + d] * special[h.base + d].old_v
+        reaction = -share.value * points[share.point].multiplier
+        h.reaction += reaction
+        work += reaction * (before + velocity[s, h.column])
+    return 0.5 * dt * work
+
+
+def judge(points: Any, entries: Any, special: Any, dt: float) -> None:
+    """Find gap and gap rate of each point, as they are and as the bulk update predicts them."""
+    for i in range(points.size):
+        p = points[i]
+        gap = p.initial_gap
+        predicted_gap = p.initial_gap
+        rate = 0.0
+        predicted_rate = 0.0
+        for k in range(p.start, p.stop):
+            normal = entries[k].normal
+            q = special[entries[k].place]
+            gap += normal * q.old_u
+            predicted_gap += normal * (q.old_u + dt * q.new_v)
+            rate += normal * q.old_v
+            predicted_rate += normal * q.new_v
+        p.gap = gap
+        p.predicted_gap = predicted_gap
+        p.rate = rate
+        p.predicted_rate = predicted_rate
+
+
+def correct(points: Any, entries: Any, special: Any, dt: float) -> None:
+    """Let the multipliers change the velocity of the nodes they act on: the contact accelerations."""
+    for i in range(points.size):
+        p = points[i]
+        if p.multiplier != 0.0:
+            for k in range(p.start, p.stop):
+                special[entries[k].place].new_v += dt * entries[k].response * p.multiplier
+
+
+def lifted(special: Any, momentum: Floats, before: Floats, pull: Floats, s: int, dt: float) -> float:
+    """Return the work of what pulls whole bodies, from their momenta before and after the step."""
+    for i in range(special.size):
+        q = special[i]
+        momentum[q.body] += q.mass * (q.new_v - q.bulk_v)
+    work = 0.0
+    for i in range(momentum.size):
+        work += pull[s, i] * (momentum[i] + before[i])
+        before[i] = momentum[i]
+    return 0.5 * dt * work
+
+
+def account(points: Any, entries: Any, special: Any, n: int, dt: float) -> float:
+    """Sum what the contacts do in a step; return their work."""
+    work = 0.0
+    for i in range(points.size):
+        p = points[i]
+        if p.multiplier != 0.0:
+            rate = 0.0
+            for k in range(p.start, p.stop):
+                rate += entries[k].normal * special[entries[k].place].new_v
+            work += p.multiplier * (p.rate + rate)
+            p.impulse += dt * p.multiplier
+            p.peak = max(p.peak, p.multiplier)
+            p.closed += 1
+            if p.first < 0:
+                p.first = n
+            p.last = n
+        if p.gap < 0.0:
+            p.overlap -= p.gap
+            p.deepest = max(p.deepest, -p.gap)
+    return 0.5 * dt * work
+
+
+def snapshot(record: Record, u: Floats, n: int) -> None:
+    """Keep the displacements from which the stress field follows."""
+    r = n // record.field_every
+    for k in range(record.field_dof.size):
+        record.field[r, k] = u[record.field_dof[k]]
+
+
+def keep(
+    groups: Any, masses: Bulk, few: Few, record: Record, u: Floats, v: Floats, dim: int, dt: float, n: int
+) -> None:
+    """Write the record of step n."""
+    special = few.special
+    r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
+    for i in range(few.points.size):
+        p = few.points[i]
+        record.multiplier[r, i] = p.multiplier
+        record.gap[r, i] = p.gap
+        after = p.initial_gap
+        for k in range(p.start, p.stop):
+            q = special[few.entries[k].place]
+            after += few.entries[k].normal * (q.old_u + dt * q.new_v)
+        record.end_force[r, i] = p.end_stiffness * max(-after, 0.0)
+    for k in range(record.probe.size):
+        q = special[record.probe[k]]
+        record.displacement[r, k] = q.old_u
+        record.velocity[r, k] = 0.5 * (q.old_v + q.new_v)
+    record.energy[r, 0] = kinetic(masses.mass, v)
+    record.energy[r, 1] = elastic(groups, u, v, dim, dt)
+    record.energy[r, 2] = few.totals[0].external_work
+    record.energy[r, 3] = few.totals[0].contact_work

@@ -1,0 +1,525 @@
+"""The time loop: binds the parts into one compiled loop and drives it in chunks, watching what comes out."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss import escape, kernels, loop
+from percuss.contact import point_records
+from percuss.contracts import Rows
+from percuss.specialise import Specialiser, compile_error, jit_disabled
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+    from percuss.model import Model
+
+CHUNK_SECONDS = 0.5
+CHUNK_STEPS = 65536
+GROWTH = 9.0  # contact may not add more than this times all energy put in: then the run has run away
+KINETIC_GROWTH = 100.0
+SILENT_STRAIN = 1e-10  # energies below that of this strain everywhere are noise
+
+Progress = Callable[[int, int], None]
+
+
+class Kernels(NamedTuple):
+    """The bound loop, and why it is not compiled if it is not."""
+
+    advance: Callable[..., int]
+    elastic: Callable[..., float]
+    compiled: bool
+    reasons: tuple[str, ...]
+
+
+@dataclass
+class Outcome:
+    """What a march leaves behind; points in the order of the loop."""
+
+    records: int  # complete rows of `record`
+    time: Floats
+    record: loop.Record
+    points: Any  # percuss.contact.POINT, summed over the steps before t_N
+    starting_velocity: Floats  # at -dt/2
+    energy_before: float  # kinetic and elastic energy at -dt/2
+    load_impulse: Floats
+    kernels: Kernels
+    seconds: dict[str, float]
+    status: str = "done"  # or "interrupted" or "unstable"
+    done: int = 0  # steps marched, without the trial step
+    reactions: Any = None  # sums over the steps, one a hold of the model
+    final_velocity: Any = None  # at t_N - dt/2
+    stop: dict[str, Any] = field(default_factory=dict)
+
+
+class March:
+    """One run of a model.
+
+    Parameters
+    ----------
+    model
+        The model to march.
+    compiled
+        Whether to compile the loop where it can be compiled.
+    """
+
+    def __init__(self, model: Model, *, compiled: bool = True) -> None:
+        started = time.perf_counter()
+        self.model = model
+        self.dim = model.dim
+        self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
+        self._arrays()
+        self.kernels = self._kernels(compiled)
+        self.seconds = {"build": time.perf_counter() - started}
+
+    # -- arrays ------------------------------------------------------------------------------------------
+
+    def _arrays(self) -> None:
+        model, dim = self.model, self.dim
+        self.probes = self._probe_nodes()
+        meeting = [node for m in model.meetings for node in m.nodes]
+        nodes = [*meeting, *(h.node for h in model.holds), *(p.node for p in model.pushes), *self.probes]
+        self.reactions = np.zeros(len(model.holds))
+        self.special_nodes = list(dict.fromkeys(nodes))
+        self.place = {node: k * dim for k, node in enumerate(self.special_nodes)}
+        self.v = model.starting_velocity().ravel()
+        self.u = np.zeros_like(self.v)
+        mass = np.repeat(model.mass, dim)
+        self.bulk = kernels.Bulk(mass, 1.0 / mass, np.zeros((kernels.BLOCK + 2) * dim))
+        self.groups, self.group_parts = self._groups()
+        count = len(model.meetings)
+        self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], Rows)]
+        self.bound = escape.nest(self.own_laws, count - sum(len(entry["where"]) for entry in self.own_laws))
+        self.record, self.time = self._record(count)
+        self._quiet = loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
+        self._kept: list[Any] = []
+        number = {n: model.body_of(n).number for n in self.special_nodes}
+        dofs = [(n * dim + d, model.mass[n], number[n] * dim + d, 0, 0, 0, 0) for n in self.special_nodes for d in range(dim)]
+        self.few = self._acting(0.5 * model.dt, records(dofs, loop.SPECIAL))
+
+    def _probe_nodes(self) -> list[int]:
+        probes = self.model.case.record.probes
+        if probes is None:
+            return list(dict.fromkeys(node for m in self.model.meetings for node in m.nodes))
+        return [self.model.node(address) for address in probes]
+
+    def _momenta(self) -> Floats:
+        mass = self.model.mass[:, None]
+        v = self.v.reshape(-1, self.dim)
+        return np.concatenate([(mass[b.start : b.stop] * v[b.start : b.stop]).sum(axis=0) for b in self.model.bodies.values()])
+
+    def _groups(self) -> tuple[list[kernels.Group], list[tuple[Any, Any]]]:
+        """Gather the bodies that share element and material classes, and bind their elements."""
+        from percuss.contracts import BodyMesh
+
+        kinds: dict[tuple[type, type], list[Any]] = {}
+        for body in self.model.bodies.values():
+            kinds.setdefault((type(body.spec.element), type(body.spec.material)), []).append(body)
+        groups = []
+        for bodies in kinds.values():
+            bound = [b.spec.element.bind(BodyMesh(b.mesh, b.spec.area)) for b in bodies]
+            arrays = type(bound[0])(*(_frozen(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
+            counts = [b.stiffness.size for b in bodies]
+            groups.append(
+                kernels.Group(
+                    arrays,
+                    _frozen(np.array([b.spec.material.parameters() for b in bodies], dtype=float)),
+                    np.array([b.number for b in bodies], dtype=np.int64),
+                    np.array([b.start for b in bodies], dtype=np.int64),
+                    np.array([b.stop for b in bodies], dtype=np.int64),
+                    np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
+                )
+            )
+        return groups, list(kinds)
+
+    def _record(self, count: int) -> tuple[loop.Record, Floats]:
+        model, dim, every = self.model, self.dim, self.model.case.record.every
+        steps = model.steps
+        n = np.arange(0, steps + 1, every)
+        if steps % every:
+            n = np.append(n, steps)
+        rows = n.size
+        self.field_elements = self._field_elements()
+        snapshots = model.case.record.fields
+        field_every = max(1, steps // snapshots) if snapshots else 0
+        taken = steps // field_every + 1 if snapshots else 0
+        ends = np.stack([self.field_elements, self.field_elements + 1], axis=1).ravel()
+        field_dof = (ends[:, None] * dim + np.arange(dim)).ravel() if snapshots else np.zeros(0, dtype=np.int64)
+        record = loop.Record(
+            every,
+            steps,
+            *(np.full((rows, count), np.nan) for _ in range(3)),
+            *(np.full((rows, len(self.probes) * dim), np.nan) for _ in range(2)),
+            np.array([self.place[p] + d for p in self.probes for d in range(dim)], dtype=np.int64),
+            np.full((rows, 4), np.nan),
+            field_every,
+            np.full((taken, field_dof.size), np.nan),
+            field_dof,
+        )
+        return record, n * model.dt
+
+    def _field_elements(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Return the first nodes of the elements whose stress is kept for the space-time picture."""
+        kept = [
+            body.start + np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round())
+            for body in self.model.bodies.values()
+        ]
+        return np.concatenate(kept).astype(np.int64)
+
+    def _acting(self, midpoint: float, special: Any) -> loop.Few:
+        """Return what acts on few nodes for a run of steps with the same drives; sums start at zero."""
+        model, dim = self.model, self.dim
+        active = [(row, h) for row, h in enumerate(model.holds) if h.active(midpoint)]
+        self.held = [row for row, _ in active]
+        sides = model.sides(midpoint)
+        sides = [sides[p] for p in self.order]
+        points, entries, others = point_records(
+            self.judged, [model.meetings[p].gap for p in self.order], sides, self.place
+        )
+        holds = [(self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)]
+        shares = [
+            (i, p, float(h.direction @ side.normal))
+            for i, (_, h) in enumerate(active)
+            for p, row in enumerate(sides)
+            for side in row
+            if side.node == h.node
+        ]
+        pushes = [
+            (self.place[f.node], i * dim, 1.0 / model.mass[f.node], f.column)
+            for i, f in enumerate(model.pushes, start=len(active))
+        ]
+        axes = [h.direction for _, h in active] + [f.force for f in model.pushes]
+        return loop.Few(
+            special,
+            points,
+            entries,
+            others,
+            records(holds, loop.HOLD),
+            records(shares, loop.SHARE),
+            records(pushes, loop.PUSH),
+            np.array(axes, dtype=float).ravel(),
+            records([(0.0,) * 6], loop.TOTAL),
+            np.zeros(len(model.bodies) * dim),
+            self._momenta(),
+        )
+
+    def _switch(self, midpoint: float) -> None:
+        """Change over to the drives that hold at `midpoint`, with all sums going on."""
+        before = self.few
+        self._bank()
+        fresh = self._acting(midpoint, before.special)
+        for name in ("multiplier", "impulse", "peak", "deepest", "overlap", "closed", "first", "last"):
+            fresh.points[name] = before.points[name]
+        self.few = fresh._replace(totals=before.totals)
+
+    def _bank(self) -> None:
+        """Move the reactions summed so far to the account of the model's holds."""
+        for row, one in zip(self.held, self.few.holds, strict=True):
+            self.reactions[row] += one.reaction
+        self.few.holds["reaction"] = 0.0
+
+    def _drive(self, first: int, count: int) -> loop.Drive:
+        model, dim = self.model, self.dim
+        loads = list(model.case.loads.values())
+        if not loads:
+            if self._quiet.force.shape[0] < count:
+                width = len(model.bodies) * dim
+                self._quiet = loop.Drive(np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, width)))
+            return self._quiet
+        t = (first + np.arange(count)) * model.dt
+        force = np.zeros((count, len(loads) + 1))
+        velocity = np.zeros((count, len(loads) + 1))
+        for column, spec in enumerate(loads, start=1):
+            if spec.acts_as == "velocity":
+                velocity[:, column] = model.amplitude(spec, t + 0.5 * model.dt, average=False)
+            else:
+                force[:, column] = model.amplitude(spec, t, average=True)
+        pull = np.zeros((count, len(model.bodies) * dim))
+        for one in model.pulls:
+            column = loads.index(one.load) + 1
+            pull[:, one.body * dim : (one.body + 1) * dim] += force[:, column, None] * one.acceleration
+        return loop.Drive(force, velocity, pull)
+
+    # -- kernels -----------------------------------------------------------------------------------------
+
+    def _kernels(self, compiled: bool) -> Kernels:
+        reasons: list[str] = []
+        if not compiled:
+            reasons.append("compilation was switched off for this run")
+        elif jit_disabled():
+            reasons.append("compilation is switched off by NUMBA_DISABLE_JIT")
+        if reasons:
+            advance, elastic = self._bind(Specialiser(jit=False), frozenset())
+            return Kernels(advance, elastic, compiled=False, reasons=tuple(reasons))
+        advance, elastic = self._bind(Specialiser(jit=True), frozenset())
+        return Kernels(advance, elastic, compiled=True, reasons=())
+
+    def _bind(self, maker: Specialiser, plain: frozenset[str]) -> tuple[Callable[..., int], Callable[..., float]]:
+        """Return the loop and the strain-energy kernel; parts named in `plain` and what calls them stay Python."""
+        bulk = elastic = None
+        whole = not plain
+        for element, material in reversed(self.group_parts):
+            part = maker.with_slots(bulk_slots(element, material))
+            part.jit = maker.jit and bulk_name(element, material) not in plain
+            head = part.bind(kernels.bulk_group, cache=not whole)
+            head_energy = part.bind(kernels.elastic_group, cache=not whole)
+            if bulk is None or elastic is None:
+                bulk, elastic = head, head_energy
+                continue
+            slots = {kernels.bulk_head: head, kernels.bulk_tail: bulk}
+            bulk = maker.with_slots(slots).bind(kernels.bulk_chain, plain=not whole)
+            slots = {kernels.elastic_head: head_energy, kernels.elastic_tail: elastic}
+            elastic = maker.with_slots(slots).bind(kernels.elastic_chain, plain=not whole)
+        slots = {loop.bulk: bulk, loop.elastic: elastic, loop.own_laws: escape.bind(maker, self.own_laws, plain)}
+        top = maker.with_slots(slots)
+        advance = top.bind(loop.advance, cache=True, plain=not whole)
+        return advance, top.bind(loop.strain_energy, cache=True, plain=not whole)
+
+    def plain_parts(self, error: Exception) -> tuple[frozenset[str], tuple[str, ...]]:
+        """Return which parts cannot be compiled, and why, after compiling the loop has failed with `error`."""
+        reasons: dict[str, Exception] = {}
+        u, v, momentum = self.u.copy(), self.v.copy(), np.zeros(len(self.model.bodies) * self.dim)
+        pull = np.zeros(momentum.size)
+        for parts, group in zip(self.group_parts, self.groups, strict=True):
+            maker = Specialiser(bulk_slots(*parts))
+            try:
+                maker.bind(kernels.bulk_group)(group, self.bulk, u, v, pull, momentum, False, self.dim, self.model.dt)
+                maker.bind(kernels.elastic_group)(group, u, v, self.dim, self.model.dt)
+            except compile_error() as why:
+                reasons[bulk_name(*parts)] = why
+        for entry in self.own_laws:
+            why_not = escape.why_not(entry)
+            if why_not is not None:
+                reasons[f"contact law {entry['law'].name}"] = why_not
+        if not reasons:
+            raise error
+        return frozenset(reasons), tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
+
+    # -- the march ---------------------------------------------------------------------------------------
+
+    def run(self, progress: Progress | None = None) -> Outcome:
+        """March to the end, or to the stop.
+
+        Parameters
+        ----------
+        progress
+            Called with (steps done, steps in all) between chunks.
+        """
+        started = time.perf_counter()
+        self._settle_kernels()
+        settled = time.perf_counter()
+        self.seconds["compile"] = settled - started
+        out = Outcome(
+            records=0,
+            time=self.time,
+            record=self.record,
+            points=self.few.points,
+            starting_velocity=self.v.copy(),
+            energy_before=self._energy(),
+            load_impulse=np.zeros(self.dim),
+            kernels=self.kernels,
+            seconds=self.seconds,
+        )
+        total = self.few.totals[0]
+        total.began_with = max(self._initial_energy(), out.energy_before)
+        total.growth, total.floor = GROWTH, self._noise()
+        with interruptible() as interrupted:
+            self._march(out, progress, interrupted)
+            self._bank()
+            out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
+            out.points = self.few.points.copy()
+            if out.status != "unstable":
+                self._trial(out.done)
+        every = self.record.every
+        if out.status == "done":
+            out.records = self.time.size
+        else:  # the record of the last step done is complete only where a trial step followed
+            out.records = -(-out.done // every) if out.status == "unstable" else out.done // every + 1
+        self.seconds["march"] = time.perf_counter() - settled
+        return out
+
+    def _march(self, out: Outcome, progress: Progress | None, interrupted: threading.Event) -> None:
+        model = self.model
+        for first, last in model.segments():
+            if first > 0:
+                self._switch((first + 0.5) * model.dt)
+            for at, count in self._chunks(first, min(last, model.steps)):
+                drive = self._drive(at, count)
+                kept = self._copy()
+                if self._advance(drive, at, count) < count or not self._sound():
+                    out.status, (out.done, out.stop) = "unstable", self._locate(drive, kept, at, count)
+                    return
+                out.done += count
+                out.load_impulse += self._load_impulse(drive)
+                if progress is not None:
+                    progress(out.done, model.steps)
+                if interrupted.is_set() and out.done < model.steps:
+                    out.status = "interrupted"
+                    return
+
+    def _trial(self, step: int) -> None:
+        """Evaluate one step beyond the last: it completes the last record."""
+        for first, last in self.model.segments():
+            if first == step > 0:
+                self._switch((first + 0.5) * self.model.dt)
+            if first <= step < last:
+                self._advance(self._drive(step, 1), step, 1)
+
+    def _advance(self, drive: loop.Drive, first: int, count: int) -> int:
+        return self.kernels.advance(
+            self._nested, self.bulk, self.few, self.bound, drive, self.record, self.u, self.v,
+            bool(self.model.pulls), self.dim, self.model.dt, first, count,
+        )  # fmt: skip
+
+    @property
+    def _nested(self) -> Any:
+        nested: Any = self.groups[-1]
+        for group in reversed(self.groups[:-1]):
+            nested = (group, nested)
+        return nested
+
+    def _settle_kernels(self) -> None:
+        """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
+        try:
+            self._advance(self._drive(0, 0), 0, 0)
+            self._energy()
+        except Exception as error:
+            if not self.kernels.compiled or not isinstance(error, compile_error()):
+                raise
+            plain, reasons = self.plain_parts(error)
+            advance, elastic = self._bind(Specialiser(jit=True), plain)
+            self.kernels = Kernels(advance, elastic, compiled=False, reasons=reasons)
+
+    def _chunks(self, first: int, last: int) -> Iterator[tuple[int, int]]:
+        cost = (1.2e-9 if self.kernels.compiled else 2e-6) * (self.u.size + 150)
+        width = len(self.model.case.loads) + len(self.model.bodies) * self.dim + 1
+        size = int(max(1, min(CHUNK_STEPS, CHUNK_SECONDS / cost, 4_000_000 / width)))
+        at = first
+        while at < last:
+            count = min(size, last - at)
+            yield at, count
+            at += count
+
+    def _energy(self) -> float:
+        """Return the staggered energy of u and v as they stand."""
+        kinetic = 0.5 * float(self.bulk.mass @ self.v**2)
+        return kinetic + float(self.kernels.elastic(self._nested, self.u, self.v, self.dim, self.model.dt))
+
+    def _initial_energy(self) -> float:
+        return 0.5 * float(self.bulk.mass @ self.model.initial_velocity.ravel() ** 2)
+
+    def _noise(self) -> float:
+        stiff = sum(float((b.stiffness * b.mesh.lengths**2).sum()) for b in self.model.bodies.values())
+        return 0.5 * stiff * SILENT_STRAIN**2
+
+    def _load_impulse(self, drive: loop.Drive) -> Floats:
+        total = np.zeros(self.dim)
+        if not self.model.case.loads:
+            return total
+        sums = drive.force.sum(axis=0)
+        for push in self.model.pushes:
+            total += sums[push.column] * push.force
+        weights = np.array([b.mass.sum() for b in self.model.bodies.values()])
+        total += weights @ drive.pull.sum(axis=0).reshape(-1, self.dim)
+        return self.model.dt * total
+
+    # -- watching ----------------------------------------------------------------------------------------
+
+    def _sound(self) -> bool:
+        """Return whether the state is finite and no more energetic than what was put in allows."""
+        total = self.few.totals[0]
+        put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
+        kinetic = 0.5 * float(self.bulk.mass @ self.v**2)
+        return bool(kinetic <= KINETIC_GROWTH * put_in + total.floor)
+
+    def _changing(self) -> list[Any]:
+        few = self.few
+        return [self.u, self.v, few.points, few.holds, few.totals, few.before]
+
+    def _copy(self) -> list[Any]:
+        """Return what a step changes, as it is now; written over by the next call."""
+        now = self._changing()
+        if not self._kept:
+            self._kept = [array.copy() for array in now]
+        for k, array in enumerate(now):
+            if self._kept[k].shape == array.shape:
+                np.copyto(self._kept[k], array)
+            else:  # other drives hold now
+                self._kept[k] = array.copy()
+        return self._kept
+
+    def _locate(self, drive: loop.Drive, kept: list[Any], first: int, count: int) -> tuple[int, dict[str, Any]]:
+        """March the chunk again, a step at a time, up to the first step that is not sound."""
+        from percuss.stability import likely_cause
+
+        for array, value in zip(self._changing(), kept, strict=True):
+            array[:] = value
+        total = self.few.totals[0]
+        with np.errstate(all="ignore"):
+            for s in range(count):
+                self._advance(loop.Drive(*(part[s : s + 1] for part in drive)), first + s, 1)
+                limit = total.growth * (total.began_with + total.largest_work) + total.floor
+                by_contact = not total.contact_work <= limit
+                if by_contact or not self._sound():
+                    return first + s, likely_cause(self, first + s, by_contact=by_contact)
+        return first + count - 1, likely_cause(self, first + count - 1, by_contact=True)
+
+
+def bulk_slots(element: Any, material: Any) -> dict[Any, Any]:
+    """Return the slots of the bulk update that an element and a material class fill."""
+    return {
+        kernels.stress: material.stress,
+        kernels.energy_density: material.energy_density,
+        kernels.internal_force: element.internal_force,
+        kernels.energy: element.energy,
+    }
+
+
+def bulk_name(element: Any, material: Any) -> str:
+    """Return what a pair of element and material is called in messages."""
+    return f"element {element.name} with material {material.name}"
+
+
+def records(rows: list[tuple[Any, ...]], kind: Any) -> Any:
+    """Return a record array of `kind`."""
+    return np.array(rows, dtype=kind).view(np.recarray)
+
+
+def _frozen(array: Any) -> Any:
+    array = np.ascontiguousarray(array)
+    array.flags.writeable = False
+    return array
+
+
+def _short(error: Exception) -> str:
+    """Return the telling line of a compiler's message."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))]
+    return (telling or lines or ["no reason given"])[0]
+
+
+@contextmanager
+def interruptible() -> Iterator[threading.Event]:
+    """Turn the first Ctrl-C into an event that is looked at between chunks; the second is the usual one."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def note(number: int, frame: Any) -> None:  # noqa: ARG001
+        event.set()
+        signal.signal(signal.SIGINT, before)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)

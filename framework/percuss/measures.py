@@ -1,0 +1,189 @@
+"""Measure what a run gave: one way to say a quantity, for expectations and whatever else compares runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.errors import PercussError
+from percuss.quantities import QUANTITIES
+
+if TYPE_CHECKING:
+    from percuss.case import Case, Expectation
+    from percuss.contracts import Floats
+    from percuss.result import Result
+
+HALF_STEP = ("kinetic_energy", "elastic_energy", "external_work", "contact_work", "energy", "energy_error")
+
+
+class CannotMeasure(PercussError):
+    """A quantity that this result does not have."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True)
+class Check:
+    """One expectation held against a result.
+
+    Attributes
+    ----------
+    expectation
+        What was expected.
+    measured
+        What was found; nan where it could not be measured.
+    allowed
+        Largest difference allowed, in the quantity's own unit.
+    why
+        Why it could not be measured; empty if it could.
+    """
+
+    expectation: Expectation
+    measured: float
+    allowed: float
+    why: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the difference is within what is allowed."""
+        return abs(self.measured - self.expectation.value) <= self.allowed
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the check in the terms of JSON."""
+        e = self.expectation
+        return {
+            "what": describe(e),
+            "expected": e.value,
+            "within": self.allowed,
+            "measured": self.measured if math.isfinite(self.measured) else None,
+            "passed": self.passed,
+            "source": e.source,
+            "why": self.why,
+        }
+
+
+def describe(e: Expectation) -> str:
+    """Return an expectation's quantity in words."""
+    whose = e.contact or (str(e.probe) if e.probe else "")
+    when = f" during {e.during[0]:g} to {e.during[1]:g}" if e.during else f" at {e.at:g}" if e.at is not None else ""
+    statistic = "" if e.statistic == "value" else f"{e.statistic} of "
+    return f"{statistic}{e.quantity}{' of ' + whose if whose else ''}{when}"
+
+
+def verify(case: Case, result: Result) -> list[Check]:
+    """Hold what a case expects against the result of its run."""
+    checks = []
+    for e in case.expect:
+        allowed = e.within * abs(e.value) if e.relative else e.within
+        try:
+            measured = measure(
+                result,
+                e.quantity,
+                contact=e.contact,
+                probe=str(e.probe) if e.probe else None,
+                component=e.component,
+                during=e.during,
+                at=e.at,
+                statistic=e.statistic,
+            )
+            checks.append(Check(e, measured, allowed))
+        except CannotMeasure as why:
+            checks.append(Check(e, math.nan, allowed, str(why)))
+    return checks
+
+
+def measure(
+    result: Result,
+    quantity: str,
+    *,
+    contact: str | None = None,
+    probe: str | None = None,
+    component: int = 0,
+    during: tuple[float, float] | None = None,
+    at: float | None = None,
+    statistic: str = "value",
+) -> float:
+    """Return one number of a result.
+
+    Parameters
+    ----------
+    result
+        The run.
+    quantity
+        A history (``contact_force``, ``gap``, ``displacement``, ``energy``, ...), a number of a contact
+        (``impulse``, ``peak_force``, ...) or a dotted path into the summary.
+    contact, probe, component
+        Whose.
+    during, at
+        Interval of time, both ends included, or the time of a value (interpolated).
+    statistic
+        ``mean``, ``max``, ``min``, ``final``, ``integral`` or ``value``.
+
+    Raises
+    ------
+    CannotMeasure
+        If the result does not have it.
+    """
+    known = QUANTITIES.get(quantity)
+    if known is None or known.kind == "scalar":
+        return _scalar(result, quantity, contact)
+    time, values = _history(result, quantity, contact, probe, component)
+    if statistic == "value":
+        return float(np.interp(at if at is not None else time[-1], time, values))
+    if statistic == "final":
+        return float(values[-1])
+    inside = np.ones(time.size, dtype=bool)
+    if during is not None:
+        slack = 1e-9 * result.summary["dt"]
+        inside = (time >= during[0] - slack) & (time <= during[1] + slack)
+    if not inside.any():
+        raise CannotMeasure(f"{quantity} has no record between {during}")
+    if statistic == "integral":
+        if quantity in {"contact_force", "contact_force_end"}:  # each force acts for a whole step
+            return float(values[inside & (time < time[-1])].sum() * (time[1] - time[0])) if time.size > 1 else 0.0
+        return float(np.trapezoid(values[inside], time[inside]))
+    return float({"mean": np.mean, "max": np.max, "min": np.min}[statistic](values[inside]))
+
+
+def _history(
+    result: Result, quantity: str, contact: str | None, probe: str | None, component: int
+) -> tuple[Floats, Floats]:
+    arrays = result.arrays
+    time = arrays["time_half" if quantity in HALF_STEP else "time"]
+    if quantity == "energy":
+        return time, arrays["kinetic_energy"] + arrays["elastic_energy"]
+    if quantity not in arrays:
+        raise CannotMeasure(f"this run has no {quantity}")
+    values = arrays[quantity]
+    if QUANTITIES[quantity].of == "contact":
+        return time, values[:, _place(result, "contact", contact)]
+    if QUANTITIES[quantity].of == "probe":
+        return time, values[:, _place(result, "probe", probe), component]
+    return time, values
+
+
+def _place(result: Result, axis: str, name: str | None) -> int:
+    names = result.coordinates[axis]
+    if name is None and len(names) == 1:
+        return 0
+    if name not in names:
+        raise CannotMeasure(f"no {axis} '{name}' was recorded; there are: {', '.join(names) or 'none'}")
+    return names.index(name)
+
+
+def _scalar(result: Result, quantity: str, contact: str | None) -> float:
+    value: Any = result.summary
+    path = quantity.split(".")
+    if quantity in QUANTITIES:
+        name = result.coordinates["contact"][_place(result, "contact", contact)]
+        path = ["contacts", name, *(["penetration", "largest"] if quantity == "penetration" else [quantity])]
+    for key in path:
+        if not isinstance(value, dict) or key not in value:
+            raise CannotMeasure(f"the summary has no {'.'.join(path)}")
+        value = value[key]
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise CannotMeasure(f"{'.'.join(path)} is {value!r}, not a number")
+    return float(value)

@@ -1,0 +1,502 @@
+"""A checked case as arrays: nodes, masses, elements, contact points, supports, loads, time step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.contact import Side, broadcast, delassus_rows, judge, own_multipliers
+from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, Mesh, Rows
+from percuss.errors import InputError, Problem, RefusedPair
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from percuss.case import Address, BodySpec, Case, ContactSpec, LoadSpec
+
+TOUCHING = 1e-9  # of an element length: a smaller initial gap or overlap is none
+MOST_STEPS = 2**40
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body: its mesh, masses and place among the nodes of the model."""
+
+    name: str
+    number: int
+    spec: BodySpec
+    mesh: Mesh
+    start: int  # first node
+    mass: Floats  # (n + 1,)
+    stiffness: Floats  # (n,) EA/h
+    frequency: Floats  # (n,) 2c/h
+    velocity: Floats  # (dim,)
+
+    @property
+    def stop(self) -> int:
+        """One past the body's last node."""
+        return self.start + self.mass.size
+
+    def end_element(self, node: int) -> int:
+        """Return the element at an end node, counted in the body."""
+        return 0 if node == self.start else self.stiffness.size - 1
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """One contact point: its nodes, unit normal (from the first side to the second) and initial gap."""
+
+    name: str
+    nodes: tuple[int, ...]
+    normal: Floats  # (dim,)
+    gap: float
+    law: ContactLaw
+    stiffness: float
+    frequency: float
+    mass: float
+    equal_sides: bool
+
+    def rows(self) -> list[tuple[int, Floats]]:
+        """Return N as (node, coefficients) of each side: minus the normal at the first, plus at the second."""
+        return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A direction in which a node's velocity is prescribed, always (a support) or within a window (a drive)."""
+
+    node: int
+    direction: Floats
+    load: LoadSpec | None
+    column: int
+
+    def active(self, midpoint: float) -> bool:
+        """Return whether it holds in the step around `midpoint`."""
+        return self.load is None or self.load.start < midpoint < self.load.stop
+
+
+@dataclass(frozen=True)
+class Push:
+    """A force on one node: vector at amplitude 1, and the load that gives the amplitude."""
+
+    node: int
+    force: Floats
+    load: LoadSpec
+    column: int
+
+
+@dataclass(frozen=True)
+class Pull:
+    """An acceleration of a whole body: vector at amplitude 1, and the load that gives the amplitude."""
+
+    body: int
+    acceleration: Floats
+    load: LoadSpec
+
+
+class Model:
+    """A case as arrays.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+
+    Raises
+    ------
+    InputError
+        If the geometry, the contacts or the loads do not fit together.
+    RefusedPair
+        If the integrator and a contact law refuse one another.
+    """
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self.dim = case.dimension
+        self._problems: list[Problem] = []
+        self.bodies = self._bodies()
+        self.n_nodes = sum(body.mass.size for body in self.bodies.values())
+        self.mass = np.concatenate([body.mass for body in self.bodies.values()])
+        self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
+        self.omega = max(float(body.frequency.max()) for body in self.bodies.values())
+        self.dt, self.steps = self._time()
+        self.meetings = [meeting for spec in case.contacts.values() if (meeting := self._meeting(spec)) is not None]
+        self.holds, self.pushes, self.pulls = self._loads()
+        self._raise()
+        self._refuse()
+        # laws that are rows first: the others fill their part of the multipliers by kernels of their own
+        self.table = case.method.integrator.bind(self.dt)
+        self._check_movable()
+        self.laws = self._laws()
+        self._raise()
+
+    # -- bodies ------------------------------------------------------------------------------------------
+
+    def _bodies(self) -> dict[str, Body]:
+        bodies: dict[str, Body] = {}
+        start = 0
+        for number, (name, spec) in enumerate(self.case.bodies.items()):
+            mesh = spec.shape.mesh(np.asarray(spec.at, dtype=float), self.case.refine)
+            view = BodyMesh(mesh, spec.area)
+            velocity = np.asarray(spec.velocity, dtype=float)
+            bodies[name] = Body(
+                name=name,
+                number=number,
+                spec=spec,
+                mesh=mesh,
+                start=start,
+                mass=self.case.method.mass.nodal(spec.material.rho * spec.area * mesh.lengths),
+                stiffness=spec.element.axial_stiffness(view, spec.material.modulus),
+                frequency=spec.element.highest_frequency(view, math.sqrt(spec.material.modulus / spec.material.rho)),
+                velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
+            )
+            start = bodies[name].stop
+        return bodies
+
+    def _time(self) -> tuple[float, int]:
+        time = self.case.time
+        dt = time.step if time.step is not None else time.courant * 2.0 / self.omega
+        if time.steps is not None:
+            return dt, time.steps
+        steps = max(1, math.ceil(time.end / dt * (1.0 - 1e-12) - 1e-9))
+        if steps > MOST_STEPS:
+            self._problem(("time",), f"expected at most {MOST_STEPS} steps, found {steps:.3g}", "Lengthen the step.")
+            self._raise()
+        return dt, steps
+
+    @property
+    def courant(self) -> float:
+        """Courant number of the element with the smallest h/c."""
+        return 0.5 * self.dt * self.omega
+
+    def node(self, address: Address) -> int:
+        """Return the node of an end."""
+        body = self.bodies[address.body]
+        return body.start + body.mesh.regions[address.region].nodes[0]
+
+    def body_of(self, node: int) -> Body:
+        """Return the body a node belongs to."""
+        return next(body for body in self.bodies.values() if body.start <= node < body.stop)
+
+    # -- contacts ----------------------------------------------------------------------------------------
+
+    def _meeting(self, spec: ContactSpec) -> Meeting | None:
+        path = ("contacts", spec.name)
+        first = self.bodies[spec.sides[0].body]
+        normal = first.mesh.regions[spec.sides[0].region].outward
+        nodes = tuple(self.node(side) for side in spec.sides)
+        here = self.nodes[nodes[0]]
+        if len(nodes) == 1:
+            gap = self._wall_gap(spec, here, normal, first.mesh.direction)
+        else:
+            second = self.bodies[spec.sides[1].body].mesh.regions[spec.sides[1].region].outward
+            if float(normal @ second) > -1.0 + 1e-9:
+                turned = math.degrees(math.acos(max(-1.0, min(1.0, -float(normal @ second)))))
+                self._problem(
+                    (*path, "between"),
+                    f"expected two ends that face each other, found {spec.sides[0]} and {spec.sides[1]} "
+                    f"turned by {turned:.6g} degrees",
+                    "Contact is between bars along one line: a right end meets a left end.",
+                )
+                return None
+            gap = float(normal @ (self.nodes[nodes[1]] - here))
+            aside = float(np.linalg.norm(self.nodes[nodes[1]] - here - gap * normal))
+            if aside > 1e-6 * min(float(self.bodies[side.body].mesh.lengths.sum()) for side in spec.sides):
+                self._problem(
+                    (*path, "between"),
+                    f"expected two ends on one line, found {spec.sides[1]} {aside:.6g} beside the axis of {spec.sides[0].body}",
+                    "Move one of the bodies (`at`) or turn it (`direction`).",
+                )
+                return None
+        elements = [self.body_of(node).end_element(node) for node in nodes]
+        bodies = [self.body_of(node) for node in nodes]
+        size = min(float(b.mesh.lengths[e]) for b, e in zip(bodies, elements, strict=True))
+        if gap < -TOUCHING * size:
+            self._problem(
+                path,
+                f"expected bodies apart or touching, found an overlap of {-gap:.6g}",
+                f"Move them apart by {-gap:.17g}, or drop the contact.",
+            )
+            return None
+        stiffness = [float(b.stiffness[e]) for b, e in zip(bodies, elements, strict=True)]
+        frequency = [float(b.frequency[e]) for b, e in zip(bodies, elements, strict=True)]
+        softer = int(np.argmin(stiffness))
+        return Meeting(
+            name=spec.name,
+            nodes=nodes,
+            normal=normal,
+            gap=0.0 if gap <= TOUCHING * size else gap,
+            law=spec.law,
+            stiffness=stiffness[softer],
+            frequency=min(frequency),
+            # rho A h / 2 = 2 (EA/h) / omega^2
+            mass=2.0 * stiffness[softer] / frequency[softer] ** 2,
+            equal_sides=bool(np.ptp(stiffness) <= 1e-12 * max(stiffness) and np.ptp(frequency) <= 1e-12 * max(frequency)),
+        )
+
+    def _wall_gap(self, spec: ContactSpec, here: Floats, normal: Floats, direction: Floats) -> float:
+        wall = np.asarray(spec.wall, dtype=float)
+        if wall.ndim == 1:
+            return float(normal @ (wall - here))
+        # a number is a coordinate along the bar; along x itself for a bar on the x axis, whichever way it points
+        axis = np.abs(direction) if abs(direction[0]) == 1.0 else direction
+        return float((wall - here @ axis) * (axis @ normal))
+
+    def points(self, meetings: Sequence[Meeting], delassus: Floats) -> ContactPoints:
+        """Return what a law may know of some contact points."""
+
+        def column(values: Sequence[Any], kind: type = float) -> Any:
+            array = np.array(values, dtype=kind)
+            array.flags.writeable = False
+            return array
+
+        return ContactPoints(
+            names=tuple(m.name for m in meetings),
+            stiffness=column([m.stiffness for m in meetings]),
+            frequency=column([m.frequency for m in meetings]),
+            mass=column([m.mass for m in meetings]),
+            equal_sides=column([m.equal_sides for m in meetings], bool),
+            delassus=column(delassus),
+            weight=column([1.0] * len(meetings)),
+        )
+
+    def sides(self, midpoint: float) -> list[list[Side]]:
+        """Return the sides of every contact point, with the supports and drives that hold at `midpoint`."""
+        held: dict[int, list[Floats]] = {}
+        for hold in self.holds:
+            if hold.active(midpoint):
+                held.setdefault(hold.node, []).append(hold.direction)
+        rows = []
+        for meeting in self.meetings:
+            row = []
+            for node, normal in meeting.rows():
+                free = normal.copy()
+                for direction in held.get(node, ()):
+                    free -= (direction @ free) * direction
+                row.append(Side(node, normal, free / self.mass[node]))
+            rows.append(row)
+        return rows
+
+    def _check_movable(self) -> None:
+        for start, _ in self.segments():
+            delassus = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
+            for meeting, s in zip(self.meetings, delassus, strict=True):
+                if s * min(self.mass[node] for node in meeting.nodes) < 1e-12:
+                    self._problem(
+                        ("contacts", meeting.name),
+                        "expected a contact that can move, found every side fixed or driven",
+                        "Free one of the ends, or drop the contact.",
+                    )
+            if self._problems:
+                break
+        self._raise()
+
+    def _refuse(self) -> None:
+        integrator = self.case.method.integrator
+        for meeting in self.meetings:
+            for reason, by in (
+                (integrator.refuses(meeting.law), integrator.name),
+                (meeting.law.refuses(integrator), meeting.law.name),
+            ):
+                if reason:
+                    raise RefusedPair(integrator.name, meeting.law.name, reason, by)
+
+    def _laws(self) -> list[dict[str, Any]]:
+        """Bind each law at its points; one entry a law, laws that are rows before the others."""
+        delassus = self.delassus(0.5 * self.dt)
+        groups: dict[ContactLaw, list[int]] = {}
+        for p, meeting in enumerate(self.meetings):
+            groups.setdefault(meeting.law, []).append(p)
+        laws = []
+        for law, where in groups.items():
+            points = self.points([self.meetings[p] for p in where], delassus[where])
+            try:
+                bound = law.bind(points, self.dt)
+                resolved = law.resolved(points, self.dt)
+            except ValueError as error:
+                self._problem(("method", "contact"), str(error))
+                continue
+            laws.append({"law": law, "where": where, "bound": bound, "resolved": resolved, "points": points})
+        return sorted(laws, key=lambda entry: not isinstance(entry["bound"], Rows))
+
+    def delassus(self, midpoint: float) -> Floats:
+        """Return the diagonal of S, (P,) [1/mass]."""
+        return delassus_rows(self.sides(midpoint))[0]
+
+    def judged(self, delassus: Floats) -> tuple[list[int], Any]:
+        """Return the order of the points in the loop, and what their laws say there, (P,) `JUDGED`."""
+        order: list[int] = []
+        parts = [own_multipliers(0)]
+        for entry in self.laws:
+            law, where = entry["law"], entry["where"]
+            order += where
+            if isinstance(entry["bound"], Rows):
+                rows = broadcast(entry["bound"], entry["points"], law.name)
+                parts.append(judge(rows, self.table, delassus[where], law.name))
+            else:
+                parts.append(own_multipliers(len(where)))
+        return order, np.concatenate(parts)
+
+    def parameters(self) -> dict[str, dict[str, float]]:
+        """Return, for each contact, its law's parameters as they came out."""
+        out: dict[str, dict[str, Any]] = {meeting.name: {"law": meeting.law.name} for meeting in self.meetings}
+        for entry in self.laws:
+            for name, value in entry["resolved"].items():
+                for where, one in zip(entry["where"], np.broadcast_to(value, (len(entry["where"]),)), strict=True):
+                    out[self.meetings[where].name][name] = float(one)
+        return out
+
+    # -- supports and loads ------------------------------------------------------------------------------
+
+    def _loads(self) -> tuple[list[Hold], list[Push], list[Pull]]:
+        holds: list[Hold] = []
+        pushes: list[Push] = []
+        pulls: list[Pull] = []
+        for body in self.bodies.values():
+            for region in body.spec.fixed:
+                node = body.start + body.mesh.regions[region].nodes[0]
+                holds += [Hold(node, axis, None, 0) for axis in np.eye(self.dim)]
+        for column, spec in enumerate(self.case.loads.values(), start=1):
+            for body, region in self._targets(spec):
+                direction = self._direction(spec, body)
+                if spec.acts_as == "velocity":
+                    self._drive(holds, Hold(body.start + body.mesh.regions[region].nodes[0], direction, spec, column))
+                elif region:
+                    node = body.start + body.mesh.regions[region].nodes[0]
+                    share = self.mass[node] if spec.acts_as == "acceleration" else 1.0
+                    pushes.append(Push(node, share * direction, spec, column))
+                else:
+                    share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
+                    pulls.append(Pull(body.number, share * direction, spec))
+        return holds, pushes, pulls
+
+    def _targets(self, spec: LoadSpec) -> list[tuple[Body, str]]:
+        if not spec.on:
+            return [(body, "") for body in self.bodies.values()]
+        return [(self.bodies[address.body], address.region) for address in spec.on]
+
+    def _direction(self, spec: LoadSpec, body: Body) -> Floats:
+        given = spec.direction if spec.direction is not None else spec.load.vector()
+        if given is None:
+            return body.mesh.direction
+        direction = np.zeros(self.dim)
+        direction[: len(given)] = given
+        return direction / np.linalg.norm(direction)
+
+    def _drive(self, holds: list[Hold], new: Hold) -> None:
+        """Add a drive unless the node is held along it already."""
+        for old in holds:
+            if old.node != new.node or new.load is None:
+                continue
+            other = "a fixed end" if old.load is None else f"the load '{old.load.name}'"
+            apart = old.load is not None and (old.load.stop <= new.load.start or new.load.stop <= old.load.start)
+            if apart or abs(float(old.direction @ new.direction)) < 1e-12:
+                continue
+            self._problem(
+                ("loads", new.load.name),
+                f"expected an end free along the direction of the drive, found {other} there",
+                "An end is fixed or driven, once at a time and along perpendicular directions.",
+            )
+            return
+        holds.append(new)
+
+    def segments(self) -> list[tuple[int, int]]:
+        """Return runs of steps (first, one past last) within which the same drives hold; the trial step included."""
+        total = self.steps + 1
+        cuts = {0, total}
+        for hold in self.holds:
+            if hold.load is not None:
+                for instant in (hold.load.start, hold.load.stop):
+                    if math.isfinite(instant):
+                        # the first step whose midpoint lies behind the instant
+                        step = math.floor(instant / self.dt - 0.5) + 1
+                        cuts.add(min(max(step, 0), total))
+        edges = sorted(cuts)
+        return list(zip(edges, edges[1:], strict=False))
+
+    def amplitude(self, spec: LoadSpec, time: Floats, *, average: bool) -> Floats:
+        """Return a load's amplitude at the times of consecutive steps.
+
+        With `average` it counts by the share of the step around each time in which the load is on, so that a load
+        switched on or off between two times, or within round-off of one, brings its true impulse.
+        """
+        start = -math.inf if average and spec.start <= 0 else spec.start
+        clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
+        values = np.asarray(spec.load.amplitude(clock), dtype=float)
+        if values.shape != time.shape:
+            message = f"load {spec.load.name} returned amplitudes of shape {values.shape}, expected {time.shape}"
+            raise ValueError(message)
+        if not average:
+            return values
+        half = 0.5 * self.dt
+        share = np.minimum(time + half, spec.stop) - np.maximum(time - half, start)
+        return values * np.clip(share / self.dt, 0.0, 1.0)
+
+    # -- problems ----------------------------------------------------------------------------------------
+
+    def _problem(self, path: tuple[str | int, ...], message: str, advice: str = "") -> None:
+        self._problems.append(self.case.problem(path, message, advice))
+
+    def _raise(self) -> None:
+        if self._problems:
+            raise InputError(self._problems)
+
+    # -- initial state -----------------------------------------------------------------------------------
+
+    @cached_property
+    def initial_velocity(self) -> Floats:
+        """Velocity at t = 0, (nodes, dim): that of the bodies, with supports and drives in force."""
+        velocity = np.concatenate([np.tile(body.velocity, (body.mass.size, 1)) for body in self.bodies.values()])
+        self._prescribe(velocity, 0.0)
+        return velocity
+
+    def _prescribe(self, velocity: Floats, time: float) -> None:
+        """Set the velocities of supports and drives that hold in the first step; a drive is extended before t = 0."""
+        for hold in self.holds:
+            if hold.active(0.5 * self.dt):
+                wanted = 0.0
+                if hold.load is not None:
+                    now, next_ = self.amplitude(hold.load, np.array([0.0, 0.5 * self.dt]), average=False)
+                    wanted = now + (next_ - now) * time / (0.5 * self.dt)
+                velocity[hold.node] += (wanted - velocity[hold.node] @ hold.direction) * hold.direction
+
+    def starting_velocity(self) -> Floats:
+        """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim): a second-order start, without contact forces."""
+        start = self.initial_velocity.copy()
+        zero = np.zeros(1)
+        half = 0.5 * self.dt
+        for push in self.pushes:
+            if push.load.start <= 0:
+                amplitude = self.amplitude(push.load, zero, average=True)[0]
+                start[push.node] -= half * amplitude * push.force / self.mass[push.node]
+        bodies = list(self.bodies.values())
+        for pull in self.pulls:
+            if pull.load.start <= 0:
+                body = bodies[pull.body]
+                amplitude = self.amplitude(pull.load, zero, average=True)[0]
+                start[body.start : body.stop] -= half * amplitude * pull.acceleration
+        self._prescribe(start, -half)
+        return start
+
+
+def build(case: Case) -> Model:
+    """Return the model of a case."""
+    return Model(case)
+
+
+def resolved_methods(model: Model) -> Mapping[str, Any]:
+    """Return the method of a model as it came out, for the provenance."""
+    method = model.case.method
+    return {
+        "integrator": method.integrator.name,
+        "contact": method.contact.name,
+        "mass": method.mass.name,
+        "contacts": model.parameters(),
+        "dt": model.dt,
+        "steps": model.steps,
+        "courant": model.courant,
+    }

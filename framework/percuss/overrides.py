@@ -1,0 +1,127 @@
+"""Values of a case replaced by ``--set path=value``, or by the second argument of `percuss.run`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from percuss.errors import InputError, Problem, suggestion
+from percuss.options import options_of
+from percuss.registry import Registry
+from percuss.sections import CaseSection, Each, Named, Part
+from percuss.source import Source
+from percuss.wording import fact
+from percuss.yamltext import KeyPath, dotted, flow
+
+__all__ = ["apply"]
+
+
+def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> tuple[Source, list[str]]:
+    """Return the source with values replaced, and notes of the options that a new component does not have.
+
+    Components are swapped before anything else, so that the order of the overrides does not matter.
+
+    Raises
+    ------
+    InputError
+        With every override that cannot be applied.
+    """
+    problems: list[Problem] = []
+    notes: list[str] = []
+
+    def late(path: str) -> bool:
+        parts = tuple(path.split("."))
+        return _named(parts) is None and not (parts[-1] == "name" and _named(parts[:-1]) is not None)
+
+    for path in sorted(overrides, key=late):
+        try:
+            source, dropped = _one(source, path, overrides[path], registry)
+        except InputError as error:
+            problems += error.problems
+        else:
+            notes += dropped
+    if problems:
+        raise InputError(problems)
+    return source, notes
+
+
+def _named(path: KeyPath) -> Named | None:
+    """Return what is said of the component at `path`, or None where there is no component."""
+    section: type | None = CaseSection
+    entry: Named | None = None
+    parts = list(path)
+    while parts:
+        option = options_of(section).get(str(parts.pop(0))) if section is not None else None
+        if option is None:
+            return None
+        entry = fact(option.annotation, Named)
+        part, each = fact(option.annotation, Part), fact(option.annotation, Each)
+        section = part.section if part is not None else each.section if each is not None else None
+        if each is not None and parts:
+            parts.pop(0)  # the name of the body, contact or load
+    return entry
+
+
+def _one(source: Source, path: str, value: Any, registry: Registry) -> tuple[Source, list[str]]:
+    parts: KeyPath = tuple(path.split("."))
+    if not all(parts):
+        label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
+        raise InputError([Problem(label, "", "expected a path, as time.end")])
+    _entry_exists(source, path, value)
+    at = next((parts[:n] for n in range(1, len(parts) + 1) if _named(parts[:n]) is not None), None)
+    if at is None:
+        return _load(source, parts, registry).override(path, value), []
+    old = source.get(at)
+    if isinstance(old, str) and len(parts) > len(at):
+        source = source.replaced(at, {"name": old})
+    changed = source.override(path, value)
+    new = changed.get(at)
+    if parts == at and isinstance(new, str) and isinstance(old, Mapping):
+        # by way of its name, so that the options kept are still placed where they stand
+        changed = source.override(f"{path}.name", value, said=path)
+    elif parts != (*at, "name"):
+        return changed, []
+    return _swapped(source, changed, at, registry)
+
+
+def _swapped(before: Source, after: Source, at: KeyPath, registry: Registry) -> tuple[Source, list[str]]:
+    """Return the source without the options that the new component does not have, and a note of them."""
+    named = _named(at)
+    options = after.get(at)
+    if named is None or not isinstance(options, Mapping):
+        return after, []
+    name, old = options.get("name"), before.get((*at, "name"), named.default)
+    if name == old or name not in registry.names(named.family):
+        return after, []
+    allowed = options_of(registry.get(named.family, name))
+    dropped = [key for key in options if key != "name" and key not in allowed]
+    if not dropped:
+        return after, []
+    kept = {key: value for key, value in options.items() if key not in dropped}
+    return after.replaced(at, kept), [f"{dotted(at)}: {name} has no option {', '.join(dropped)}: dropped"]
+
+
+def _entry_exists(source: Source, path: str, value: Any) -> None:
+    """Refuse to set something inside a body, contact or load that is not there; a whole one may be new."""
+    parts = path.split(".")
+    option = options_of(CaseSection).get(parts[0])
+    each = fact(option.annotation, Each) if option is not None else None
+    known = source.get((parts[0],), {})
+    if each is None or len(parts) < 3 or not isinstance(known, Mapping) or parts[1] in known:
+        return
+    label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
+    advice = suggestion(parts[1], known, "name")
+    raise InputError(
+        [Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {each.what} '{parts[1]}'", advice)]
+    )
+
+
+def _load(source: Source, parts: KeyPath, registry: Registry) -> Source:
+    """Return the source with a load's bare value written as a mapping, if an override goes inside it."""
+    if len(parts) < 4 or parts[0] != "loads" or parts[2] not in registry.names("loads"):
+        return source
+    shorthand = registry.get("loads", str(parts[2])).shorthand
+    value = source.get(parts[:3])
+    if not shorthand or value is None or isinstance(value, Mapping):
+        return source
+    return source.replaced(parts[:3], {shorthand: value})

@@ -1,0 +1,237 @@
+"""The outcome of a run: histories, fields, summary and provenance, saved to and opened from NetCDF-4."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import sys
+import tempfile
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FORMAT = "percuss-result-1"
+
+LONG_NAMES = {
+    "contact_force": "contact force that moves the mass, compression positive",
+    "contact_force_end": "penalty force at the end of the step, judged at t_n+1",
+    "gap": "gap at t_n, open positive",
+    "displacement": "displacement at t_n",
+    "velocity": "velocity at t_n, mean of n-1/2 and n+1/2",
+    "kinetic_energy": "kinetic energy at t_n+1/2",
+    "elastic_energy": "staggered strain energy at t_n+1/2",
+    "external_work": "work of loads, supports and drives up to t_n+1/2",
+    "contact_work": "work of the contact forces up to t_n+1/2",
+    "energy_error": "closure of the energy ledger over the largest energy so far",
+    "stress": "stress in the element",
+}
+HALF_STEP = ("kinetic_energy", "elastic_energy", "external_work", "contact_work", "energy_error")
+
+
+class Result:
+    """What a run gave.
+
+    Attributes
+    ----------
+    arrays
+        Histories as plain arrays by name; `histories` is the same as an xarray Dataset.
+    field_arrays
+        ``time``, ``body``, ``position`` and ``stress`` of the space-time record; empty if none was asked for.
+    summary
+        Plain dict of what is worth comparing.
+    provenance
+        Versions, case, resolved parameters, machine.
+    coordinates
+        Names along the axes ``contact`` and ``probe``.
+    expect
+        Expected values that came with the case, as plain mappings.
+    """
+
+    def __init__(
+        self,
+        arrays: dict[str, Any],
+        coordinates: dict[str, list[str]],
+        field_arrays: dict[str, Any],
+        summary: dict[str, Any],
+        provenance: dict[str, Any],
+    ) -> None:
+        self.arrays = arrays
+        self.coordinates = coordinates
+        self.field_arrays = field_arrays
+        self.summary = summary
+        self.provenance = provenance
+
+    @property
+    def status(self) -> str:
+        """``done``, ``interrupted`` or ``unstable``."""
+        return str(self.summary["status"])
+
+    @property
+    def title(self) -> str:
+        """Title of the case."""
+        return str(self.provenance["case"].get("title", ""))
+
+    @cached_property
+    def histories(self) -> xr.Dataset:
+        """Histories on one axis ``time``; energies carry the coordinate ``time_half(time)``."""
+        import xarray as xr
+
+        dims = {
+            **dict.fromkeys(("contact_force", "gap", "contact_force_end"), ("time", "contact")),
+            **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
+        }
+        data = {
+            name: (dims.get(name, ("time",)), values, {"long_name": LONG_NAMES[name]})
+            for name, values in self.arrays.items()
+            if name in LONG_NAMES
+        }
+        dim = self.arrays["displacement"].shape[2]
+        out = xr.Dataset(
+            data,
+            coords={
+                "time": self.arrays["time"],
+                "time_half": ("time", self.arrays["time_half"]),
+                "contact": np.array(self.coordinates["contact"], dtype=object),
+                "probe": np.array(self.coordinates["probe"], dtype=object),
+                "component": list(range(dim)),
+            },
+            attrs=self._attributes(),
+        )
+        for name in HALF_STEP:
+            out[name].attrs["at"] = "time_half"
+        return out
+
+    @cached_property
+    def fields(self) -> xr.Dataset:
+        """Stress along the bodies over time, (time, element); empty unless `record.fields` asked for it."""
+        import xarray as xr
+
+        if not self.field_arrays:
+            return xr.Dataset()
+        return xr.Dataset(
+            {"stress": (("time", "element"), self.field_arrays["stress"], {"long_name": LONG_NAMES["stress"]})},
+            coords={
+                "time": self.field_arrays["time"],
+                "body": ("element", np.array(self.field_arrays["body"], dtype=object)),
+                "position": (("element", "component"), self.field_arrays["position"]),
+            },
+        )
+
+    def _attributes(self) -> dict[str, Any]:
+        return {
+            "format": FORMAT,
+            "title": self.title,
+            "status": self.status,
+            "summary": json.dumps(self.summary),
+            "provenance": json.dumps(self.provenance),
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the result as NetCDF-4: beside `path` first, then renamed.
+
+        Raises
+        ------
+        InputError
+            If the folder does not exist or cannot be written.
+        """
+        with replacing(path, ".nc") as beside:
+            self.histories.to_netcdf(beside, engine="netcdf4", format="NETCDF4")
+            if self.field_arrays:
+                self.fields.to_netcdf(beside, engine="netcdf4", format="NETCDF4", mode="a", group="fields")
+
+    def _repr_html_(self) -> str:
+        """Show a small table and the force picture in a notebook."""
+        from percuss.report import notebook_html
+
+        return notebook_html(self)
+
+    def __repr__(self) -> str:
+        contacts = ", ".join(f"{k}: impulse {v['impulse']:.6g}" for k, v in self.summary["contacts"].items())
+        return f"<percuss.Result {self.title!r}: {self.status}, {self.summary['steps']} steps, {contacts or 'no contact'}>"
+
+
+class replacing:  # noqa: N801 - reads as a word in a with statement
+    """Give a path beside the wanted one, and rename it onto that only if all went well."""
+
+    def __init__(self, path: str | os.PathLike[str], suffix: str) -> None:
+        self.target = Path(path)
+        self.suffix = suffix
+
+    def __enter__(self) -> Path:
+        folder = self.target.parent
+        if not folder.is_dir():
+            raise InputError([Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")])
+        if self.target.is_dir():
+            raise InputError([Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")])
+        try:
+            handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
+        except OSError as error:
+            problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
+            raise InputError([problem]) from error
+        os.close(handle)
+        self.beside = Path(name)
+        return self.beside
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        if kind is None:
+            umask = os.umask(0)
+            os.umask(umask)
+            self.beside.chmod(0o666 & ~umask)  # mkstemp is private; a result is an ordinary file
+            self.beside.replace(self.target)
+        else:
+            self.beside.unlink(missing_ok=True)
+
+
+def open_result(path: str | os.PathLike[str]) -> Result:
+    """Read a result written by `Result.save`.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not a percuss result.
+    """
+    import xarray as xr
+
+    if not Path(path).is_file():
+        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as dataset:
+            histories = dataset.load()
+    except (OSError, ValueError) as error:
+        raise InputError([Problem(str(path), "", "expected a NetCDF-4 file, found something else")]) from error
+    if histories.attrs.get("format") != FORMAT:
+        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found another NetCDF file")])
+    arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
+    arrays |= {name: histories[name].to_numpy() for name in ("time", "time_half")}
+    field_arrays: dict[str, Any] = {}
+    try:
+        with xr.open_dataset(path, engine="netcdf4", group="fields") as dataset:
+            fields = dataset.load()
+        field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
+        field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
+    except OSError:
+        pass  # no fields were recorded
+    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
+    summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))
+    return Result(arrays, coordinates, field_arrays, summary, provenance)
+
+
+def machine() -> dict[str, Any]:
+    """Return what a result depends on besides the case: versions and machine."""
+    from importlib.metadata import version
+
+    names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
+    return {
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
+        "machine": {"system": platform.platform(), "processor": platform.machine(), "byteorder": sys.byteorder},
+        "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }

@@ -1,0 +1,176 @@
+"""Run a case: model, march, accounts, result."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss import ledger, stability
+from percuss.errors import RunError
+from percuss.march import March, Outcome, Progress
+from percuss.model import Model, resolved_methods
+from percuss.result import Result, machine
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from percuss.case import Case
+
+
+def run(
+    case: Case,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    compiled: bool = True,
+    progress: Progress | None = None,
+) -> Result:
+    """Run a case and return its result.
+
+    Parameters
+    ----------
+    case
+        A case from `percuss.load`.
+    overrides
+        Dotted path to value; the same paths and checks as ``--set``.
+    compiled
+        Whether to compile the time loop; without, the same loop runs as plain Python.
+    progress
+        Called with (steps done, steps in all) now and then.
+
+    Returns
+    -------
+    Result
+        Its `status` is ``interrupted`` where Ctrl-C ended the run early.
+
+    Raises
+    ------
+    InputError
+        If the case or an override is wrong.
+    RefusedPair
+        If the integrator and a contact law make no sense together.
+    RunError
+        If the run went unstable or non-finite; its `result` holds what was computed.
+    """
+    started = time.perf_counter()
+    if overrides:
+        case = case.with_overrides(overrides)
+    march = March(Model(case), compiled=compiled)
+    outcome = march.run(progress)
+    outcome.seconds["total"] = time.perf_counter() - started
+    result = _result(march, outcome)
+    if outcome.status == "unstable":
+        raise RunError(stop_message(outcome.stop), result)
+    return result
+
+
+def stop_message(stop: Mapping[str, Any]) -> str:
+    """Return the words for a run that was stopped: what, step, time, node and likely cause."""
+    return (
+        f"stopped at step {stop['step']}, time {stop['time']:.9g}, node {stop['node']} "
+        f"(node {stop['node_in_body']} of body '{stop['body']}'): {stop['what']}\n"
+        f"  likely cause: {stop['cause']}"
+    )
+
+
+def _result(march: March, outcome: Outcome) -> Result:
+    model = march.model
+    rows = outcome.records
+    back = np.argsort(np.array(march.order, dtype=np.int64))  # from the order of the loop to that of the case
+    dim = march.dim
+    arrays: dict[str, Any] = {
+        "time": outcome.time[:rows],
+        "time_half": outcome.time[:rows] + 0.5 * model.dt,
+        "contact_force": outcome.record.multiplier[:rows][:, back],
+        "gap": outcome.record.gap[:rows][:, back],
+        "displacement": outcome.record.displacement[:rows].reshape(rows, -1, dim),
+        "velocity": outcome.record.velocity[:rows].reshape(rows, -1, dim),
+        **ledger.energies(outcome),
+    }
+    end = outcome.record.end_force[:rows][:, back]
+    if end.size and not np.isnan(outcome.points.end_stiffness).all():
+        arrays["contact_force_end"] = end
+    probes = model.case.record.probes
+    names = [str(a) for a in probes] if probes is not None else list(dict.fromkeys(str(a) for c in model.case.contacts.values() for a in c.sides))
+    summary = {
+        "status": outcome.status,
+        "stop": outcome.stop or None,
+        "steps": outcome.done,
+        "dt": model.dt,
+        "end": outcome.done * model.dt,
+        "courant": model.courant,
+        "certificate": stability.certificate(model, march.order, outcome.points),
+        "contacts": ledger.contact_summary(march, outcome),
+        "energy": ledger.energy_summary(march, outcome),
+        "momentum": ledger.momentum_summary(march, outcome),
+        "energy_growth": None,
+        "exact": {"reason": "no solution engine is registered", "contacts": None},
+        "compiled": outcome.kernels.compiled,
+        "compiled_why": list(outcome.kernels.reasons),
+        "notes": list(model.case.notes),
+        "seconds": outcome.seconds,
+    }
+    provenance = {
+        **machine(),
+        "case": model.case.data,
+        "resolved": resolved_methods(model),
+        "plugins": plugins_used(model.case),
+    }
+    coordinates = {"contact": [m.name for m in model.meetings], "probe": names}
+    return Result(arrays, coordinates, _fields(march, outcome), plain(summary), plain(provenance))
+
+
+def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
+    record, model, dim = outcome.record, march.model, march.dim
+    if record.field_every == 0:
+        return {}
+    taken = outcome.done // record.field_every + 1 if outcome.status == "done" else outcome.done // record.field_every
+    u = record.field[:taken].reshape(taken, -1, 2, dim)
+    first = march.field_elements
+    stress = np.empty(u.shape[:2])
+    for body in model.bodies.values():
+        mine = (first >= body.start) & (first < body.stop)
+        element = first[mine] - body.start
+        strain = (u[:, mine, 1] - u[:, mine, 0]) @ body.mesh.direction / body.mesh.lengths[element]
+        law, parameters = body.spec.material, np.array(body.spec.material.parameters())
+        stress[:, mine] = np.vectorize(lambda e, law=law, p=parameters: law.stress(p, e), otypes=[float])(strain)
+    return {
+        "time": np.arange(taken) * record.field_every * model.dt,
+        "body": [model.body_of(int(node)).name for node in first],
+        "position": 0.5 * (model.nodes[first] + model.nodes[first + 1]),
+        "stress": stress,
+    }
+
+
+def plugins_used(case: Case) -> dict[str, dict[str, str]]:
+    """Return, for every component of a case, the distribution, version and file it comes from."""
+    method = case.method
+    parts: list[Any] = [method.integrator, method.contact, method.mass]
+    parts += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
+    parts += [contact.law for contact in case.contacts.values()]
+    parts += [load.load for load in case.loads.values()]
+    out = {}
+    for part in parts:
+        source = case.registry.sources[part.family, part.name]
+        out[f"{part.family}/{part.name}"] = {
+            "distribution": source.distribution,
+            "version": source.version,
+            "file": source.file,
+        }
+    return dict(sorted(out.items()))
+
+
+def plain(value: Any) -> Any:
+    """Return `value` in the terms of JSON: numbers that are not finite become None."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value if isinstance(value, (str, int, float, bool)) or value is None else str(value)

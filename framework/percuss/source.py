@@ -1,0 +1,279 @@
+"""A case as plain data, with the place of every key and value kept beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from percuss.errors import InputError, Problem
+from percuss.yamltext import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
+
+__all__ = ["KeyPath", "Mark", "Source", "dotted", "flow"]
+
+EXCERPT_WIDTH = 120
+
+
+def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
+    """Return a Python value as plain data; numpy numbers and arrays become Python's."""
+    if len(path) > MAX_DEPTH:
+        raise InputError(
+            [Problem("case", dotted(path[:4]) + "...", f"nested more than {MAX_DEPTH} levels deep")]
+        )
+    # there is no text: the order of the entries stands in for lines, so that problems come in that order
+    marks[path] = Mark(None, (len(marks) + 1, 1))
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise InputError([Problem("case", dotted(path), f"expected a word as key, found {key!r}")])
+        return {key: _plain(item, (*path, key), marks) for key, item in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        return tuple(_plain(item, (*path, i), marks) for i, item in enumerate(value))
+    return value
+
+
+def _put(data: Any, path: KeyPath, value: Any) -> Any:
+    """Return `data` with `value` at `path`; what stands beside it is shared, not copied."""
+    if not path:
+        return value
+    head, rest = path[0], path[1:]
+    if isinstance(data, tuple) and isinstance(head, int):
+        return (*data[:head], _put(data[head], rest, value), *data[head + 1 :])
+    return {**data, head: _put(data.get(head, {}), rest, value)}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A case's plain data and where each part of it stands.
+
+    Attributes
+    ----------
+    name
+        File name as the user gave it, or ``case`` for a mapping.
+    text
+        The file's text; empty for a mapping.
+    data
+        Mappings, tuples and scalars.
+    marks
+        Place of the key and of the value of every path.
+    aliases
+        Paths written as an alias, with the path of their anchor.
+    labels
+        Paths that an override set, with what the user typed.
+    folder
+        Folder that paths inside the case are relative to.
+    """
+
+    name: str
+    text: str
+    data: Any
+    marks: Mapping[KeyPath, Mark] = field(default_factory=dict, repr=False)
+    aliases: Mapping[KeyPath, KeyPath] = field(default_factory=dict, repr=False)
+    labels: Mapping[KeyPath, str] = field(default_factory=dict, repr=False)
+    folder: Path = field(default_factory=Path)
+
+    @staticmethod
+    def read(path: str | Path) -> Source:
+        """Return the contents of a YAML file.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read or is not YAML.
+        """
+        name, file = str(path), Path(path)
+        try:
+            text = file.read_bytes().decode("utf-8-sig")
+        except FileNotFoundError:
+            beside = [entry.name for entry in file.parent.glob("*.y*ml")] if file.parent.is_dir() else []
+            close = difflib.get_close_matches(file.name, beside, n=1)
+            advice = f"Did you mean '{file.parent / close[0]}'?" if close else "Check the path."
+            raise InputError([Problem(name, "", "no such file", advice)]) from None
+        except IsADirectoryError:
+            raise InputError(
+                [Problem(name, "", "expected a YAML file, found a folder", "Name a file in it.")]
+            ) from None
+        except UnicodeDecodeError as error:
+            line = error.object.count(b"\n", 0, error.start) + 1
+            raise InputError(
+                [Problem(f"{name}:{line}", "", "not UTF-8 text", "Save the file as UTF-8.")]
+            ) from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise InputError([Problem(name, "", f"cannot be read: {reason}")]) from None
+        return Source.parse(text, name, file.parent)
+
+    @staticmethod
+    def parse(text: str, name: str, folder: Path = Path()) -> Source:
+        """Return YAML text as a source.
+
+        Raises
+        ------
+        InputError
+            If it is not YAML, holds a key twice, or an unknown tag or alias, or is far too large.
+        """
+        try:
+            data, marks, aliases = compose(text)
+        except NotPlainError as error:
+            bare = Source(name, text, None)
+            raise InputError(
+                bare._at(wrong.at, dotted(wrong.path), wrong.message, wrong.advice)
+                for wrong in error.mistakes
+            ) from None
+        return Source(name, text, data, marks, aliases, folder=folder)
+
+    @staticmethod
+    def of(mapping: Mapping[str, Any], folder: Path = Path()) -> Source:
+        """Return a mapping given in Python as a source; lists become tuples.
+
+        Raises
+        ------
+        InputError
+            If a key is not a string or the nesting has no end.
+        """
+        marks: dict[KeyPath, Mark] = {}
+        return Source("case", "", _plain(mapping, (), marks), marks, folder=folder)
+
+    def get(self, path: KeyPath, default: Any = None) -> Any:
+        """Return the value at `path`, or `default` where there is none."""
+        value = self.data
+        for part in path:
+            known: Any = (
+                value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
+            )
+            if part not in known:
+                return default
+            value = value[part]
+        return value
+
+    def replaced(self, path: KeyPath, value: Any) -> Source:
+        """Return the source with another value at `path`, its place kept."""
+        return dataclasses.replace(self, data=_put(self.data, path, value))
+
+    def override(self, path: str, value: Any, *, said: str = "") -> Source:
+        """Return the source with `value` at the dotted `path`; text is read as YAML.
+
+        Messages call the path `said`, if given.
+
+        Raises
+        ------
+        InputError
+            If `value` is not YAML, or `path` runs through something that has no parts.
+        """
+        label = f"--set {said or path}={value if isinstance(value, str) else flow(_plain(value, (), {}))}"
+        if isinstance(value, str):
+            try:
+                value = Source.parse(value, label).data
+            except InputError as error:
+                raise InputError(
+                    [Problem(label, path, p.message, p.advice) for p in error.problems]
+                ) from None
+        parts: list[str | int] = []
+        created: KeyPath | None = None
+        here = self.data
+        for part in path.split("."):
+            where = dotted(tuple(parts))
+            if isinstance(here, tuple):
+                if not (part.isdecimal() and int(part) < len(here)):
+                    raise InputError(
+                        [
+                            Problem(
+                                label,
+                                where,
+                                f"expected the number of an item, 0 to {len(here) - 1}, found '{part}'",
+                            )
+                        ]
+                    )
+                parts.append(int(part))
+                here = here[int(part)]
+                continue
+            if not isinstance(here, Mapping):
+                raise InputError(
+                    [
+                        Problem(
+                            label, where, f"is {flow(here)} and has no part '{part}'", "Set the whole value."
+                        )
+                    ]
+                )
+            parts.append(part)
+            if part not in here and created is None:
+                created = tuple(parts)
+            here = here.get(part, {})
+        full = tuple(parts)
+        target = created or full
+        labels = {old: text for old, text in self.labels.items() if old[: len(full)] != full}
+        return dataclasses.replace(
+            self,
+            data=_put(self.data, full, _plain(value, (), {})),
+            labels={**labels, target: label, full: label},
+        )
+
+    # ------------------------------------------------------------------------------------------- places
+
+    def _label(self, path: KeyPath) -> str | None:
+        return next(
+            (self.labels[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.labels), None
+        )
+
+    def _position(self, path: KeyPath, key: bool) -> tuple[int, int] | None:
+        """Return line and column of `path`, or of the nearest thing above it that stands in the text."""
+        for n in range(len(path), -1, -1):
+            if path[:n] in self.aliases and n < len(path):
+                # what is inside an alias stands at its anchor
+                return self._position((*self.aliases[path[:n]], *path[n:]), key)
+            mark = self.marks.get(path[:n])
+            if mark is not None:
+                return mark.key if mark.key is not None and (key or n < len(path)) else mark.value
+        return None
+
+    def place(self, path: KeyPath, *, key: bool = False) -> str:
+        """Return where the value (or the `key`) at `path` stands: ``file:line:column``.
+
+        What stands nowhere, as a missing key, is placed at the nearest thing above it; what an override set,
+        at the override.
+        """
+        label = self._label(path)
+        if label is not None:
+            return label
+        position = self._position(path, key)
+        return self.name if position is None or not self.text else f"{self.name}:{position[0]}:{position[1]}"
+
+    def order(self, path: KeyPath, *, key: bool = False) -> tuple[int, int, int]:
+        """Return what sorts problems by their place: the file's first, then the overrides in their order."""
+        label = self._label(path)
+        if label is not None:
+            return (1, list(self.labels.values()).index(label), 0)
+        return (0, *(self._position(path, key) or (0, 0)))
+
+    def excerpt(self, path: KeyPath, *, key: bool = False) -> str:
+        """Return the user's own line at `path`, numbered, with a caret; empty where there is no text."""
+        position = None if self._label(path) is not None else self._position(path, key)
+        return "" if position is None else self._lines(position)
+
+    def _lines(self, at: tuple[int, int]) -> str:
+        lines = self.text.splitlines()
+        if not lines or at[0] > len(lines):
+            return ""
+        line, column = lines[at[0] - 1].replace("\t", " "), at[1] - 1
+        line = "".join(letter if letter.isprintable() else "?" for letter in line)
+        if len(line) > EXCERPT_WIDTH:
+            start = max(0, column - EXCERPT_WIDTH // 2)
+            line, column = line[start : start + EXCERPT_WIDTH], column - start
+        number = f"{at[0]:5d} | "
+        return f"{number}{line}\n{' ' * (len(number) - 2)}| {' ' * column}^"
+
+    def _at(self, at: tuple[int, int], path: str, message: str, advice: str) -> Problem:
+        return Problem(f"{self.name}:{at[0]}:{at[1]}", path, message, advice, self._lines(at))
+
+    def problem(self, path: KeyPath, message: str, advice: str = "", *, key: bool = False) -> Problem:
+        """Return a mistake at `path` with its place and the user's own line."""
+        return Problem(self.place(path, key=key), dotted(path), message, advice, self.excerpt(path, key=key))

@@ -1,0 +1,338 @@
+"""Good input: what a case becomes, and what overrides make of it."""
+
+import pickle
+import sys
+
+import numpy as np
+import pytest
+
+from percuss.case import Address, Case, load
+from percuss.errors import InputError, RunError
+from percuss.registry import _load
+from percuss.source import Source
+
+BAR = {"length": 10, "elements": 4}
+STEEL = {"young": 100, "density": 0.01}
+
+
+def mapping(**changes):
+    """Return a small right case, its top-level entries changed."""
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "a": {"bar": BAR, "material": STEEL, "area": 1, "velocity": 0.1},
+            "b": {"bar": BAR, "material": STEEL, "area": 2, "at": 10},
+        },
+        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
+        "time": {"end": 1, "courant": 0.5},
+    }
+    return {key: value for key, value in {**case, **changes}.items() if value is not None}
+
+
+def from_text(tmp_path, text):
+    file = tmp_path / "case.yaml"
+    file.write_text(text, encoding="utf-8")
+    return load(file)
+
+
+def text(extra=""):
+    return (
+        "percuss: 1\nbodies:\n"
+        "  a: {bar: {length: 1e1, elements: 4}, material: {young: 1.0e+2, density: 1e-2}, area: 1}\n"
+        "time: {step: 1e-3, steps: 10}\n" + extra
+    )
+
+
+def test_numbers_with_exponents_are_numbers(tmp_path):
+    case = from_text(tmp_path, text())
+    assert case.bodies["a"].shape.length == 10.0
+    assert case.bodies["a"].material.young == 100.0
+    assert (case.time.step, case.time.steps) == (1e-3, 10)
+
+
+def test_defaults():
+    case = load(mapping())
+    assert isinstance(case, Case)
+    assert (case.title, case.source, case.refine, case.dimension, case.notes) == ("", "", 1, 1, ())
+    assert [type(one).name for one in (case.method.integrator, case.method.contact, case.method.mass)] == [
+        "wu-predictor-corrector", "bipenalty", "lumped",
+    ]  # fmt: skip
+    assert type(case.bodies["a"].element).name == "bar"
+    assert type(case.bodies["a"].material).name == "elastic"
+    assert (case.record.every, case.record.probes, case.record.fields) == (1, None, 0)
+    assert (case.time.on_unstable, case.loads, case.expect) == ("stop", {}, ())
+
+
+def test_values_of_the_case_are_floats_where_numbers_are_meant():
+    body = load(mapping()).bodies["a"]
+    assert type(body.shape.length) is float
+    assert type(body.area) is float
+    assert type(body.shape.elements) is int
+
+
+def test_contacts():
+    walls = {
+        "tip": {"between": ["a.right", "b.left"], "method": "lagrange"},
+        "end": {"body": "b.right", "wall": 20.5},
+    }
+    case = load(mapping(contacts=walls, method={"contact": {"name": "penalty", "beta_s": 2}}))
+    assert case.contacts["tip"].sides == (Address("a", "right"), Address("b", "left"))
+    assert str(case.contacts["tip"].sides[0]) == "a.right"
+    assert type(case.contacts["tip"].law).name == "lagrange"
+    assert case.contacts["end"].sides == (Address("b", "right"),)
+    assert case.contacts["end"].wall == 20.5
+    assert case.contacts["end"].law == case.method.contact
+    assert (case.contacts["tip"].own_law, case.contacts["end"].own_law) == (True, False)
+
+
+def test_loads(tmp_path):
+    loads = """\
+loads:
+  push: {constant: 2, on: a.left, from: -1, until: 5}
+  pull: {ramp: {value: 1, duration: 2}, on: [a.left, a.right]}
+  weight: {gravity: -9.81}
+  drive: {half-sine: {peak: 1, duration: 2}, on: a.left, as: velocity}
+"""
+    case = from_text(tmp_path, text(loads))
+    push, pull, weight, drive = case.loads.values()
+    assert push.load.value == 2.0
+    assert (push.on, push.acts_as, push.direction) == ((Address("a", "left"),), "force", None)
+    assert (push.start, push.stop) == (-1.0, 5.0)
+    assert (pull.start, pull.stop) == (-np.inf, np.inf)
+    assert pull.on == (Address("a", "left"), Address("a", "right"))
+    assert (weight.on, weight.acts_as, weight.direction) == ((), "acceleration", (1.0,))
+    assert drive.acts_as == "velocity"
+
+
+@pytest.mark.parametrize(
+    "content", ["time,value\n0,0\n\n0.5,2\n", "0;0\n# peak\n0.5;2\n", "\ufeff0, 0\r\n0.5, 2"]
+)
+def test_a_table_from_a_file_beside_the_case(tmp_path, content):
+    (tmp_path / "pulse.csv").write_text(content, encoding="utf-8")
+    load_ = (
+        from_text(tmp_path, text("loads: {push: {table: {file: pulse.csv}, on: a.left}}\n"))
+        .loads["push"]
+        .load
+    )
+    assert load_.file.path == "pulse.csv"
+    assert load_.file.table.tolist() == [[0.0, 0.5], [0.0, 2.0]]
+    assert not load_.file.table.flags.writeable
+    assert load_.amplitude(np.array([0.25])).tolist() == [1.0]
+
+
+def test_dimensions():
+    bodies = {
+        "a": {"bar": {**BAR, "direction": [1, 1]}, "material": STEEL, "area": 1, "velocity": [0, 1]},
+        "b": {"bar": BAR, "material": STEEL, "area": 1, "at": 10, "velocity": 2},
+    }
+    case = load(mapping(bodies=bodies, loads={"weight": {"gravity": -9.81}, "wind": {"gravity": [0, 2]}}))
+    assert case.dimension == 2
+    assert (case.bodies["a"].at, case.bodies["b"].at) == ((0.0, 0.0), (10.0, 0.0))
+    assert (case.bodies["a"].velocity, case.bodies["b"].velocity) == ((0.0, 1.0), 2.0)
+    assert (case.loads["weight"].direction, case.loads["wind"].direction) == ((1.0, 0.0), (0.0, 2.0))
+
+
+def test_infinite_where_it_is_allowed(tmp_path):
+    assert from_text(tmp_path, text("method: {contact: {ratio: .inf}}\n")).method.contact.ratio == np.inf
+
+
+def test_expectations():
+    expect = [
+        {"quantity": "contact_force", "during": [0, 1], "mean": 2, "within": "1.5 %", "source": "exact"},
+        {"quantity": "velocity", "probe": "a.left", "at": 1, "value": 0.5, "within": 1e-3, "source": "paper"},
+        {"quantity": "energy.final", "value": 1, "within": 0, "source": "frozen on 2026-11-21"},
+    ]
+    force, velocity, energy = load(mapping(expect=expect)).expect
+    assert (force.contact, force.statistic, force.value, force.relative) == ("tip", "mean", 2.0, True)
+    assert force.within == pytest.approx(0.015)
+    assert (force.during, force.at, force.path) == ((0.0, 1.0), None, ("expect", 0))
+    assert (velocity.probe, velocity.at, velocity.component) == (Address("a", "left"), 1.0, 0)
+    assert (velocity.statistic, velocity.within, velocity.relative) == ("value", 1e-3, False)
+    assert (energy.quantity, energy.contact, energy.source) == ("energy.final", None, "frozen on 2026-11-21")
+
+
+def test_aliases_share_values(tmp_path):
+    bar = "{bar: {length: 1, elements: 1}, material: {young: 1, density: 1}, area: 1}"
+    twice = f"percuss: 1\nbodies:\n  a: &a {bar}\n  b: *a\n"
+    case = from_text(tmp_path, twice + "time: {end: 1, step: 0.1}\n")
+    assert case.bodies["a"].shape == case.bodies["b"].shape
+
+
+def test_a_mapping_of_numpy_numbers():
+    assert load(mapping(time={"end": np.float64(2), "step": np.float32(0.5)}, refine=np.int64(3))).refine == 3
+    bodies = {"a": {"bar": BAR, "material": STEEL, "area": 1, "at": np.array([1.0, 2.0])}}
+    assert load(mapping(bodies=bodies, contacts=None)).bodies["a"].at == (1.0, 2.0)
+
+
+def test_the_mapping_given_is_not_changed():
+    given = mapping(method={"contact": "bipenalty"})
+    load(given, {"method.contact": "lagrange", "bodies.a.area": 3})
+    assert given == mapping(method={"contact": "bipenalty"})
+
+
+# ------------------------------------------------------------------------------------------------ overrides
+
+
+def test_overrides_are_values_or_yaml():
+    case = load(
+        mapping(), {"bodies.a.area": 3, "time.end": "2e0", "bodies.a.at": "[-10]", "record": "{every: 5}"}
+    )
+    assert (case.bodies["a"].area, case.time.end, case.bodies["a"].at, case.record.every) == (
+        3.0,
+        2.0,
+        (-10.0,),
+        5,
+    )
+    assert case.data["bodies"]["a"]["area"] == 3
+
+
+def test_overrides_may_set_what_is_not_there():
+    case = load(
+        mapping(), {"record.every": 2, "time.on_unstable": "warn", "loads.push": "{constant: 1, on: a.left}"}
+    )
+    assert (case.record.every, case.time.on_unstable, case.loads["push"].load.value) == (2, "warn", 1.0)
+
+
+BIPENALTY = {"contact": {"name": "bipenalty", "beta_s": 0.5, "ratio": 1}}
+
+
+@pytest.mark.parametrize("path", ["method.contact", "method.contact.name"])
+def test_a_swap_keeps_the_options_that_the_new_one_has(path):
+    case = load(mapping(method=BIPENALTY), {path: "penalty"})
+    assert (type(case.method.contact).name, case.method.contact.beta_s) == ("penalty", 0.5)
+    assert case.notes == ("method.contact: penalty has no option ratio: dropped",)
+    assert case.data["method"]["contact"] == {"name": "penalty", "beta_s": 0.5}
+
+
+def test_a_swap_drops_what_the_new_one_lacks():
+    case = load(mapping(method=BIPENALTY)).with_overrides({"method.contact": "lagrange"})
+    assert case.notes == ("method.contact: lagrange has no option beta_s, ratio: dropped",)
+    assert type(case.contacts["tip"].law).name == "lagrange"
+
+
+def test_a_swap_to_the_same_name_changes_nothing():
+    case = load(mapping(method=BIPENALTY), {"method.contact": "bipenalty"})
+    assert (case.method.contact.beta_s, case.method.contact.ratio, case.notes) == (0.5, 1.0, ())
+
+
+def test_the_order_of_overrides_does_not_matter():
+    overrides = {"method.contact.beta_s": 2, "method.contact": "penalty"}
+    one = load(mapping(method=BIPENALTY), overrides)
+    other = load(mapping(method=BIPENALTY), dict(reversed(overrides.items())))
+    assert one.method == other.method
+    assert one.method.contact.beta_s == 2.0
+
+
+def test_a_whole_mapping_replaces_a_component():
+    case = load(mapping(method=BIPENALTY), {"method.contact": "{name: penalty, epsilon_s: 7}"})
+    assert (case.method.contact.epsilon_s, case.method.contact.beta_s, case.notes) == (7.0, None, ())
+
+
+def test_an_option_of_a_component_given_by_name_only():
+    case = load(mapping(method={"contact": "penalty"}), {"method.contact.beta_s": 3})
+    assert (type(case.method.contact).name, case.method.contact.beta_s) == ("penalty", 3.0)
+
+
+def test_the_option_of_a_load_given_by_its_value():
+    loads = {"push": {"constant": 2, "on": "a.left"}}
+    assert load(mapping(loads=loads), {"loads.push.constant.value": 5}).loads["push"].load.value == 5.0
+
+
+def test_a_contact_keeps_its_own_method():
+    contacts = {"tip": {"between": ["a.right", "b.left"], "method": "penalty"}}
+    case = load(mapping(contacts=contacts), {"method.contact": "lagrange"})
+    assert type(case.contacts["tip"].law).name == "penalty"
+    assert (
+        load(mapping(contacts=contacts), {"contacts.tip.method.beta_s": 4}).contacts["tip"].law.beta_s == 4.0
+    )
+
+
+def test_overrides_follow_one_another():
+    case = load(mapping(method=BIPENALTY)).with_overrides({"method.contact": "penalty"})
+    again = case.with_overrides({"method.contact.beta_s": 9, "refine": 2})
+    assert (again.method.contact.beta_s, again.refine, again.notes) == (9.0, 2, case.notes)
+    assert case.method.contact.beta_s == 0.5
+
+
+def test_kept_options_are_still_placed_in_the_file(tmp_path):
+    case = from_text(tmp_path, text("method: {contact: {name: penalty, beta_s: 1}}\n"))
+    changed = case.with_overrides({"method.contact": "bipenalty"})
+    assert changed.problem(("method", "contact", "beta_s"), "x").place.endswith("case.yaml:5:43")
+    assert changed.problem(("method", "contact", "name"), "x").place == "--set method.contact=bipenalty"
+
+
+def test_places_of_later_mistakes(tmp_path):
+    problem = from_text(tmp_path, text()).problem(("bodies", "a", "area"), "too thin", "Make it thicker.")
+    assert str(problem).splitlines()[1:] == [
+        "    3 |   a: {bar: {length: 1e1, elements: 4}, material: {young: 1.0e+2, density: 1e-2}, area: 1}",
+        "      |                                                                                        ^",
+        "  Make it thicker.",
+    ]
+
+
+def test_what_stands_nowhere_is_placed_at_what_is_above_it(tmp_path):
+    case = from_text(tmp_path, text())
+    assert case.problem(("bodies", "a", "element"), "x").place.endswith("case.yaml:3:3")
+    assert case.problem(("record", "every"), "x").place.endswith("case.yaml:1:1")
+
+
+def test_the_last_override_is_the_place():
+    source = Source.of(mapping()).override("time.end", 3).override("time", "{end: 4, step: 1}")
+    assert source.place(("time", "end")) == source.place(("time",)) == "--set time={end: 4, step: 1}"
+    again = source.override("time.end", 5)
+    assert again.place(("time", "end")) == "--set time.end=5"
+    assert again.place(("time", "step")) == "--set time={end: 4, step: 1}"
+
+
+@pytest.fixture
+def forget_files():
+    """Forget the modules of single-file plug-ins, and the registries made with them, after a test."""
+    yield
+    for name in [name for name in sys.modules if name.startswith("percuss_file_")]:
+        del sys.modules[name]
+    _load.cache_clear()
+
+
+@pytest.mark.usefixtures("forget_files")
+def test_a_plug_in_beside_the_case(tmp_path):
+    (tmp_path / "soft_law.py").write_text(
+        "from dataclasses import dataclass\nfrom percuss.contracts import ContactLaw, Rows\n"
+        "@dataclass(frozen=True)\nclass Soft(ContactLaw):\n    '''Soft.'''\n"
+        "    name = 'soft'\n    summary = 'Soft'\n    stiffness: float = 1.0\n"
+        "    def bind(self, points, dt):\n        return Rows('explicit', 1 / self.stiffness)\n"
+    )
+    case = from_text(
+        tmp_path, text("plugins: [soft_law.py]\nmethod: {contact: {name: soft, stiffness: 3}}\n")
+    )
+    assert case.method.contact.stiffness == 3.0
+    assert type(case.with_overrides({"method.contact.stiffness": 4}).method.contact) is type(
+        case.method.contact
+    )
+    beside = load(mapping(method={"contact": "soft"}), plugins=[tmp_path / "soft_law.py"])
+    assert type(beside.method.contact).name == "soft"
+    with pytest.raises(InputError, match="unknown contact law 'soft'"):
+        load(mapping(method={"contact": "soft"}))
+
+
+def test_components_that_fail_to_load_are_named():
+    class Partial:
+        broken = (type("Broken", (), {"source": "percuss-soft 1.0", "error": "ImportError: no soft"})(),)
+
+        def __getattr__(self, name):
+            from percuss.registry import Registry
+
+            return getattr(Registry.load(), name)
+
+    with pytest.raises(
+        InputError, match=r"Plug-in that failed to load: percuss-soft 1.0: ImportError: no soft\."
+    ):
+        load(mapping(method={"contact": "soft"}), registry=Partial())
+
+
+def test_source_survives_pickling():
+    source = Source.of(mapping()).override("time.end", 3)
+    assert pickle.loads(pickle.dumps(source)).place(("time", "end")) == "--set time.end=3"
+
+
+def test_errors_have_exit_codes():
+    assert (InputError.exit_code, RunError.exit_code) == (2, 1)

@@ -1,0 +1,132 @@
+"""Wrong inputs, each with the whole of what it says: the table is `input_errors.yaml`."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from percuss.case import load
+from percuss.errors import InputError
+from percuss.source import Source
+
+TABLE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("words.csv").write_text("time,value\n0,0\n1,high\n")
+    Path("column.csv").write_text("0\n1\n")
+    return tmp_path
+
+
+def message(text, overrides=None):
+    Path("case.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load("case.yaml", overrides)
+    assert all(problem.message for problem in caught.value.problems)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("row", TABLE["rows"], ids=lambda row: row["name"])
+def test_message(row, folder):
+    text = row.get("text", TABLE["base"])
+    for old, new in row.get("change", {}).items():
+        assert old in text
+        text = text.replace(old, new, 1)
+    assert message(text, row.get("set")).replace(str(folder), "FOLDER") == row["message"].rstrip("\n")
+
+
+def test_the_base_is_right(folder):
+    Path("case.yaml").write_text(TABLE["base"])
+    assert load("case.yaml").title == "Two bars"
+
+
+def test_names_of_rows_are_unique():
+    names = [row["name"] for row in TABLE["rows"]]
+    assert len(set(names)) == len(names) >= 40
+
+
+def test_a_missing_file_names_the_near_one(folder):
+    Path("impact.yaml").write_text("")
+    with pytest.raises(InputError) as caught:
+        load("impct.yaml")
+    assert str(caught.value) == "impct.yaml: no such file\n  Did you mean 'impact.yaml'?"
+
+
+def test_a_folder(folder):
+    with pytest.raises(InputError) as caught:
+        load(".")
+    assert str(caught.value) == ".: expected a YAML file, found a folder\n  Name a file in it."
+
+
+def test_not_utf8(folder):
+    Path("case.yaml").write_bytes("percuss: 1\ntitle: Hun\xecek".encode("latin-1"))
+    with pytest.raises(InputError) as caught:
+        load("case.yaml")
+    assert str(caught.value) == "case.yaml:2: not UTF-8 text\n  Save the file as UTF-8."
+
+
+def test_a_mapping_has_paths_for_places():
+    with pytest.raises(InputError) as caught:
+        load(
+            {
+                "percuss": 1,
+                "bodies": {"a": {"bar": {"length": -1, "elements": 2}, "area": 0}},
+                "time": {"end": 1},
+            }
+        )
+    assert str(caught.value).splitlines() == [
+        "case: bodies.a.material.young: missing (Young's modulus [force/length^2])",
+        "  Add `young:` to the material elastic.",
+        "case: bodies.a.material.density: missing (density [mass/length^3])",
+        "  Add `density:` to the material elastic.",
+        "case: bodies.a.bar.length: expected a number greater than 0 [length], found -1",
+        "case: bodies.a.area: expected a number greater than 0 [length^2], found 0",
+        "case: time: has neither of `courant` and `step`: give exactly one",
+    ]
+
+
+def test_keys_of_a_mapping_are_words():
+    with pytest.raises(InputError, match=r"case: bodies: expected a word as key, found 1"):
+        load({"percuss": 1, "bodies": {1: {}}})
+
+
+def test_a_mapping_inside_itself():
+    bodies = {}
+    bodies["a"] = bodies
+    with pytest.raises(InputError, match="nested more than 40 levels deep"):
+        load({"percuss": 1, "bodies": bodies})
+
+
+def test_an_alias_bomb_is_refused_quickly(folder):
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    assert message("\n".join(lines)).startswith("case.yaml:6:")
+    assert "more than 1000000 values, aliases written out" in message("\n".join(lines))
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 100_000, "- " * 10_000, "a: &a [*a]"])
+def test_no_nesting_breaks_the_reader(folder, text):
+    assert message(text).startswith("case.yaml:1:")
+
+
+def test_aliases_do_not_hide_depth(folder):
+    deep = f"a: &a {'[' * 25}{']' * 25}\nb: {'[' * 25}*a{']' * 25}"
+    assert "nested more than 40 levels deep" in message(deep)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e3", 1000.0), ("1.0e-4", 1e-4), ("1e9", 1e9), (".5", 0.5), ("5.", 5.0), ("-7", -7), ("0x1f", 31),
+        ("on", "on"), ("no", "no"), ("yes", "yes"), ("true", True), ("False", False), ("~", None),
+        ("null", None), ("0o17", 15), ("'1'", "1"), ("1_000", "1_000"), ("12:30", "12:30"), ("1e", "1e"),
+        ("2026-01-01", "2026-01-01"), ("0b1", "0b1"), ("!!str 1", "1"), ("!!float 1", 1.0),
+        ("-.inf", float("-inf")), ("1" * 5000, float("inf")),
+    ],
+)  # fmt: skip
+def test_scalars_are_those_of_yaml_1_2(text, value):
+    data = Source.parse(f"a: {text}", "x").data["a"]
+    assert data == value
+    assert type(data) is type(value)

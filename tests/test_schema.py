@@ -1,0 +1,183 @@
+"""The schema agrees with the checks: what is right validates, what is wrong in itself does not."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import jsonschema
+import pytest
+import yaml
+
+from percuss.contracts import ContactLaw, Doc, Gt, Load, Rows, Unit
+from percuss.registry import Registry
+from percuss.schema import case_schema
+from percuss.source import Source
+
+CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+BASE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))["base"]
+
+FULL = """\
+percuss: 1
+title: Everything
+source: nowhere
+plugins: [law.py]
+bodies:
+  a: {bar: {length: 10, elements: 4, grading: 2, direction: [1, 0]}, material: {young: 1e2, density: 1},
+      area: 1, fixed: [left]}
+  b: {bar: {length: 1, elements: 1}, element: bar, material: {name: elastic, young: 1, density: 1},
+      area: 1, at: [1, 0], velocity: [0, 1]}
+contacts:
+  tip: {between: [a.right, b.left], method: {name: penalty, beta_s: 1}}
+  end: {body: b.right, wall: [2, 0]}
+loads:
+  push: {table: {time: [0, 1], value: [0, 1]}, on: [a.left], from: 0, until: 1, direction: [0, 1], as: force}
+  pull: {constant: 1, on: a.left}
+  pulse: {table: {file: pulse.csv}, on: b}
+  weight: {gravity: [0, -9.81]}
+refine: 2
+method: {integrator: central-difference, contact: {ratio: matched}, mass: lumped}
+time: {step: 1e-3, steps: 100, on_unstable: warn}
+record: {every: 2, probes: [], fields: 3}
+expect:
+  - {quantity: gap, contact: tip, during: [0, 1], mean: 0, within: 1.5%, source: frozen on 2026-01-01}
+  - {quantity: steps, value: 100, within: 0, source: exact}
+"""
+
+
+def lists(value):
+    """Return plain data as JSON has it: lists for tuples."""
+    if isinstance(value, dict):
+        return {key: lists(item) for key, item in value.items()}
+    return [lists(item) for item in value] if isinstance(value, tuple) else value
+
+
+def plain(text):
+    return lists(Source.parse(text, "case.yaml").data)
+
+
+@pytest.fixture(scope="module")
+def schema():
+    return case_schema(Registry.load())
+
+
+@pytest.fixture(scope="module")
+def validator(schema):
+    return jsonschema.Draft202012Validator(schema)
+
+
+def test_it_is_a_schema_and_json(schema):
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert json.loads(json.dumps(schema, allow_nan=False)) == schema
+
+
+@pytest.mark.parametrize("text", [FULL, BASE], ids=["everything", "base"])
+def test_a_good_case_validates(validator, text):
+    assert [error.message for error in validator.iter_errors(plain(text))] == []
+
+
+@pytest.mark.parametrize("file", CASES, ids=lambda file: file.name)
+def test_every_case_validates(validator, file):
+    assert [error.message for error in validator.iter_errors(lists(Source.read(file).data))] == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("length: 10", "length: -10"),
+        ("length: 10", "lenght: 10"),
+        ("length: 10, ", ""),
+        ("elements: 4", "elements: 4.5"),
+        ("bar: {length: 10", "baar: {length: 10"),
+        ("title:", "titel:"),
+        ("percuss: 1", "percuss: 2"),
+        ("young: 1e2, ", ""),
+        ("name: elastic", "name: elstic"),
+        ("name: penalty, beta_s: 1", "name: lagrange, beta_s: 1"),
+        ("ratio: matched", "ratio: machted"),
+        ("contact: {ratio: matched}", "contact: lagrang"),
+        ("{constant: 1, ", "{constant: 1, ramp: {value: 1, duration: 1}, "),
+        ("{constant: 1, ", "{"),
+        ("as: force", "as: power"),
+        ("refine: 2", "refine: 0"),
+        ("area: 1, fixed", "area: yes, fixed"),
+        ("time: {step: 1e-3, ", "time: {courant: 1, step: 1e-3, "),
+        ("steps: 100, on", "on"),
+        ("within: 1.5%", "within: wide"),
+        ("source: exact", "source: guess"),
+        ("mean: 0, ", ""),
+        ("  tip: {between", "  1st: {between"),
+        ("[a.right, b.left]", "[a.right]"),
+    ],
+)
+def test_a_wrong_case_does_not(validator, old, new):
+    assert old in FULL
+    assert not validator.is_valid(plain(FULL.replace(old, new, 1)))
+
+
+@dataclass(frozen=True)
+class Soft(ContactLaw):
+    """A law of somebody else."""
+
+    name = "soft"
+    summary = "Somebody's law"
+
+    stiffness: Annotated[float, Gt(0), Unit("force/length"), Doc("how soft")]
+
+    def bind(self, points, dt):
+        return Rows("explicit", 1.0 / self.stiffness)
+
+
+@dataclass(frozen=True)
+class Still(Load):
+    """A load without options."""
+
+    name = "still"
+    summary = "Nothing"
+
+    def amplitude(self, time):
+        return 0.0 * time
+
+
+class Extended:
+    """The installed registry and the classes above."""
+
+    def names(self, family):
+        return sorted(
+            [*Registry.load().names(family), *(one.name for one in (Soft, Still) if one.family == family)]
+        )
+
+    def get(self, family, name):
+        own = {(one.family, one.name): one for one in (Soft, Still)}
+        return own.get((family, name)) or Registry.load().get(family, name)
+
+
+def test_other_peoples_components_appear_with_unit_and_description():
+    schema = case_schema(Extended())
+    laws = schema["properties"]["method"]["properties"]["contact"]["anyOf"]
+    (soft,) = [one for one in laws if one.get("properties", {}).get("name") == {"const": "soft"}]
+    assert soft["required"] == ["name", "stiffness"]
+    assert soft["properties"]["stiffness"] == {
+        "type": "number",
+        "exclusiveMinimum": 0,
+        "x-unit": "force/length",
+        "description": "how soft [force/length]",
+    }
+    # its option has no default, so its name alone says too little
+    assert "soft" not in [one.get("const") for one in laws]
+    validator = jsonschema.Draft202012Validator(schema)
+    assert validator.is_valid(plain(FULL.replace("{ratio: matched}", "{name: soft, stiffness: 2}")))
+    assert not validator.is_valid(plain(FULL.replace("{ratio: matched}", "soft")))
+    assert validator.is_valid(plain(FULL.replace("constant: 1", "still: null")))
+
+
+def test_everything_is_described(schema):
+    def described(properties, path=""):
+        for key, one in properties.items():
+            if "const" not in one:
+                assert one.get("description"), f"{path}{key} is not described"
+            described(one.get("properties", {}), f"{path}{key}.")
+
+    described(schema["properties"])
+    described(schema["properties"]["bodies"]["additionalProperties"]["properties"], "bodies.")
+    described(schema["properties"]["loads"]["additionalProperties"]["properties"], "loads.")
