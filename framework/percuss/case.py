@@ -97,6 +97,17 @@ class Case:
         registry = None if any(path.split(".")[0] == "plugins" for path in overrides) else self.registry
         return _load(self.origin, overrides, registry, self.plugins, self.notes)
 
+    def with_one_law(self) -> Case:
+        """Return the case with every contact under the law of the method."""
+        source = self.origin
+        for name, contact in self.contacts.items():
+            if contact.own_law:
+                entry = source.get(("contacts", name))
+                source = source.replaced(
+                    ("contacts", name), {key: value for key, value in entry.items() if key != "method"}
+                )
+        return _read(source, self.registry, self.plugins, self.notes)
+
 
 def load(
     source: str | Path | Mapping[str, Any],

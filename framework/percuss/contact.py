@@ -92,15 +92,23 @@ def broadcast(rows: Rows, points: ContactPoints, law: str) -> dict[str, Any]:
     for field in ("sigma", "gap", "rate", "acceleration"):
         value = np.asarray(getattr(rows, field), dtype=float)
         if value.shape not in {(), (count,)}:
-            raise PluginError(f"contact law {law}: rows.{field} has shape {value.shape}, expected ({count},) or a number")
+            raise PluginError(
+                f"contact law {law}: rows.{field} has shape {value.shape}, expected ({count},) or a number"
+            )
         if not np.isfinite(value).all():
             raise PluginError(f"contact law {law}: rows.{field} is not finite")
         out[field] = np.broadcast_to(value, (count,))
     if (out["sigma"] < 0).any():
         raise PluginError(f"contact law {law}: rows.sigma is negative, expected a compliance of at least 0")
-    for field, known in (("at", ("explicit", "end")), ("active", ("gap < 0", "all")), ("sign", ("free", ">= 0"))):
+    for field, known in (
+        ("at", ("explicit", "end")),
+        ("active", ("gap < 0", "all")),
+        ("sign", ("free", ">= 0")),
+    ):
         if getattr(rows, field) not in known:
-            raise PluginError(f"contact law {law}: rows.{field} is {getattr(rows, field)!r}, expected one of {known}")
+            raise PluginError(
+                f"contact law {law}: rows.{field} is {getattr(rows, field)!r}, expected one of {known}"
+            )
         out[field] = getattr(rows, field)
     return out
 
@@ -125,7 +133,9 @@ def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> 
         out[f"weight_{weight}"] = rows[weight]
     out["sigma"], out["answer"] = rows["sigma"], answer
     with np.errstate(divide="ignore"):
-        out["end_stiffness"] = np.where((rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan)
+        out["end_stiffness"] = np.where(
+            (rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan
+        )
     out["sees_predicted_gap"] = judged.gap == "predicted"
     out["sees_predicted_rate"] = judged.rate == "predicted"
     out["sees_acceleration"] = judged.acceleration == "bulk"
@@ -202,7 +212,11 @@ def point_records(
     others = [(q, value) for row in rows for q, value in row.items()]
     stops = np.cumsum([len(row) for row in rows], dtype=np.int64)
     points["other_start"][1:], points["other_stop"] = stops[:-1], stops
-    return points, np.array(entries, dtype=ENTRY).view(np.recarray), np.array(others, dtype=OTHER).view(np.recarray)
+    return (
+        points,
+        np.array(entries, dtype=ENTRY).view(np.recarray),
+        np.array(others, dtype=OTHER).view(np.recarray),
+    )
 
 
 def solve(points: Any, others: Any, dt: float) -> bool:

@@ -146,15 +146,19 @@ class Component(ABC):
         if contract:
             cls.family = contract
             return
-        parent = cls.__mro__[1]
-        if "name" in vars(parent):
-            msg = f"{cls.__name__} subclasses the finished method {parent.__name__}: subclass its contract instead"
+        finished = [base.__name__ for base in cls.__mro__[1:] if "name" in vars(base) and issubclass(base, Component)]
+        if finished:
+            msg = f"{cls.__name__} subclasses the finished method {finished[0]}: subclass its contract instead"
             raise TypeError(msg)
         for fact in ("name", "summary"):
             if not isinstance(vars(cls).get(fact), str):
-                raise TypeError(f"{cls.__name__} does not say its `{fact}`: add `{fact} = \"...\"` to the class")
+                raise TypeError(
+                    f'{cls.__name__} does not say its `{fact}`: add `{fact} = "..."` to the class'
+                )
         if not NAME_PATTERN.fullmatch(cls.name):
-            raise TypeError(f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -")
+            raise TypeError(
+                f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -"
+            )
         if not (vars(cls).get("__doc__") or "").strip():
             raise TypeError(f"{cls.__name__} has no docstring: give formula, source and stability limit")
 
@@ -524,7 +528,13 @@ class Element(Component, contract="elements"):
     @staticmethod
     @abstractmethod
     def energy(
-        element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, velocity: Floats, dt: float
+        element: Any,
+        parameters: Floats,
+        first: int,
+        dim: int,
+        displacement: Floats,
+        velocity: Floats,
+        dt: float,
     ) -> float:
         """Return the staggered strain energy of the elements; a kernel."""
 

@@ -33,6 +33,9 @@ class RefusedPair(PercussError):
         super().__init__(f"{integrator} with {contact} is refused by {said_by}: {reason}")
         self.integrator, self.contact, self.reason, self.said_by = integrator, contact, reason, said_by
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.integrator, self.contact, self.reason, self.said_by)
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -60,7 +63,9 @@ class Problem:
 
     def __str__(self) -> str:
         head = ": ".join(part for part in (self.place, self.path, self.message) if part)
-        return "\n".join(part for part in (head, self.excerpt, f"  {self.advice}" if self.advice else "") if part)
+        return "\n".join(
+            part for part in (head, self.excerpt, f"  {self.advice}" if self.advice else "") if part
+        )
 
 
 class InputError(PercussError):
@@ -75,6 +80,9 @@ class InputError(PercussError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.problems,)
 
 
 class RunError(PercussError):
@@ -91,6 +99,9 @@ class RunError(PercussError):
     def __init__(self, message: str, result: Any = None) -> None:
         super().__init__(message)
         self.result = result
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (str(self), self.result)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

@@ -28,9 +28,7 @@ def tail(bound: Any, points: Any, dt: float, time: float, first: int) -> None:  
 def one_law(bound: Any, points: Any, dt: float, time: float, first: int) -> None:
     """Let one law fill the multipliers of its points, which start at `first`, then those behind it."""
     mine = points[first : first + bound[1]]
-    trial = Trial(
-        mine.gap, mine.predicted_gap, mine.rate, mine.predicted_rate, mine.delassus, dt, time
-    )
+    trial = Trial(mine.gap, mine.predicted_gap, mine.rate, mine.predicted_rate, mine.delassus, dt, time)
     multipliers(bound[0], trial, mine.multiplier)
     tail(bound[2], points, dt, time, first + bound[1])
 

@@ -31,14 +31,25 @@ def energy_density(parameters: Floats, before: float, after: float) -> float:  #
 
 
 def internal_force(
-    element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, force: Floats  # noqa: ARG001
+    element: Any,
+    parameters: Floats,
+    first: int,
+    dim: int,
+    displacement: Floats,
+    force: Floats,  # noqa: ARG001
 ) -> None:
     """Slot: set `force` to the internal force of a run of elements; bound to the body's element."""
     _unbound()
 
 
 def energy(  # noqa: PLR0917
-    element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, velocity: Floats, dt: float  # noqa: ARG001
+    element: Any,
+    parameters: Floats,
+    first: int,
+    dim: int,
+    displacement: Floats,
+    velocity: Floats,
+    dt: float,  # noqa: ARG001
 ) -> float:
     """Slot: the staggered strain energy of a run of elements; bound to the body's element."""
     _unbound()
@@ -64,7 +75,15 @@ class Bulk(NamedTuple):
 
 
 def bulk_group(
-    group: Group, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float
+    group: Group,
+    bulk: Bulk,
+    u: Floats,
+    v: Floats,
+    pull: Floats,
+    momentum: Floats,
+    weigh: bool,
+    dim: int,
+    dt: float,
 ) -> None:
     """Advance the bodies of one group by a step without contact, in place, block by block.
 
@@ -89,7 +108,9 @@ def bulk_group(
             if dim == 1:
                 carried = force[0]
                 if m > 0:
-                    internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1])
+                    internal_force(
+                        group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1]
+                    )
                     force[0] += carried
                 update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], pull[body], dt)
                 if m > 0:
@@ -126,11 +147,15 @@ def advance_block(
 ) -> None:
     """Advance one block of nodes in two or three dimensions, in place."""
     force = bulk.force
-    spill = BLOCK * dim  # behind the block's own nodes: there the carried force waits while the slot sets the others
+    spill = (
+        BLOCK * dim
+    )  # behind the block's own nodes: there the carried force waits while the slot sets the others
     if m > 0:
         for d in range(dim):
             force[spill + dim + d] = force[d]
-        internal_force(element, parameters, offset + lo, dim, u[lo * dim : (lo + m + 1) * dim], force[: (m + 1) * dim])
+        internal_force(
+            element, parameters, offset + lo, dim, u[lo * dim : (lo + m + 1) * dim], force[: (m + 1) * dim]
+        )
         for d in range(dim):
             force[d] += force[spill + dim + d]
     for i in range(hi - lo):
@@ -166,21 +191,45 @@ kinetic.reduction = True  # type: ignore[attr-defined]
 
 
 def bulk_head(
-    group: Any, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float  # noqa: ARG001
+    group: Any,
+    bulk: Bulk,
+    u: Floats,
+    v: Floats,
+    pull: Floats,
+    momentum: Floats,
+    weigh: bool,
+    dim: int,
+    dt: float,  # noqa: ARG001
 ) -> None:
     """Slot: advance the first group of bodies."""
     _unbound()
 
 
 def bulk_tail(
-    group: Any, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float  # noqa: ARG001
+    group: Any,
+    bulk: Bulk,
+    u: Floats,
+    v: Floats,
+    pull: Floats,
+    momentum: Floats,
+    weigh: bool,
+    dim: int,
+    dt: float,  # noqa: ARG001
 ) -> None:
     """Slot: advance the other groups."""
     _unbound()
 
 
 def bulk_chain(
-    groups: Any, bulk: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float
+    groups: Any,
+    bulk: Bulk,
+    u: Floats,
+    v: Floats,
+    pull: Floats,
+    momentum: Floats,
+    weigh: bool,
+    dim: int,
+    dt: float,
 ) -> None:
     """Advance a pair (group, other groups): bodies of unlike element or material run through code of their own."""
     bulk_head(groups[0], bulk, u, v, pull, momentum, weigh, dim, dt)

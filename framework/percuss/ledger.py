@@ -77,7 +77,13 @@ def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
     moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
     started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
     contacts = float(np.abs(outcome.points.impulse).sum())
-    scale = max(moving, started, contacts, float(np.abs(outcome.load_impulse).max(initial=0.0)), float(np.abs(supports).max()))
+    scale = max(
+        moving,
+        started,
+        contacts,
+        float(np.abs(outcome.load_impulse).max(initial=0.0)),
+        float(np.abs(supports).max()),
+    )
     return {
         "initial": before.tolist(),
         "final": after.tolist(),
@@ -104,7 +110,9 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, dict[str, Any]]
             "penetration": {
                 "largest": float(p.deepest),
                 "time_mean": float(p.overlap / max(outcome.done, 1)),
-                "energy": float(0.5 * p.end_stiffness * p.deepest**2) if np.isfinite(p.end_stiffness) else 0.0,
+                "energy": float(0.5 * p.end_stiffness * p.deepest**2)
+                if np.isfinite(p.end_stiffness)
+                else 0.0,
             },
         }
     return out

@@ -29,11 +29,11 @@ SPECIAL = np.dtype(
     ]
 )
 # a direction (`axes` from `axis` on) in which a node's velocity is prescribed; `reaction` is the sum over steps
-HOLD = np.dtype([("base", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
+HOLD = np.dtype([("place", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
 # the part of a contact force that a hold bears
 SHARE = np.dtype([("hold", "i8"), ("point", "i8"), ("value", "f8")])
 # a force on a single node: `axes` from `axis` on is the force at amplitude 1
-PUSH = np.dtype([("base", "i8"), ("axis", "i8"), ("inverse_mass", "f8"), ("column", "i8")])
+PUSH = np.dtype([("place", "i8"), ("axis", "i8"), ("inverse_mass", "f8"), ("column", "i8")])
 # works so far, and what the watch compares them with
 TOTAL = np.dtype(
     [
@@ -89,7 +89,15 @@ class Record(NamedTuple):
 
 
 def bulk(  # noqa: PLR0917
-    groups: Any, masses: Bulk, u: Floats, v: Floats, pull: Floats, momentum: Floats, weigh: bool, dim: int, dt: float  # noqa: ARG001
+    groups: Any,
+    masses: Bulk,
+    u: Floats,
+    v: Floats,
+    pull: Floats,
+    momentum: Floats,
+    weigh: bool,
+    dim: int,
+    dt: float,  # noqa: ARG001
 ) -> None:
     """Slot: advance all bodies by a step without contact."""
     raise NotImplementedError
@@ -124,7 +132,7 @@ def advance(
     first: int,
     count: int,
 ) -> int:
-    """March `count` steps from step `first`; return how many were done before the watch stopped the run."""
+    """March `count` steps from step `first`; return how many were sound: `count`, or the place of the one that was not."""
     special, points, totals = few.special, few.points, few.totals
     holds, shares, pushes, axes = few.holds, few.shares, few.pushes, few.axes
     for s in range(count):
@@ -170,7 +178,7 @@ def advance(
         limit = total.growth * (total.began_with + total.largest_work) + total.floor
         # the comparison fails for a work that is no number, too
         if not (sound and total.contact_work <= limit):
-            return s + 1
+            return s
     return count
 
 
@@ -180,7 +188,7 @@ def push(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim
         f = pushes[i]
         scale = dt * f.inverse_mass * amplitude[s, f.column]
         for d in range(dim):
-            special[f.base + d].new_v += scale * axes[f.axis + d]
+            special[f.place + d].new_v += scale * axes[f.axis + d]
 
 
 def pushed(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> float:
@@ -189,7 +197,7 @@ def pushed(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, d
     for i in range(pushes.size):
         f = pushes[i]
         for d in range(dim):
-            q = special[f.base + d]
+            q = special[f.place + d]
             work += amplitude[s, f.column] * axes[f.axis + d] * (q.old_v + q.new_v)
     return 0.5 * dt * work
 
@@ -202,11 +210,11 @@ def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: 
         now = 0.0
         before = 0.0
         for d in range(dim):
-            now += axes[h.axis + d] * special[h.base + d].new_v
-            before += axes[h.axis + d] * special[h.base + d].old_v
+            now += axes[h.axis + d] * special[h.place + d].new_v
+            before += axes[h.axis + d] * special[h.place + d].old_v
         wanted = velocity[s, h.column]
         for d in range(dim):
-            special[h.base + d].new_v += (wanted - now) * axes[h.axis + d]
+            special[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
         reaction = h.mass * (wanted - now) / dt
         h.reaction += reaction
         work += reaction * (before + wanted)
@@ -214,7 +222,15 @@ def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: 
 
 
 def bear(
-    shares: Any, holds: Any, points: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: int, dt: float
+    shares: Any,
+    holds: Any,
+    points: Any,
+    special: Any,
+    axes: Floats,
+    velocity: Floats,
+    s: int,
+    dim: int,
+    dt: float,
 ) -> float:
     """Let supports and drives bear the contact forces on their nodes; return the work this takes."""
     work = 0.0
@@ -223,7 +239,7 @@ def bear(
         h = holds[share.hold]
         before = 0.0
         for d in range(dim):
-            before += axes[h.axis + d] * special[h.base + d].old_v
+            before += axes[h.axis + d] * special[h.place + d].old_v
         reaction = -share.value * points[share.point].multiplier
         h.reaction += reaction
         work += reaction * (before + velocity[s, h.column])

@@ -8,14 +8,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss import escape, kernels, loop
+from percuss.binding import Kernels, bind, bind_around
 from percuss.contact import point_records
 from percuss.contracts import Rows
-from percuss.specialise import Specialiser, compile_error, jit_disabled
+from percuss.specialise import compile_error
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats
@@ -28,15 +29,6 @@ KINETIC_GROWTH = 100.0
 SILENT_STRAIN = 1e-10  # energies below that of this strain everywhere are noise
 
 Progress = Callable[[int, int], None]
-
-
-class Kernels(NamedTuple):
-    """The bound loop, and why it is not compiled if it is not."""
-
-    advance: Callable[..., int]
-    elastic: Callable[..., float]
-    compiled: bool
-    reasons: tuple[str, ...]
 
 
 @dataclass
@@ -76,7 +68,7 @@ class March:
         self.dim = model.dim
         self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
         self._arrays()
-        self.kernels = self._kernels(compiled)
+        self.kernels = bind(self.group_parts, self.groups, self.own_laws, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
 
     # -- arrays ------------------------------------------------------------------------------------------
@@ -247,61 +239,6 @@ class March:
             pull[:, one.body * dim : (one.body + 1) * dim] += force[:, column, None] * one.acceleration
         return loop.Drive(force, velocity, pull)
 
-    # -- kernels -----------------------------------------------------------------------------------------
-
-    def _kernels(self, compiled: bool) -> Kernels:
-        reasons: list[str] = []
-        if not compiled:
-            reasons.append("compilation was switched off for this run")
-        elif jit_disabled():
-            reasons.append("compilation is switched off by NUMBA_DISABLE_JIT")
-        if reasons:
-            advance, elastic = self._bind(Specialiser(jit=False), frozenset())
-            return Kernels(advance, elastic, compiled=False, reasons=tuple(reasons))
-        advance, elastic = self._bind(Specialiser(jit=True), frozenset())
-        return Kernels(advance, elastic, compiled=True, reasons=())
-
-    def _bind(self, maker: Specialiser, plain: frozenset[str]) -> tuple[Callable[..., int], Callable[..., float]]:
-        """Return the loop and the strain-energy kernel; parts named in `plain` and what calls them stay Python."""
-        bulk = elastic = None
-        whole = not plain
-        for element, material in reversed(self.group_parts):
-            part = maker.with_slots(bulk_slots(element, material))
-            part.jit = maker.jit and bulk_name(element, material) not in plain
-            head = part.bind(kernels.bulk_group, cache=not whole)
-            head_energy = part.bind(kernels.elastic_group, cache=not whole)
-            if bulk is None or elastic is None:
-                bulk, elastic = head, head_energy
-                continue
-            slots = {kernels.bulk_head: head, kernels.bulk_tail: bulk}
-            bulk = maker.with_slots(slots).bind(kernels.bulk_chain, plain=not whole)
-            slots = {kernels.elastic_head: head_energy, kernels.elastic_tail: elastic}
-            elastic = maker.with_slots(slots).bind(kernels.elastic_chain, plain=not whole)
-        slots = {loop.bulk: bulk, loop.elastic: elastic, loop.own_laws: escape.bind(maker, self.own_laws, plain)}
-        top = maker.with_slots(slots)
-        advance = top.bind(loop.advance, cache=True, plain=not whole)
-        return advance, top.bind(loop.strain_energy, cache=True, plain=not whole)
-
-    def plain_parts(self, error: Exception) -> tuple[frozenset[str], tuple[str, ...]]:
-        """Return which parts cannot be compiled, and why, after compiling the loop has failed with `error`."""
-        reasons: dict[str, Exception] = {}
-        u, v, momentum = self.u.copy(), self.v.copy(), np.zeros(len(self.model.bodies) * self.dim)
-        pull = np.zeros(momentum.size)
-        for parts, group in zip(self.group_parts, self.groups, strict=True):
-            maker = Specialiser(bulk_slots(*parts))
-            try:
-                maker.bind(kernels.bulk_group)(group, self.bulk, u, v, pull, momentum, False, self.dim, self.model.dt)
-                maker.bind(kernels.elastic_group)(group, u, v, self.dim, self.model.dt)
-            except compile_error() as why:
-                reasons[bulk_name(*parts)] = why
-        for entry in self.own_laws:
-            why_not = escape.why_not(entry)
-            if why_not is not None:
-                reasons[f"contact law {entry['law'].name}"] = why_not
-        if not reasons:
-            raise error
-        return frozenset(reasons), tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
-
     # -- the march ---------------------------------------------------------------------------------------
 
     def run(self, progress: Progress | None = None) -> Outcome:
@@ -330,7 +267,8 @@ class March:
         total = self.few.totals[0]
         total.began_with = max(self._initial_energy(), out.energy_before)
         total.growth, total.floor = GROWTH, self._noise()
-        with interruptible() as interrupted:
+        # plain Python warns of what compiled code passes over, and the watch sees to
+        with interruptible() as interrupted, np.errstate(all="ignore"):
             self._march(out, progress, interrupted)
             self._bank()
             out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
@@ -393,9 +331,8 @@ class March:
         except Exception as error:
             if not self.kernels.compiled or not isinstance(error, compile_error()):
                 raise
-            plain, reasons = self.plain_parts(error)
-            advance, elastic = self._bind(Specialiser(jit=True), plain)
-            self.kernels = Kernels(advance, elastic, compiled=False, reasons=reasons)
+            trial = (self.bulk, self.u.copy(), self.v.copy(), self.dim, self.model.dt)
+            self.kernels = bind_around(error, self.group_parts, self.groups, self.own_laws, trial)
 
     def _chunks(self, first: int, last: int) -> Iterator[tuple[int, int]]:
         cost = (1.2e-9 if self.kernels.compiled else 2e-6) * (self.u.size + 150)
@@ -461,30 +398,14 @@ class March:
 
         for array, value in zip(self._changing(), kept, strict=True):
             array[:] = value
+        for s in range(count):
+            solved = self._advance(loop.Drive(*(part[s : s + 1] for part in drive)), first + s, 1) == 1
+            if not solved or not self._sound():
+                break
         total = self.few.totals[0]
-        with np.errstate(all="ignore"):
-            for s in range(count):
-                self._advance(loop.Drive(*(part[s : s + 1] for part in drive)), first + s, 1)
-                limit = total.growth * (total.began_with + total.largest_work) + total.floor
-                by_contact = not total.contact_work <= limit
-                if by_contact or not self._sound():
-                    return first + s, likely_cause(self, first + s, by_contact=by_contact)
-        return first + count - 1, likely_cause(self, first + count - 1, by_contact=True)
-
-
-def bulk_slots(element: Any, material: Any) -> dict[Any, Any]:
-    """Return the slots of the bulk update that an element and a material class fill."""
-    return {
-        kernels.stress: material.stress,
-        kernels.energy_density: material.energy_density,
-        kernels.internal_force: element.internal_force,
-        kernels.energy: element.energy,
-    }
-
-
-def bulk_name(element: Any, material: Any) -> str:
-    """Return what a pair of element and material is called in messages."""
-    return f"element {element.name} with material {material.name}"
+        limit = total.growth * (total.began_with + total.largest_work) + total.floor
+        by_contact = not total.contact_work <= limit
+        return first + s, likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
 
 
 def records(rows: list[tuple[Any, ...]], kind: Any) -> Any:
@@ -496,13 +417,6 @@ def _frozen(array: Any) -> Any:
     array = np.ascontiguousarray(array)
     array.flags.writeable = False
     return array
-
-
-def _short(error: Exception) -> str:
-    """Return the telling line of a compiler's message."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))]
-    return (telling or lines or ["no reason given"])[0]
 
 
 @contextmanager

@@ -3,99 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.contact import Side, broadcast, delassus_rows, judge, own_multipliers
-from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, Mesh, Rows
+from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, Rows
 from percuss.errors import InputError, Problem, RefusedPair
+from percuss.parts import Body, Hold, Meeting, Pull, Push
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from percuss.case import Address, BodySpec, Case, ContactSpec, LoadSpec
+    from percuss.case import Address, Case, ContactSpec, LoadSpec
 
 TOUCHING = 1e-9  # of an element length: a smaller initial gap or overlap is none
 MOST_STEPS = 2**40
-
-
-@dataclass(frozen=True)
-class Body:
-    """One body: its mesh, masses and place among the nodes of the model."""
-
-    name: str
-    number: int
-    spec: BodySpec
-    mesh: Mesh
-    start: int  # first node
-    mass: Floats  # (n + 1,)
-    stiffness: Floats  # (n,) EA/h
-    frequency: Floats  # (n,) 2c/h
-    velocity: Floats  # (dim,)
-
-    @property
-    def stop(self) -> int:
-        """One past the body's last node."""
-        return self.start + self.mass.size
-
-    def end_element(self, node: int) -> int:
-        """Return the element at an end node, counted in the body."""
-        return 0 if node == self.start else self.stiffness.size - 1
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """One contact point: its nodes, unit normal (from the first side to the second) and initial gap."""
-
-    name: str
-    nodes: tuple[int, ...]
-    normal: Floats  # (dim,)
-    gap: float
-    law: ContactLaw
-    stiffness: float
-    frequency: float
-    mass: float
-    equal_sides: bool
-
-    def rows(self) -> list[tuple[int, Floats]]:
-        """Return N as (node, coefficients) of each side: minus the normal at the first, plus at the second."""
-        return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
-
-
-@dataclass(frozen=True)
-class Hold:
-    """A direction in which a node's velocity is prescribed, always (a support) or within a window (a drive)."""
-
-    node: int
-    direction: Floats
-    load: LoadSpec | None
-    column: int
-
-    def active(self, midpoint: float) -> bool:
-        """Return whether it holds in the step around `midpoint`."""
-        return self.load is None or self.load.start < midpoint < self.load.stop
-
-
-@dataclass(frozen=True)
-class Push:
-    """A force on one node: vector at amplitude 1, and the load that gives the amplitude."""
-
-    node: int
-    force: Floats
-    load: LoadSpec
-    column: int
-
-
-@dataclass(frozen=True)
-class Pull:
-    """An acceleration of a whole body: vector at amplitude 1, and the load that gives the amplitude."""
-
-    body: int
-    acceleration: Floats
-    load: LoadSpec
 
 
 class Model:
@@ -467,25 +391,21 @@ class Model:
     def starting_velocity(self) -> Floats:
         """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim): a second-order start, without contact forces."""
         start = self.initial_velocity.copy()
-        zero = np.zeros(1)
-        half = 0.5 * self.dt
         for push in self.pushes:
-            if push.load.start <= 0:
-                amplitude = self.amplitude(push.load, zero, average=True)[0]
-                start[push.node] -= half * amplitude * push.force / self.mass[push.node]
+            start[push.node] -= self._before_start(push.load) * push.force / self.mass[push.node]
         bodies = list(self.bodies.values())
         for pull in self.pulls:
-            if pull.load.start <= 0:
-                body = bodies[pull.body]
-                amplitude = self.amplitude(pull.load, zero, average=True)[0]
-                start[body.start : body.stop] -= half * amplitude * pull.acceleration
-        self._prescribe(start, -half)
+            body = bodies[pull.body]
+            start[body.start : body.stop] -= self._before_start(pull.load) * pull.acceleration
+        self._prescribe(start, -0.5 * self.dt)
         return start
 
-
-def build(case: Case) -> Model:
-    """Return the model of a case."""
-    return Model(case)
+    def _before_start(self, spec: LoadSpec) -> float:
+        """Return the amplitude of a load times how long it acts in [-dt/2, 0], which the first step counts too."""
+        if spec.start > 0:
+            return 0.0
+        amplitude = float(self.amplitude(spec, np.zeros(1), average=False)[0])
+        return amplitude * min(max(0.5 * self.dt + min(spec.stop, 0.0), 0.0), 0.5 * self.dt)
 
 
 def resolved_methods(model: Model) -> Mapping[str, Any]:

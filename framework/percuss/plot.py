@@ -4,32 +4,46 @@ from __future__ import annotations
 
 import io
 import os
-import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.errors import InputError, PercussError, Problem
+from percuss.report import (
+    ALARM,
+    FAINT,
+    INK,
+    OVERLAY,
+    SOFT,
+    alarm,
+    details,
+    header,
+    legend,
+    number,
+    one_line,
+    powers,
+    say,
+    settle,
+    stopped_at,
+)
 from percuss.result import Result, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.contracts import Floats
-
-__all__ = ["comparison_figure", "figure_of", "force_figure", "picture", "plot_comparison", "plot_result"]
+__all__ = ["check_suffix", "figure_of", "force_figure", "picture", "plot_comparison", "plot_result"]
 
 SUFFIXES = (".png", ".svg", ".pdf")
-INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
 # Okabe and Ito's colours in an order whose neighbours also differ in grey, each with a dash of its own
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
-DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2.5, 1)), (0, (9, 2, 3, 2)), (0, (1.2, 1)))
-MOST_POINTS = 10_000  # a line longer than this is thinned to its extremes: nobody sees the difference
-OVERLAY = 6  # so many lines can still be told apart in one panel
+DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2.5, 1)), (0, (9, 2, 3, 2)), (0, (1, 1)))
+MOST_POINTS = 10_000  # a longer line is thinned to its extremes: no picture is as fine as that
+PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
 STYLE = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
     "font.size": 10.5,
@@ -38,19 +52,12 @@ STYLE = {
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.labelcolor": INK,
     "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,
     "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.7,
     "hatch.color": FAINT,
-    "hatch.linewidth": 0.8,
     "legend.frameon": False,
     "legend.fontsize": 9.5,
     "legend.handlelength": 2.6,
-    "lines.linewidth": 1.5,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
     "svg.fonttype": "path",
     "svg.hashsalt": "percuss",
     "pdf.fonttype": 42,
@@ -69,14 +76,7 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
         What to draw. Where it has an attribute ``exact_histories`` that is not None, a mapping of a contact's name
         to (times, forces), those are laid over.
     path
-        File ending in .png, .svg or .pdf; written beside and then renamed.
-
-    Raises
-    ------
-    InputError
-        If the suffix is another one, or the folder cannot be written.
-    PercussError
-        If matplotlib is not installed.
+        File ending in .png, .svg or .pdf; written beside and then renamed. Errors are those of `check_suffix`.
     """
     _write(path, lambda: figure_of(result))
 
@@ -89,65 +89,361 @@ def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[s
     rows
         Mappings with ``label``, ``result`` (a Result, or None where there is none) and, for the latter, ``reason``.
     path
-        File ending in .png, .svg or .pdf.
+        As of `plot_result`.
+    """
+    from percuss.report import comparison_figure
+
+    _write(path, lambda: comparison_figure(rows))
+
+
+def check_suffix(path: str | os.PathLike[str]) -> None:
+    """Refuse a picture that cannot be drawn, before anything is run for it.
 
     Raises
     ------
     InputError
-        If the suffix is another one, or the folder cannot be written.
+        If `path` ends in something else than .png, .svg or .pdf.
     PercussError
         If matplotlib is not installed.
     """
-    _write(path, lambda: comparison_figure(rows))
+    suffix = Path(path).suffix
+    if suffix.lower() not in SUFFIXES:
+        message = f"expected a picture ending in .png, .svg or .pdf, found {suffix or 'no ending'}"
+        raise InputError([Problem(str(path), "", message, "Name the file with one of the three.")])
+    with drawing():
+        pass
 
 
 def figure_of(result: Result) -> Figure:
-    """Return the picture of a run as a matplotlib Figure, belonging to no window: forces, energies, stress."""
-    with _drawing():
+    """Return the picture of a run as a matplotlib Figure of no window: forces, energies, stress."""
+    with drawing():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(12.8, 7.4), facecolor="white")
-        _header(figure, [result.title or "Untitled case"], _details(result), _alarm(result))
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1.0))
+        header(figure, result.title, details(result), alarm(result))
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0 if result.field_arrays else 0.4))
         force = figure.add_subplot(grid[0, 0])
-        energy = figure.add_subplot(grid[1, 0], sharex=force)
-        _forces(force, result)
+        energy = figure.add_subplot(grid[1, 0])
+        forces(force, result)
         force.set_xlabel("")
         _energies(energy, result)
-        for axes in (force, energy):
-            _not_computed(axes, result)
+        for axes, word in ((force, True), (energy, False)):
+            axes.set_xlim(0, _shown_until(result))
+            _not_computed(axes, result, word=word)
         _space_time(figure.add_subplot(grid[:, 1]), result)
-        return figure
+        return settle(figure)
 
 
 def force_figure(result: Result) -> Figure:
     """Return the contact forces of a run alone, as a notebook shows them."""
-    with _drawing():
+    with drawing():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(7.6, 3.0), facecolor="white", layout="constrained")
         axes = figure.add_subplot()
-        _forces(axes, result)
+        forces(axes, result)
+        axes.set_xlim(0, _shown_until(result))
         _not_computed(axes, result)
-        return figure
+        return settle(figure)
 
 
-def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return the picture of several runs of one case; see `plot_comparison`."""
-    with _drawing():
-        from percuss.plot_comparison import draw  # placeholder
-
-        return draw(rows)
-
-
-def picture(figure: Figure, kind: str = "png") -> bytes:
+def picture(figure: Figure, kind: str) -> bytes:
     """Return a figure as the bytes of a png, svg or pdf file; the same figure gives the same bytes."""
     stamps: dict[str, dict[str, Any]] = {
         "png": {"Software": None},
         "svg": {"Date": None, "Creator": "percuss"},
-        "pdf": {"CreationDate": None, "Creator": "percuss"},
+        "pdf": {"CreationDate": None, "Creator": "percuss", "Producer": None},
     }
     out = io.BytesIO()
-    with _drawing():
-        figure.savefig(out, format=kind, dpi=200, metadata=stamps[kind])
+    with drawing():
+        figure.savefig(out, format=kind, dpi=180, metadata=stamps[kind])
     return out.getvalue()
+
+
+# -- around the panels -------------------------------------------------------------------------------------
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Draw in this module's style, whatever the user's own is; leave matplotlib's settings as they were."""
+    try:
+        from matplotlib import style
+    except ImportError as error:
+        message = "a picture needs matplotlib, which is not installed: pip install 'percuss[plot]'"
+        raise PercussError(message) from error
+    with style.context(["default", STYLE]):
+        yield
+
+
+def _write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
+    check_suffix(path)
+    suffix = Path(path).suffix
+    content = picture(draw(), suffix.lower()[1:])
+    with replacing(path, suffix) as beside:
+        beside.write_bytes(content)
+
+
+def _shown_until(result: Result) -> float:
+    """Return the end of the time axis: as planned, unless the run stopped far before that."""
+    stopped = stopped_at(result)
+    planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
+    return float(max(min(planned, 1.3 * stopped), result.summary["dt"]))
+
+
+def _not_computed(axes: Axes, result: Result, *, word: bool = True, upwards: bool = False) -> None:
+    """Hatch the time after a run's stop."""
+    stopped, until = stopped_at(result), _shown_until(result)
+    if result.status == "done" or stopped >= until:
+        return
+    span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)
+    span(stopped, until, facecolor="#f3f3f3", edgecolor=FAINT, hatch="///", linewidth=0)
+    line(stopped, color=ALARM, linewidth=1.5)
+    if not word:
+        return
+    middle = 0.5 * (stopped + until)
+    where = (0.5, middle) if upwards else (middle, 0.5)
+    frame = axes.get_yaxis_transform() if upwards else axes.get_xaxis_transform()
+    style: dict[str, Any] = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
+    axes.text(*where, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
+
+
+# -- the panels --------------------------------------------------------------------------------------------
+
+
+def thinned(time: Any, values: Any) -> tuple[Any, Any]:
+    """Return a line as it is, or the smallest and the largest value of each of many stretches, in order."""
+    if time.size <= MOST_POINTS:
+        return time, values
+    starts = np.linspace(0, time.size, MOST_POINTS // 2 + 1).astype(np.int64)
+    kept = {0, time.size - 1}
+    for a, b in pairwise(starts.tolist()):
+        kept.update((a + int(values[a:b].argmin()), a + int(values[a:b].argmax())))
+    index = np.array(sorted(kept))
+    return time[index], values[index]
+
+
+def forces(axes: Axes, result: Result) -> None:
+    """Draw every contact's force, what the case expects and what is exact."""
+    names, time = result.coordinates["contact"], result.arrays["time"]
+    axes.set(xlabel="time", ylabel="contact force")
+    if not names:
+        say(axes, "This case has no contact.")
+        return
+    handles = {}
+    for k, (name, colour) in enumerate(zip(names, colours(len(names)), strict=True)):
+        dash = DASHES[k] if len(names) <= OVERLAY else "-"
+        force = result.arrays["contact_force"][:, k]
+        (handles[name],) = axes.plot(*thinned(time, force), color=colour, linestyle=dash)
+    if len(names) > OVERLAY:
+        _contact_scale(axes, names)
+        handles = {}
+    powers(axes)
+    handles |= truths(axes, result, names)
+    if handles:
+        legend(axes, handles)
+
+
+def colours(count: int) -> list[Any]:
+    """Return a colour for each of `count` lines: told apart by name, or where there are many by order."""
+    if count <= OVERLAY:
+        return list(COLOURS[:count])
+    import matplotlib as mpl
+
+    return list(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, count)))  # its light end is lost on white
+
+
+def _contact_scale(axes: Axes, names: Sequence[str]) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    count = len(names)
+    scale = ScalarMappable(BoundaryNorm(np.arange(count + 1) - 0.5, count), ListedColormap(colours(count)))
+    shown = range(0, count, -(-count // 12))
+    bar = axes.figure.colorbar(scale, ax=axes, ticks=list(shown), pad=0.01, aspect=30, label="contact")
+    bar.ax.minorticks_off()
+    bar.ax.set_yticklabels([one_line(names[k])[:24] for k in shown], parse_math=False, size=9)
+
+
+def truths(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
+    """Draw the exact histories and the expected values of contacts; return their entries of a legend."""
+    known: dict[str, Any] = {}
+    exact = getattr(result, "exact_histories", None) or {}
+    for name in names:
+        if name in exact:
+            time, force = (np.asarray(part, dtype=float) for part in exact[name])
+            (known["exact"],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
+    for item in result.provenance["case"].get("expect") or ():
+        whose = item.get("contact") or (result.coordinates["contact"] or [""])[0]
+        if item.get("quantity") != "contact_force" or whose not in names:
+            continue
+        for statistic, mark in {"mean": "|", "max": "v", "min": "^"}.items():
+            if item.get(statistic) is None:
+                continue
+            value, within = float(item[statistic]), item.get("within", 0.0)
+            share = isinstance(within, str) and within.endswith("%")
+            off = abs(value) * float(within[:-1]) / 100.0 if share else float(within)
+            span = list(item.get("during") or (0.0, stopped_at(result)))
+            axes.fill_between(span, value - off, value + off, color=INK, alpha=0.22, linewidth=0, zorder=2.5)
+            line = axes.plot(span, [value, value], color=INK, linewidth=0.9, marker=mark, zorder=3)
+            known[f"expected {statistic}"] = line[0]
+    return known
+
+
+def _energies(axes: Axes, result: Result) -> None:
+    """Draw the accounts of the energy and say how well they close."""
+    parts = {k: result.arrays[k] for k in ("kinetic_energy", "elastic_energy", "external_work", "contact_work")}
+    total = parts["kinetic_energy"] + parts["elastic_energy"]
+    lines: dict[str, tuple[Any, str, Any, float]] = {
+        "kinetic": (parts["kinetic_energy"], "#0072B2", "-", 1.5),
+        "elastic": (parts["elastic_energy"], "#E69F00", "-", 1.5),
+        "sum": (total, FAINT, "-", 4.0),
+        "sum − external work": (total - parts["external_work"], INK, (0, (4, 2)), 1.2),
+        "contact work": (parts["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
+        "external work": (parts["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
+    }
+    handles = []
+    for values, colour, dash, width in lines.values():
+        line = axes.plot(*thinned(result.arrays["time_half"], values), color=colour, linestyle=dash, linewidth=width)
+        handles += line
+    handles[2].set_zorder(1.9)
+    axes.margins(y=0.18)  # leaves the corner to the words
+    axes.set(xlabel="time", ylabel="energy")
+    powers(axes)
+    error = result.summary["energy"]["ledger_error"]
+    words = f"ledger closes to {number(error)} of the largest energy"
+    axes.text(0.99, 0.975, words, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
+    legend(axes, dict(zip(lines, handles, strict=True)))
+
+
+class _Strip(NamedTuple):
+    """A body in the space-time picture."""
+
+    columns: Any  # its elements in the field
+    edges: Any  # of its elements along the picture's axis
+    ends: Any  # start and end in space, (2, dim)
+
+
+def _strips(fields: Mapping[str, Any]) -> tuple[dict[str, _Strip], str]:
+    """Lay the bodies along one axis: as they stand where they form a line, else one after another."""
+    owner, position = np.array(fields["body"], dtype=object), np.asarray(fields["position"], dtype=float)
+    edges, columns = {}, {}
+    for name in dict.fromkeys(owner):
+        columns[name] = np.flatnonzero(owner == name)
+        edges[name] = _edges(position, columns[name])
+    first, *_ = edges.values()
+    flat = position.shape[1] > 1
+    along = (first[-1] - first[0]) / np.linalg.norm(first[-1] - first[0]) if flat else np.ones(1)
+    origin = first[0] if flat else np.zeros(1)
+    off = np.concatenate(list(edges.values())) - origin
+    if np.abs(off - np.outer(off @ along, along)).max() <= 1e-6 * np.abs(off).max():
+        placed = {name: (points - origin) @ along for name, points in edges.items()}
+        label = f"distance along the line of '{next(iter(edges))}'" if flat else "position"
+    else:
+        label = "length along each body, one after another"
+        placed, at = {}, 0.0
+        for name, points in edges.items():
+            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            placed[name] = at + np.concatenate([[0.0], np.cumsum(steps)])
+            at = placed[name][-1] + 0.06 * np.linalg.norm(first[-1] - first[0])
+    return {name: _Strip(columns[name], placed[name], edges[name][[0, -1]]) for name in edges}, label
+
+
+def _edges(position: Any, columns: Any) -> Any:
+    """Return the ends of a body's elements in space from their middles."""
+    middle = position[columns]
+    if len(middle) > 1:
+        inner = 0.5 * (middle[1:] + middle[:-1])
+        return np.stack([1.5 * middle[0] - 0.5 * middle[1], *inner, 1.5 * middle[-1] - 0.5 * middle[-2]])
+    # nothing says how long a lone element is: let it reach half-way to its neighbour
+    others = np.linalg.norm(np.delete(position, columns, axis=0) - middle, axis=1)
+    half = np.zeros(position.shape[1])
+    half[0] = 0.5 * others.min(initial=np.inf) if others.size else 0.5
+    return np.stack([middle[0] - half, middle[0] + half])
+
+
+def _space_time(axes: Axes, result: Result) -> None:
+    """Draw stress over position and time, bodies by themselves, contacts as lines where closed."""
+    fields = result.field_arrays
+    if not fields or not np.size(fields["stress"]):
+        say(axes, "No stress over space\nand time was recorded.\nAsk for it with\n\nrecord: {fields: 200}")
+        return
+    strips, label = _strips(fields)
+    time, stress = np.asarray(fields["time"], dtype=float), np.asarray(fields["stress"], dtype=float)
+    finite = np.abs(stress[np.isfinite(stress)])
+    largest = float(finite.max(initial=0.0))
+    limit = float(np.percentile(finite, 99.5)) if finite.size else 0.0
+    limit = limit if limit > 1e-3 * largest else largest or 1.0
+    step = time[1] - time[0] if time.size > 1 else result.summary["dt"]
+    rows = np.concatenate([time - 0.5 * step, [time[-1] + 0.5 * step]]).clip(0, max(stopped_at(result), step))
+    look: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "rasterized": True}
+    for strip in strips.values():
+        mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **look)
+        axes.vlines(strip.edges[[0, -1]], 0, rows[-1], colors="#8a8a8a", linewidth=0.6, zorder=2.5)
+    _contact_lines(axes, result, strips, up=_body_names(axes, strips))
+    axes.set(xlabel=label, ylabel="time", ylim=(0, _shown_until(result)))
+    axes.grid(visible=False)
+    powers(axes)
+    _not_computed(axes, result, upwards=True)
+    extend = "both" if largest > 1.001 * limit else "neither"
+    bar = axes.figure.colorbar(mesh, ax=axes, aspect=45, pad=0.015, extend=extend)
+    powers(bar.ax)
+    bar.set_label("compression  ←  stress  →  tension")
+
+
+def _body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
+    """Write each body's name above it, upright where they are narrow; return how high they reach."""
+    whole = np.concatenate([strip.edges for strip in strips.values()])
+    low, high = float(whole.min()), float(whole.max())
+    axes.set_xlim(low - 0.012 * (high - low), high + 0.012 * (high - low))
+    room = {name: 5.0 * float(np.ptp(strip.edges)) / (high - low) for name, strip in strips.items()}
+    upright = any(0.09 * len(name) > inches for name, inches in room.items())
+    frame, turn = axes.get_xaxis_transform(), 90 if upright else 0
+    longest = 0
+    for name in list(strips)[:: -(-len(strips) // 30)]:
+        words = name if len(name) <= 16 or not upright else f"{name[:15]}…"
+        where = (float(strips[name].edges[[0, -1]].mean()), 1.01)
+        style: dict[str, Any] = {"rotation": turn, "size": 9, "ha": "center", "va": "bottom"}
+        axes.text(*where, words, transform=frame, parse_math=False, **style)
+        longest = max(longest, len(words))
+    return 1.02 + 0.0155 * longest if upright else 1.045
+
+
+def _contact_lines(axes: Axes, result: Result, strips: Mapping[str, _Strip], up: float) -> None:
+    """Mark where each contact is closed, thicker while it carries force; white around keeps both visible."""
+    contacts = result.provenance["case"].get("contacts") or {}
+    time, drawn = result.arrays["time"], {}
+    size = float(np.ptp(np.concatenate([strip.edges for strip in strips.values()])))
+    for k, name in enumerate(result.coordinates["contact"]):
+        pressed = result.arrays["contact_force"][:, k] > 0
+        closed = (result.arrays["gap"][:, k] <= 1e-9 * size) | pressed
+        lines = ((closed, 3.0, "white"), (pressed, 5.5, "white"), (closed, 1.4, INK), (pressed, 3.4, INK))
+        for place in _places(contacts.get(name) or {}, strips):
+            for mask, width, colour in lines:
+                start, stop = _stretches(mask, time)
+                at = np.full(start.shape, place)
+                drawn[width] = axes.vlines(at, start, stop, colors=colour, lw=width, zorder=3, capstyle="butt")
+    if drawn:
+        legend(axes, {"contact closed": drawn[1.4], "with force": drawn[3.4]}, up=up)
+
+
+def _stretches(mask: Any, time: Any) -> tuple[Any, Any]:
+    """Return when a condition begins and ends to hold; a sample stands for half a spacing to either side."""
+    padded = np.concatenate([[False], mask, [False]])
+    change = np.flatnonzero(padded[1:] != padded[:-1])
+    half = 0.5 * (time[1] - time[0]) if time.size > 1 else 0.0
+    return np.maximum(time[change[::2]] - half, 0.0), time[change[1::2] - 1] + half
+
+
+def _places(contact: Mapping[str, Any], strips: Mapping[str, _Strip]) -> list[float]:
+    """Return where a contact stands on the picture's axis: in the gap, or at both ends where these lie apart."""
+    ends = []
+    for address in contact.get("between") or [contact.get("body") or ""]:
+        body, _, region = str(address).partition(".")
+        if body in strips:
+            ends.append((body, {"left": 0, "right": -1}.get(region, 0)))
+    places = [float(strips[body].edges[end]) for body, end in ends]
+    if len(places) == 2:
+        spread = np.linalg.norm(strips[ends[0][0]].ends[ends[0][1]] - strips[ends[1][0]].ends[ends[1][1]])
+        if abs(places[1] - places[0]) < spread + 1e-6 * abs(places[0]):  # drawn as near as they are
+            return [0.5 * (places[0] + places[1])]
+    return places

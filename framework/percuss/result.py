@@ -118,7 +118,13 @@ class Result:
         if not self.field_arrays:
             return xr.Dataset()
         return xr.Dataset(
-            {"stress": (("time", "element"), self.field_arrays["stress"], {"long_name": LONG_NAMES["stress"]})},
+            {
+                "stress": (
+                    ("time", "element"),
+                    self.field_arrays["stress"],
+                    {"long_name": LONG_NAMES["stress"]},
+                )
+            },
             coords={
                 "time": self.field_arrays["time"],
                 "body": ("element", np.array(self.field_arrays["body"], dtype=object)),
@@ -169,13 +175,23 @@ class replacing:  # noqa: N801 - reads as a word in a with statement
     def __enter__(self) -> Path:
         folder = self.target.parent
         if not folder.is_dir():
-            raise InputError([Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")])
+            raise InputError(
+                [Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")]
+            )
         if self.target.is_dir():
-            raise InputError([Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")])
+            raise InputError(
+                [
+                    Problem(
+                        str(self.target), "", "expected a file to write, found a folder", "Name a file in it."
+                    )
+                ]
+            )
         try:
             handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
         except OSError as error:
-            problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
+            problem = Problem(
+                str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder."
+            )
             raise InputError([problem]) from error
         os.close(handle)
         self.beside = Path(name)
@@ -202,14 +218,20 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     import xarray as xr
 
     if not Path(path).is_file():
-        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
+        raise InputError(
+            [Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")]
+        )
     try:
         with xr.open_dataset(path, engine="netcdf4") as dataset:
             histories = dataset.load()
     except (OSError, ValueError) as error:
-        raise InputError([Problem(str(path), "", "expected a NetCDF-4 file, found something else")]) from error
+        raise InputError(
+            [Problem(str(path), "", "expected a NetCDF-4 file, found something else")]
+        ) from error
     if histories.attrs.get("format") != FORMAT:
-        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found another NetCDF file")])
+        raise InputError(
+            [Problem(str(path), "", f"expected a percuss result ({FORMAT}), found another NetCDF file")]
+        )
     arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
     arrays |= {name: histories[name].to_numpy() for name in ("time", "time_half")}
     field_arrays: dict[str, Any] = {}
@@ -232,6 +254,10 @@ def machine() -> dict[str, Any]:
     names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
     return {
         "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
-        "machine": {"system": platform.platform(), "processor": platform.machine(), "byteorder": sys.byteorder},
+        "machine": {
+            "system": platform.platform(),
+            "processor": platform.machine(),
+            "byteorder": sys.byteorder,
+        },
         "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }

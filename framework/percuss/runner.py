@@ -92,7 +92,11 @@ def _result(march: March, outcome: Outcome) -> Result:
     if end.size and not np.isnan(outcome.points.end_stiffness).all():
         arrays["contact_force_end"] = end
     probes = model.case.record.probes
-    names = [str(a) for a in probes] if probes is not None else list(dict.fromkeys(str(a) for c in model.case.contacts.values() for a in c.sides))
+    names = (
+        [str(a) for a in probes]
+        if probes is not None
+        else list(dict.fromkeys(str(a) for c in model.case.contacts.values() for a in c.sides))
+    )
     summary = {
         "status": outcome.status,
         "stop": outcome.stop or None,
@@ -125,7 +129,13 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     record, model, dim = outcome.record, march.model, march.dim
     if record.field_every == 0:
         return {}
-    taken = outcome.done // record.field_every + 1 if outcome.status == "done" else outcome.done // record.field_every
+    taken = (
+        outcome.done // record.field_every + 1
+        if outcome.status == "done"
+        else outcome.done // record.field_every
+    )
+    if taken == 0:  # stopped before the first snapshot
+        return {}
     u = record.field[:taken].reshape(taken, -1, 2, dim)
     first = march.field_elements
     stress = np.empty(u.shape[:2])
@@ -134,7 +144,9 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
         element = first[mine] - body.start
         strain = (u[:, mine, 1] - u[:, mine, 0]) @ body.mesh.direction / body.mesh.lengths[element]
         law, parameters = body.spec.material, np.array(body.spec.material.parameters())
-        stress[:, mine] = np.vectorize(lambda e, law=law, p=parameters: law.stress(p, e), otypes=[float])(strain)
+        stress[:, mine] = np.vectorize(lambda e, law=law, p=parameters: law.stress(p, e), otypes=[float])(
+            strain
+        )
     return {
         "time": np.arange(taken) * record.field_every * model.dt,
         "body": [model.body_of(int(node)).name for node in first],

@@ -229,7 +229,7 @@ class RecordSection:
         ]
         | None
     ) = None
-    fields: Annotated[int, Ge(0), Unit("1"), Doc("keep the whole state every so many records; 0 never")] = 0
+    fields: Annotated[int, Ge(0), Unit("1"), Doc("snapshots of stress along the bodies, for the space-time picture")] = 0
 
 
 @dataclass(frozen=True)

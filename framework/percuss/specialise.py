@@ -59,11 +59,14 @@ class Specialiser:
         Slot function to the kernel, plain or already bound, that takes its place.
     jit
         Whether to compile.
+    salt
+        What else the machine code on disk depends on: the classes of its arguments, which are loaded with it.
     """
 
-    def __init__(self, slots: Mapping[Kernel, Kernel] | None = None, *, jit: bool = True) -> None:
+    def __init__(self, slots: Mapping[Kernel, Kernel] | None = None, *, jit: bool = True, salt: str = "") -> None:
         self.slots = dict(slots or {})
         self.jit = jit
+        self.salt = salt
         self.tags: dict[int, str] = {}
         self._bound: dict[int, Kernel] = {}
         self._open: set[int] = set()
@@ -71,7 +74,7 @@ class Specialiser:
 
     def with_slots(self, slots: Mapping[Kernel, Kernel]) -> Specialiser:
         """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
-        other = Specialiser({**self.slots, **slots}, jit=self.jit)
+        other = Specialiser({**self.slots, **slots}, jit=self.jit, salt=self.salt)
         other.tags = self.tags
         other._keep = self._keep
         return other
@@ -86,7 +89,7 @@ class Specialiser:
         cache
             Whether its machine code is kept on disk: for what is called from Python, which holds all it calls.
         plain
-            Leave this one as plain Python around the parts bound so far.
+            Leave this one as plain Python around the parts bound so far; so is whatever calls it.
         """
         if id(function) in self.tags:
             return function
@@ -110,9 +113,15 @@ class Specialiser:
             types.CellType(self._replacement(cell.cell_contents) or cell.cell_contents)
             for cell in source.__closure__ or ()
         )
-        tag = self._tag(source, names, bound, closure)
+        callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
+        plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
+        tag = self._tag(source, names, bound, closure, self.salt if cache else "")
         copy = types.FunctionType(
-            source.__code__, {**source.__globals__, **bound}, f"{source.__name__}_{tag}", source.__defaults__, closure or None
+            source.__code__,
+            {**source.__globals__, **bound},
+            f"{source.__name__}_{tag}",
+            source.__defaults__,
+            closure or None,
         )
         copy.__module__, copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
         copy.__qualname__, copy.__doc__ = f"{source.__name__}_{tag}", source.__doc__
@@ -138,9 +147,14 @@ class Specialiser:
         return None
 
     def _tag(
-        self, source: types.FunctionType, names: set[str], bound: Mapping[str, Kernel], closure: tuple[Any, ...]
+        self,
+        source: types.FunctionType,
+        names: set[str],
+        bound: Mapping[str, Kernel],
+        closure: tuple[Any, ...],
+        salt: str,
     ) -> str:
-        digest = hashlib.sha256(_versions().encode())
+        digest = hashlib.sha256(f"{_versions()};{salt}".encode())
         digest.update(repr(sorted(_options(source).items()) if self.jit else "plain").encode())
         _feed_code(digest, source.__code__)
         digest.update(repr(source.__defaults__).encode())

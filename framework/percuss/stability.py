@@ -6,9 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.contact import SWEEPS
+
 if TYPE_CHECKING:
     from percuss.march import March
     from percuss.model import Model
+
+UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 
 
 def free_step(model: Model) -> float:
@@ -59,7 +63,7 @@ def certificate(model: Model, order: list[int], points: Any) -> dict[str, Any]:
     }
 
 
-def likely_cause(march: March, step: int, *, by_contact: bool) -> dict[str, Any]:
+def likely_cause(march: March, step: int, *, by_contact: bool, unsolved: bool = False) -> dict[str, Any]:
     """Return step, time, node and likely cause of a run that was stopped.
 
     Parameters
@@ -70,15 +74,21 @@ def likely_cause(march: March, step: int, *, by_contact: bool) -> dict[str, Any]
         The step after which it was stopped.
     by_contact
         Whether the work of the contacts ran away, rather than the bodies' own energy.
+    unsolved
+        Whether the sweeps over contacts that share an end did not converge.
     """
     model = march.model
     finite = np.isfinite(march.u) & np.isfinite(march.v)
     points = march.few.points
     closed = [p for p in range(points.size) if points[p].multiplier != 0.0]
-    node = _worst_node(march, finite, closed if by_contact else [])
+    node = _worst_node(march, finite, closed if by_contact or unsolved else [])
     body = model.body_of(node)
     energy = "the work of the contacts" if by_contact else "the kinetic energy"
-    what = "a value is no longer finite" if not finite.all() else f"{energy} exceeds all energy put in many times"
+    what = f"{energy} exceeds all energy put in many times"
+    if not finite.all():
+        what = "a value is no longer finite"
+    elif unsolved:
+        what = f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
     return {
         "step": step,
         "time": step * model.dt,
@@ -87,7 +97,7 @@ def likely_cause(march: March, step: int, *, by_contact: bool) -> dict[str, Any]
         "node_in_body": node - body.start,
         "position": [float(x) for x in model.nodes[node]],
         "what": what,
-        "cause": _cause(march, closed if by_contact else list(range(points.size))),
+        "cause": UNSOLVED if unsolved else _cause(march, closed if by_contact else list(range(points.size))),
     }
 
 
@@ -113,7 +123,9 @@ def _cause(march: March, suspects: list[int]) -> str:
         bound = closed_contact_step(model, march.order, points, p)
         if model.dt > bound * (1.0 + 1e-9):
             name = model.meetings[march.order[p]].name
-            said = ", ".join(f"{k} = {v:.6g}" for k, v in parameters[name].items() if k in {"beta_s", "ratio"})
+            said = ", ".join(
+                f"{k} = {v:.6g}" for k, v in parameters[name].items() if k in {"beta_s", "ratio"}
+            )
             return (
                 f"the step {model.dt:.6g} is above {bound:.6g}, which the closed contact '{name}' allows at most "
                 f"({parameters[name]['law']}{': ' + said if said else ''}): lower the step or the penalty stiffness"

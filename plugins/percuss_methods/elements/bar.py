@@ -67,7 +67,9 @@ class BarElement(Element):
                     stress(parameters, sign * (displacement[i + 1] - displacement[i]) * inverse[i])
                     - stress(parameters, sign * (displacement[i] - displacement[i - 1]) * inverse[i - 1])
                 )
-            force[m] = -area * stress(parameters, sign * (displacement[m] - displacement[m - 1]) * inverse[m - 1])
+            force[m] = -area * stress(
+                parameters, sign * (displacement[m] - displacement[m - 1]) * inverse[m - 1]
+            )
             return
         direction = element.direction[first]
         previous = 0.0

@@ -22,7 +22,8 @@ class CentralDifference(Integrator):
     summary = "Central difference, contact judged at the current state"
     references = (
         "Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements for Continua and Structures, Wiley 2014",
-        "Park, Variable-step central difference methods, Comput. Struct. 8 (1977), doi 10.1016/0045-7949(78)90022-3",
+        "Kolman, Kopacka, Gonzalez, Gabriel, Cho, Plesek, Park: Bi-penalty stabilized explicit finite element "
+        "algorithm for one-dimensional contact-impact problems, eq. (5)",
     )
     order = 2
     conserves = ("energy", "momentum")

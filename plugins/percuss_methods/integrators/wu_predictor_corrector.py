@@ -21,7 +21,7 @@ class WuPredictorCorrector(Integrator):
     name = "wu-predictor-corrector"
     summary = "Wu's predictor-corrector, contact judged at the predicted state"
     references = (
-        "Wu, A priori error estimation of an explicit contact algorithm, Proc. WCCM (2003)",
+        "Wu (2003), in the form of section 5 of Kolman et al.",
         "Kolman, Kopacka, Gonzalez, Gabriel, Cho, Plesek, Park: Bi-penalty stabilized explicit finite element "
         "algorithm for one-dimensional contact-impact problems",
     )
@@ -30,4 +30,6 @@ class WuPredictorCorrector(Integrator):
 
     def bind(self, dt: float) -> LeapFrog:
         """Return the table of the scheme: explicit laws see u*, and no gap acceleration."""
-        return LeapFrog(explicit=Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end=end_of_step(dt))
+        return LeapFrog(
+            explicit=Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end=end_of_step(dt)
+        )

@@ -1,0 +1,323 @@
+"""The command line. Everything heavy is imported inside the command that needs it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from percuss.errors import InputError, PercussError, Problem, RunError
+
+if TYPE_CHECKING:
+    from percuss.case import Case
+    from percuss.result import Result
+
+app = typer.Typer(
+    name="percuss",
+    help="A bench on which explicit contact-impact methods are compared.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="YAML file of the case.")]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Replace a value, as method.contact.beta_s=1; repeatable."
+    ),
+]
+Plugins = Annotated[
+    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A single-file plug-in; repeatable.")
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")
+]
+
+
+def main() -> None:
+    """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input."""
+    try:
+        app(standalone_mode=True)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(1)
+
+
+# ------------------------------------------------------------------------------------------------- commands
+
+
+@app.command()
+def run(
+    case: CaseFile,
+    set_: Sets = None,
+    plugin: Plugins = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result (NetCDF-4).")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the result: png, svg or pdf by suffix."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run a case; print what came out, save it, draw it."""
+    with reporting(as_json):
+        from percuss.runner import run as run_case
+
+        if plot is not None:
+            _drawable(plot)
+        loaded = _load(case, set_, plugin)
+        if plot is not None and loaded.record.fields == 0:
+            loaded = loaded.with_overrides({"record.fields": 400})
+        for note in loaded.notes:
+            print(f"note: {note}", file=sys.stderr)
+        for path in (out, plot):
+            if path is not None:
+                _writable(path)
+        failure: RunError | None = None
+        with progress_bar() as progress:
+            try:
+                result = run_case(loaded, progress=progress)
+            except RunError as error:
+                failure, result = error, error.result
+        _outputs(result, out, plot)
+        if as_json:
+            _print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
+        else:
+            from percuss.tell import tell_result
+
+            tell_result(result)
+        if failure is not None:
+            print(f"error: {failure}", file=sys.stderr)
+        if result.status != "done":
+            raise typer.Exit(1)
+
+
+@app.command()
+def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: AsJson = False) -> None:
+    """Say in words and formulas what a case will do, without running it."""
+    with reporting(as_json):
+        from percuss.explain import explanation
+        from percuss.model import Model
+
+        told = explanation(Model(_load(case, set_, plugin)))
+        if as_json:
+            _print_json(told.data)
+        else:
+            print(told.text)
+
+
+@app.command()
+def compare(
+    case: CaseFile,
+    integrator: Annotated[str, typer.Option("--integrator", metavar="A,B", help="Integrators to run.")] = "",
+    contact: Annotated[str, typer.Option("--contact", metavar="X,Y", help="Contact laws to run.")] = "",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="PATH=VALUES", help="1,2,5 or 0:1:11 or 0.01:100:log:30; repeatable."),
+    ] = None,
+    set_: Sets = None,
+    plugin: Plugins = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Overlay the contact forces.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run pairs of methods on one case and put them side by side."""
+    with reporting(as_json):
+        from percuss import comparison
+        from percuss.vary import varied
+
+        if plot is not None:
+            _drawable(plot)
+        loaded = _load(case, set_, plugin)
+        if plot is not None:
+            _writable(plot)
+        contacts = _names(contact)
+        own = comparison.own_laws(loaded) if contacts else []
+        if own:
+            print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
+        rows = comparison.compare(loaded, _names(integrator), contacts, varied(vary or []))
+        if plot is not None:
+            from percuss.plot import plot_comparison
+
+            plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
+        if as_json:
+            _print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows]})
+        else:
+            from percuss.tell import tell_rows
+
+            tell_rows(loaded.title, rows)
+        if not any(row.status == "done" for row in rows):
+            raise typer.Exit(1)
+
+
+@app.command()
+def verify(
+    cases: Annotated[list[Path], typer.Argument(metavar="CASE...", help="YAML files of cases.")],
+    plugin: Plugins = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run cases and hold what they expect of themselves against what came out."""
+    with reporting(as_json):
+        from percuss import measures
+        from percuss.runner import run as run_case
+
+        loaded = [(path, _load(path, None, plugin)) for path in cases]
+        told = []
+        for path, one in loaded:
+            try:
+                checks = [c.as_dict() for c in measures.verify(one, run_case(one))]
+                error = "" if checks else "the case expects nothing: add `expect`"
+            except PercussError as stopped:
+                checks, error = [], str(stopped)
+            passed = not error and all(c["passed"] for c in checks)
+            told.append(
+                {"case": str(path), "title": one.title, "passed": passed, "error": error, "checks": checks}
+            )
+        if as_json:
+            _print_json({"passed": all(t["passed"] for t in told), "cases": told})
+        else:
+            from percuss.tell import tell_checks
+
+            tell_checks(told)
+        if not all(t["passed"] for t in told):
+            raise typer.Exit(1)
+
+
+@app.command()
+def plugins(
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="A component to describe.")] = "",
+    plugin: Plugins = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the registered components and where they come from, or describe one."""
+    with reporting(as_json):
+        from percuss import explain
+        from percuss.registry import Registry
+
+        registry = Registry.load(plugin or [])
+        if name:
+            found = explain.components_named(registry, name)
+            if as_json:
+                _print_json({"components": [explain.component_data(registry, *key) for key in found]})
+            else:
+                print("\n\n".join(explain.component_text(registry, *key) for key in found))
+        elif as_json:
+            _print_json(explain.registry_data(registry))
+        else:
+            from percuss.tell import tell_registry
+
+            tell_registry(registry)
+
+
+@app.command()
+def schema(plugin: Plugins = None) -> None:
+    """Print the JSON schema of a case, with every registered component; editors complete cases with it."""
+    with reporting(as_json=False):
+        from percuss.registry import Registry
+        from percuss.schema import case_schema
+
+        _print_json(case_schema(Registry.load(plugin or [])))
+
+
+# -------------------------------------------------------------------------------------------------- helpers
+
+
+@contextmanager
+def reporting(as_json: bool) -> Iterator[None]:
+    """Turn errors that percuss raises on purpose into a message and an exit code."""
+    try:
+        yield
+    except PercussError as error:
+        if as_json:
+            problems = [vars(p) for p in error.problems] if isinstance(error, InputError) else []
+            kind = "bad input" if error.exit_code == 2 else "failed"
+            _print_json({"status": kind, "error": str(error), "problems": problems})
+        print(f"error: {error}" if not isinstance(error, InputError) else str(error), file=sys.stderr)
+        if isinstance(error, InputError):
+            count = len(error.problems)
+            print(f"{count} mistake{'s' if count > 1 else ''}; nothing was run", file=sys.stderr)
+        raise typer.Exit(error.exit_code) from None
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[int, int], None]]:
+    """Give a callback that shows a bar with the remaining time, on a terminal and for runs that last."""
+    import time
+
+    started = time.monotonic()
+    shown: list[Any] = []
+
+    def show(done: int, total: int) -> None:
+        if not shown and sys.stderr.isatty() and time.monotonic() - started > 1.0 and done < total:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+            columns = (TextColumn("{task.completed}/{task.total} steps"), BarColumn(), TimeRemainingColumn())
+            bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            bar.start()
+            shown.extend([bar, bar.add_task("march", total=total)])
+        if shown:
+            shown[0].update(shown[1], completed=done)
+
+    try:
+        yield show
+    finally:
+        if shown:
+            shown[0].stop()
+
+
+def _load(path: Path, sets: list[str] | None, files: list[Path] | None) -> Case:
+    from percuss.case import load
+
+    overrides = {}
+    problems = []
+    for item in sets or []:
+        key, equals, value = item.partition("=")
+        if not equals or not key:
+            problems.append(Problem(f"--set {item}", "", "expected PATH=VALUE", "Write it as time.end=0.5."))
+        overrides[key] = value
+    if problems:
+        raise InputError(problems)
+    return load(path, overrides, plugins=files or [])
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _drawable(path: Path) -> None:
+    from percuss.plot import check_suffix
+
+    check_suffix(path)
+
+
+def _writable(path: Path) -> None:
+    """Refuse a place that cannot be written to before anything is run."""
+    from percuss.result import replacing
+
+    attempt = replacing(path, path.suffix)
+    attempt.__enter__()
+    attempt.__exit__(OSError, None, None)
+
+
+def _outputs(result: Result, out: Path | None, plot: Path | None) -> None:
+    if out is not None:
+        result.save(out)
+    if plot is not None:
+        from percuss.plot import plot_result
+
+        plot_result(result, plot)
+
+
+def _print_json(data: dict[str, Any]) -> None:
+    print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))

@@ -1,0 +1,87 @@
+"""The parts of a model: bodies, meetings of their ends, and what holds, pushes and pulls them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from percuss.contracts import ContactLaw, Floats, Mesh
+
+if TYPE_CHECKING:
+    from percuss.specs import BodySpec, LoadSpec
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body: its mesh, masses and place among the nodes of the model."""
+
+    name: str
+    number: int
+    spec: BodySpec
+    mesh: Mesh
+    start: int  # first node
+    mass: Floats  # (n + 1,)
+    stiffness: Floats  # (n,) EA/h
+    frequency: Floats  # (n,) 2c/h
+    velocity: Floats  # (dim,)
+
+    @property
+    def stop(self) -> int:
+        """One past the body's last node."""
+        return self.start + self.mass.size
+
+    def end_element(self, node: int) -> int:
+        """Return the element at an end node, counted in the body."""
+        return 0 if node == self.start else self.stiffness.size - 1
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """One contact point: its nodes, unit normal (from the first side to the second) and initial gap."""
+
+    name: str
+    nodes: tuple[int, ...]
+    normal: Floats  # (dim,)
+    gap: float
+    law: ContactLaw
+    stiffness: float
+    frequency: float
+    mass: float
+    equal_sides: bool
+
+    def rows(self) -> list[tuple[int, Floats]]:
+        """Return N as (node, coefficients) of each side: minus the normal at the first, plus at the second."""
+        return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A direction in which a node's velocity is prescribed, always (a support) or within a window (a drive)."""
+
+    node: int
+    direction: Floats
+    load: LoadSpec | None
+    column: int
+
+    def active(self, midpoint: float) -> bool:
+        """Return whether it holds in the step around `midpoint`."""
+        return self.load is None or self.load.start < midpoint < self.load.stop
+
+
+@dataclass(frozen=True)
+class Push:
+    """A force on one node: vector at amplitude 1, and the load that gives the amplitude."""
+
+    node: int
+    force: Floats
+    load: LoadSpec
+    column: int
+
+
+@dataclass(frozen=True)
+class Pull:
+    """An acceleration of a whole body: vector at amplitude 1, and the load that gives the amplitude."""
+
+    body: int
+    acceleration: Floats
+    load: LoadSpec

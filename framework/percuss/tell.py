@@ -1,0 +1,142 @@
+"""Results, comparisons, checks and plug-ins as tables on a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from percuss.comparison import Row, metrics
+
+if TYPE_CHECKING:
+    from percuss.registry import Registry
+    from percuss.result import Result
+
+
+def _number(value: Any, digits: int = 6) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.{digits}g}" if isinstance(value, float) else escape(str(value))
+
+
+def _console() -> Console:
+    console = Console(highlight=False)
+    # piped output is read by programs and pasted into notes: wide enough that no row is folded
+    return console if console.is_terminal else Console(highlight=False, width=160)
+
+
+def tell_result(result: Result) -> None:
+    """Print what a run gave."""
+    s = result.summary
+    resolved = result.provenance["resolved"]
+    console = _console()
+    console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {s['status']}")
+    console.print(
+        f"{resolved['integrator']}, {s['steps']} steps of {s['dt']:.6g} (Courant number {s['courant']:.4g}), "
+        f"{'compiled' if s['compiled'] else 'plain Python'}, {s['seconds']['march']:.3g} s of {s['seconds']['total']:.3g} s"
+    )
+    for why in s["compiled_why"]:
+        console.print(f"  not compiled: {escape(why)}")
+    table = Table(
+        "contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration"
+    )
+    for name, c in s["contacts"].items():
+        law = resolved["contacts"][name]
+        options = ", ".join(f"{k} {_number(law[k], 4)}" for k in ("beta_s", "ratio") if k in law)
+        table.add_row(
+            escape(name),
+            f"{law['law']}{f' ({options})' if options else ''}",
+            *(_number(c[k]) for k in ("impulse", "peak_force", "first_closed", "last_open", "closed_time")),
+            _number(c["penetration"]["largest"], 3),
+        )
+    if s["contacts"]:
+        console.print(table)
+    e = s["energy"]
+    console.print(
+        f"energy {_number(e['initial'])} at first, {_number(e['final'])} at last, {_number(e['max'])} at most; "
+        f"external work {_number(e['external_work'])}, contact work {_number(e['contact_work'], 4)}; "
+        f"ledger closed to {e['ledger_error']:.1e}"
+    )
+    m = s["momentum"]
+    console.print(f"momentum and impulses balance to {m['error']:.1e}")
+
+
+def tell_rows(title: str, rows: list[Row]) -> None:
+    """Print a comparison: a line a row, and below it why rows have no numbers."""
+    console = _console()
+    varied = list(dict.fromkeys(path for row in rows for path in row.varied))
+    heads = [
+        "integrator",
+        "contact",
+        *varied,
+        "status",
+        "impulse",
+        "peak force",
+        "penetration",
+        "energy kept",
+    ]
+    table = Table(
+        *(escape(h) for h in [*heads, "largest energy", "ledger", "steps", "s"]), title=escape(title)
+    )
+    for row in rows:
+        m = metrics(row) if row.status in {"done", "interrupted"} else {}
+        keys = (
+            "impulse",
+            "peak_force",
+            "penetration",
+            "energy_kept",
+            "energy_max",
+            "ledger_error",
+            "steps",
+            "seconds",
+        )
+        cells = [_number(m.get(k), 2 if k in {"ledger_error", "seconds"} else 5) for k in keys]
+        table.add_row(
+            row.integrator, row.contact, *(_number(row.varied[p]) for p in varied), row.status, *cells
+        )
+    console.print(table)
+    for row in rows:
+        if row.reason:
+            said = f" (says {row.said_by})" if row.said_by else ""
+            console.print(
+                f"[bold]{escape(row.label)}[/bold] {row.status}{escape(said)}: {escape(row.reason)}"
+            )
+
+
+def tell_checks(told: list[dict[str, Any]]) -> None:
+    """Print what cases expected and what came out."""
+    console = _console()
+    for one in told:
+        mark = "[green]passed[/green]" if one["passed"] else "[red]FAILED[/red]"
+        console.print(f"{mark} [bold]{escape(one['case'])}[/bold] {escape(one['title'])}")
+        if one["error"]:
+            console.print(f"  {escape(one['error'])}")
+        for c in one["checks"]:
+            sign = "ok" if c["passed"] else "FAIL"
+            found = _number(c["measured"]) if not c["why"] else escape(c["why"])
+            console.print(
+                f"  {sign:4} {escape(c['what'])}: {found}, expected {c['expected']:.6g} within {c['within']:.3g} "
+                f"({escape(c['source'])})"
+            )
+    good = sum(one["passed"] for one in told)
+    console.print(f"{good} of {len(told)} cases passed")
+
+
+def tell_registry(registry: Registry) -> None:
+    """Print every component with its source, and the plug-ins that failed."""
+    console = _console()
+    table = Table("family", "name", "what it is", "from", "file")
+    for (family, name), component in registry.components.items():
+        source = registry.sources[family, name]
+        origin = (
+            f"{source.distribution} {source.version}".strip()
+            if source.distribution
+            else f"file {source.version}"
+        )
+        table.add_row(family, name, escape(component.summary), escape(origin), escape(source.file))
+    console.print(table)
+    for broken in registry.broken:
+        where = f" ({broken.file})" if broken.file else ""
+        console.print(f"[red]not usable[/red] {escape(broken.source)}{escape(where)}: {escape(broken.error)}")

@@ -1,0 +1,215 @@
+"""Cases as plain mappings: hand-made ones, drawn ones, and what a change far below any meaning does to them."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+from hypothesis import strategies as st
+
+import percuss
+from percuss.registry import Registry
+
+NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
+HANGS = 1e-4  # a nudge that moves the answer by more: the run hangs on round-off and is compared with nothing
+FLOOR = 1e-13  # of the peak
+SLACK = 10.0  # round-off may do that many times what the nudges tried here did
+COMPARED = ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy", "contact_work")
+
+
+def hunek(n=100, courant=0.5, integrator="wu-predictor-corrector", contact=None, end=0.8):
+    """The two touching bars of Huněk, the longer one with 2 n elements."""
+    steel = {"young": 100.0, "density": 0.01}
+    contact = contact or {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0}
+    return {
+        "percuss": 1,
+        "bodies": {
+            "short": {"bar": {"length": 10.0, "elements": n}, "material": steel, "area": 1.0, "velocity": 0.1},
+            "long": {
+                "bar": {"length": 20.0, "elements": 2 * n}, "at": 10.0, "material": steel, "area": 1.0,
+                "fixed": ["right"],
+            },
+        },
+        "contacts": {"tip": {"between": ["short.right", "long.left"]}},
+        "method": {"integrator": integrator, "contact": contact},
+        "time": {"end": end, "courant": courant},
+        "record": {"probes": ["short.left", "short.right", "long.left"]},
+    }  # fmt: skip
+
+
+def run(case, overrides=None, **kwargs):
+    return percuss.run(percuss.load(case), overrides, **kwargs)
+
+
+def nudged(case, nudge):
+    """Return the case with every velocity, load and gap moved by about `nudge` of itself, unlike ones unlike."""
+    out = copy.deepcopy(case)
+    for k, one in enumerate(out["bodies"].values()):
+        factor = 1.0 + nudge * (-1) ** k * (1.0 + 0.3 * k)
+        velocity = one.get("velocity", 0.0)
+        one["velocity"] = [factor * v for v in velocity] if isinstance(velocity, list) else factor * velocity
+        one["area"] *= 1.0 + 0.1 * nudge * (k + 1)
+    return out
+
+
+def largest(values):
+    return float(np.nanmax(np.abs(values), initial=0.0)) if values.size else 0.0
+
+
+def apart(one, other, names=COMPARED):
+    """Return by how much two results differ in each history, over its peak."""
+    out = {}
+    for name in names:
+        a, b = one.arrays[name], other.arrays[name]
+        assert a.shape == b.shape, name
+        out[name] = largest(a - b) / (largest(a) or 1.0)
+    return out
+
+
+def round_off(case, base=None, names=COMPARED):
+    """Return what round-off may do to each history of a case, over its peak; infinite where it hangs on it."""
+    base = base if base is not None else run(case)
+    worst = dict.fromkeys(names, FLOOR)
+    for nudge in (NUDGE, -NUDGE):
+        try:
+            moved = apart(base, run(nudged(case, nudge)), names)
+        except percuss.RunError:
+            return dict.fromkeys(names, math.inf)
+        for name, value in moved.items():
+            worst[name] = max(worst[name], SLACK * value) if value < HANGS else math.inf
+    return worst if all(map(math.isfinite, worst.values())) else dict.fromkeys(names, math.inf)
+
+
+# ------------------------------------------------------------------------------------------------ drawn cases
+
+REGISTRY = Registry.load()
+INTEGRATORS = REGISTRY.names("integrators")
+LAWS = [
+    {"name": name, **options}
+    for name in REGISTRY.names("contacts")
+    for options in REGISTRY.get("contacts", name).examples
+]
+LOADS = [
+    {name: dict(options)} for name in REGISTRY.names("loads") for options in REGISTRY.get("loads", name).examples
+]
+PAIRS = [(integrator, law) for integrator in INTEGRATORS for law in LAWS]
+
+
+def pair_id(pair):
+    return f"{pair[0]}+{'-'.join(map(str, pair[1].values()))}"
+
+
+def number(low, high):
+    """Numbers that are easy to read in a failing example."""
+    return st.integers(round(low * 100), round(high * 100)).map(lambda k: k / 100)
+
+
+@st.composite
+def rows(draw, moving=True, loads=True, bars=4, gaps=True):
+    """A row of 1 to 4 bars of unlike material, area, length and mesh, with walls, supports, drives and loads.
+
+    Scales are those of unit bars, so that the examples of laws and loads make sense.
+    """
+    count = draw(st.integers(1, bars))
+    bodies, contacts = {}, {}
+    names = ["a", "b", "c", "d"][:count]
+    at = 0.0
+    for name in names:
+        elements = draw(st.integers(1, 12))
+        bar = {"length": draw(number(0.5, 4)), "elements": elements}
+        if draw(st.booleans()):
+            bar["grading"] = draw(number(0.5, 2))
+        bodies[name] = {
+            "bar": bar,
+            "material": {"young": draw(number(20, 200)), "density": draw(number(0.01, 0.1))},
+            "area": draw(number(0.5, 2)),
+            "at": at,
+            "velocity": draw(number(-1, 1)) if moving else 0.0,
+        }
+        at = round(at + bar["length"] + (draw(number(0, 0.2)) if gaps and draw(st.booleans()) else 0.0), 6)
+    for left, right in zip(names, names[1:], strict=False):
+        contacts[f"{left}{right}"] = {"between": [f"{left}.right", f"{right}.left"]}
+    last = bodies[names[-1]]
+    ends = {"left": f"{names[0]}.left", "right": f"{names[-1]}.right"}
+    limits = {"left": 0.0, "right": round(last["at"] + last["bar"]["length"], 6)}
+    found = {}
+    driven = {}
+    for side, end in ends.items():
+        name = end[0]
+        what = draw(st.sampled_from(["free", "wall", "fixed", "driven", "loaded"]))
+        if what == "wall":
+            sign = -1 if side == "left" else 1
+            gap = draw(number(0, 0.1)) if gaps else 0.0
+            contacts[f"wall-{side}"] = {"body": end, "wall": round(limits[side] + sign * gap, 6)}
+        elif what == "fixed":
+            bodies[name]["fixed"] = [side]
+        elif what == "driven" and loads:
+            driven[side] = {**draw(st.sampled_from([one for one in LOADS if "gravity" not in one])), "on": end,
+                            "as": "velocity"}  # fmt: skip
+        elif what == "loaded" and loads:
+            kind = draw(st.sampled_from([one for one in LOADS if "prescribed-velocity" not in one and "gravity" not in one]))
+            found[f"push-{side}"] = {**kind, "on": end, "as": "force"}
+    found |= {f"drive-{side}": one for side, one in driven.items()}
+    if loads and draw(st.booleans()):
+        kind = draw(st.sampled_from([one for one in LOADS if not any(isinstance(o.get("value"), tuple) and len(o["value"]) > 1 and k == "gravity" for k, o in one.items())]))
+        on = draw(st.sampled_from([*names, None]))
+        acts = draw(st.sampled_from(["force", "acceleration"]))
+        if "gravity" in kind:
+            acts = "acceleration"
+        if on is None and "gravity" not in kind:
+            on = names
+        found["whole"] = {**kind, "as": acts} | ({"on": on} if on else {})
+    for one in found.values():
+        if draw(st.booleans()):
+            one["from"] = draw(number(-0.1, 0.2))
+        if draw(st.booleans()):
+            one["until"] = round(one.get("from", 0.0) + draw(number(0.02, 0.5)), 6)
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "loads": found,
+        "time": {"steps": draw(st.integers(40, 400)), "courant": draw(number(0.3, 1.0))},
+        "record": {"probes": [f"{name}.{end}" for name in names for end in ("left", "right")]},
+    }
+
+
+def alike(case):
+    """Return the case with every bar like the first one, the gaps between them kept."""
+    out = copy.deepcopy(case)
+    first = next(iter(out["bodies"].values()))
+    first["bar"].pop("grading", None)
+    old = new = 0.0
+    for one in out["bodies"].values():
+        at = round(new + one["at"] - old, 6)
+        old, new = one["at"] + one["bar"]["length"], at + first["bar"]["length"]
+        one |= {"at": at, "bar": dict(first["bar"]), "material": dict(first["material"]), "area": first["area"]}
+    wall = out["contacts"].get("wall-right")
+    if wall:
+        wall["wall"] = round(wall["wall"] - old + new, 6)
+    return out
+
+
+def refuses_unlike_bars(law):
+    """Whether a law says that it is for equal sides only."""
+    bodies = {
+        name: {"bar": {"length": 1, "elements": k}, "at": k - 1, "area": k, "material": {"young": k, "density": 1}}
+        for name, k in (("a", 1), ("b", 2))
+    }
+    case = {"percuss": 1, "bodies": bodies, "contacts": {"ab": {"between": ["a.right", "b.left"]}}}
+    case |= {"method": {"contact": law}, "time": {"steps": 1, "courant": 0.5}}
+    try:
+        run(case)
+    except percuss.InputError as error:
+        return "method.contact" in str(error)
+    return False
+
+
+FOR_EQUAL_SIDES = [law for law in LAWS if refuses_unlike_bars(law)]
+
+
+def with_pair(case, pair):
+    """Return the case with an integrator and a contact law, its bars made alike where the law asks for it."""
+    case = alike(case) if pair[1] in FOR_EQUAL_SIDES else case
+    return {**case, "method": {"integrator": pair[0], "contact": dict(pair[1])}}

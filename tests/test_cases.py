@@ -1,0 +1,48 @@
+"""Every shipped case is a test of itself, and says where its numbers are from."""
+
+from pathlib import Path
+
+import pytest
+
+import percuss
+from percuss.measures import verify
+
+CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+BENCHMARKS = {
+    "carpenter",
+    "hunek",
+    "unlike",
+    "doyen-impact",
+    "doyen-bounce",
+    "sdnv100",
+    "preloaded",
+    "cradle",
+    "smooth-pulse",
+}
+
+
+def test_the_benchmarks_are_there() -> None:
+    assert {path.stem for path in CASES} >= BENCHMARKS
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_a_case_gives_what_it_expects(path: Path) -> None:
+    case = percuss.load(path)
+    assert case.title
+    assert case.source
+    assert case.expect
+    result = percuss.run(case)
+    failed = [check.as_dict() for check in verify(case, result) if not check.passed]
+    assert failed == []
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    assert result.summary["momentum"]["error"] < 1e-12
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_expectations_can_fail(path: Path) -> None:
+    """A case whose material is twice as stiff must not pass: its expectations are not empty words."""
+    case = percuss.load(path)
+    name = next(iter(case.bodies))
+    young = case.bodies[name].material.young
+    result = percuss.run(case, {f"bodies.{name}.material.young": 2 * young})
+    assert any(not check.passed for check in verify(case, result))

@@ -1,0 +1,279 @@
+"""The command line as a user meets it: output, files, exit codes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+HUNEK = str(ROOT / "cases" / "hunek.yaml")
+
+
+def percuss(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    env = {**os.environ, "COLUMNS": "120", "NO_COLOR": "1"}
+    command = [sys.executable, "-c", "from percuss.cli import main; main()", *args]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300, check=False)
+
+
+def test_help_names_every_command() -> None:
+    done = percuss("--help")
+    assert done.returncode == 0
+    for command in ("run", "check", "compare", "verify", "plugins", "schema"):
+        assert command in done.stdout
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys; sys.argv=['percuss','--help']\n"
+        "from percuss.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('numpy','numba','pydantic','xarray','scipy','matplotlib','percuss_methods') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_run_prints_one_json_object() -> None:
+    done = percuss("run", HUNEK, "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["steps"] == 1600
+    assert told["status"] == "done"
+    assert abs(told["contacts"]["tip"]["impulse"] - 0.02) < 2e-4
+    assert set(told) >= {"steps", "dt", "certificate", "contacts", "energy", "momentum", "exact", "seconds"}
+    assert set(told["certificate"]) >= {"stable", "energy", "dt_critical", "theta", "why"}
+    assert set(told["contacts"]["tip"]) >= {
+        "impulse",
+        "peak_force",
+        "first_closed",
+        "closed_time",
+        "penetration",
+    }
+    assert set(told["energy"]) >= {"initial", "final", "max", "ledger_error"}
+    assert set(told["seconds"]) >= {"total", "march"}
+
+
+def test_run_saves_and_draws(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    done = percuss("run", HUNEK, "-o", "a.nc", "--plot", "a.png", "--set", "refine=1", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.nc", "a.png"]
+    from percuss import open_result
+
+    result = open_result(tmp_path / "a.nc")
+    assert result.summary["steps"] == 1600
+    assert result.fields["stress"].shape[0] > 100
+
+
+def test_overrides_pass_the_same_checks() -> None:
+    done = percuss("run", HUNEK, "--set", "method.contact.beta_s=-1", "--set", "time.ende=3")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "--set method.contact.beta_s=-1" in done.stderr
+    assert "Did you mean" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_swapping_a_law_reports_the_options_it_lacks() -> None:
+    done = percuss("run", HUNEK, "--set", "method.contact=lagrange")
+    assert done.returncode == 0
+    assert "beta_s" in done.stderr
+
+
+def test_an_unstable_run_is_stopped_and_named(tmp_path: Path) -> None:
+    args = ["--set", "method.integrator=central-difference", "--set", "method.contact=penalty"]
+    done = percuss(
+        "run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--json", "-o", "bad.nc", cwd=tmp_path
+    )
+    assert done.returncode == 1
+    told = json.loads(done.stdout)
+    assert told["status"] == "unstable"
+    assert set(told["stop"]) >= {"step", "time", "node", "cause"}
+    assert "closed contact 'tip'" in told["stop"]["cause"]
+    assert "likely cause" in done.stderr
+    assert "Traceback" not in done.stderr
+    from percuss import open_result
+
+    assert open_result(tmp_path / "bad.nc").status == "unstable"
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["run", "nowhere.yaml"], "nowhere.yaml"),
+        (["run", HUNEK, "--plot", "a.bmp"], "png"),
+        (["run", HUNEK, "-o", "nowhere/a.nc"], "expected a folder"),
+        (["run", HUNEK, "--set", "refine"], "expected PATH=VALUE"),
+        (["run", HUNEK, "--plugin", "nowhere.py"], "nowhere.py"),
+        (["compare", HUNEK, "--contact", "penalti"], "Did you mean 'penalty'?"),
+        (["compare", HUNEK, "--vary", "refine=1:2"], "expected a range"),
+        (["compare", HUNEK, "--vary", "refin=1,2"], "Did you mean 'refine'?"),
+        (["plugins", "bipenalti"], "Did you mean 'bipenalty'?"),
+        (["check", HUNEK, "--set", "bodies.long.at=9"], "overlap"),
+    ],
+    ids=lambda value: " ".join(value[:1] + value[2:]) if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_clear_message(args: list[str], said: str, tmp_path: Path) -> None:
+    done = percuss(*args, cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_input_is_json_too() -> None:
+    done = percuss("run", HUNEK, "--set", "refine=0", "--json")
+    assert done.returncode == 2
+    told = json.loads(done.stdout)
+    assert told["status"] == "bad input"
+    assert told["problems"][0]["path"] == "refine"
+
+
+def test_a_failed_run_leaves_the_old_file_alone(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").write_text("precious")
+    done = percuss("run", HUNEK, "-o", "a.nc", "--set", "refine=0", cwd=tmp_path)
+    assert done.returncode == 2
+    assert (tmp_path / "a.nc").read_text() == "precious"
+
+
+def test_compare_has_a_row_for_every_pair(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    args = [
+        "--integrator",
+        "central-difference,wu-predictor-corrector",
+        "--contact",
+        "penalty,bipenalty,lagrange",
+    ]
+    done = percuss(
+        "compare",
+        HUNEK,
+        *args,
+        "--set",
+        "method.contact.beta_s=100",
+        "--plot",
+        "a.svg",
+        "--json",
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)["rows"]
+    assert len(rows) == 6
+    status = {(r["integrator"], r["contact"]): r["status"] for r in rows}
+    assert status["central-difference", "penalty"] == "unstable"
+    assert status["wu-predictor-corrector", "bipenalty"] == "done"
+    unstable = next(r for r in rows if r["status"] == "unstable")
+    assert "closed contact 'tip'" in unstable["reason"]
+    assert (tmp_path / "a.svg").exists()
+
+
+def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
+    (tmp_path / "picky.py").write_text(
+        "from dataclasses import dataclass\n"
+        "from percuss import ContactLaw\n"
+        "from percuss.contracts import Rows\n"
+        "@dataclass(frozen=True)\n"
+        "class Picky(ContactLaw):\n"
+        "    '''A law that works with Wu only.'''\n"
+        "    name = 'picky'\n"
+        "    summary = 'picky'\n"
+        "    def bind(self, points, dt):\n"
+        "        return Rows('explicit', 1 / points.stiffness)\n"
+        "    def refuses(self, integrator):\n"
+        "        return 'needs the predicted gap' if integrator.name == 'central-difference' else None\n"
+    )
+    args = [
+        "--integrator",
+        "central-difference,wu-predictor-corrector",
+        "--contact",
+        "picky",
+        "--plugin",
+        "picky.py",
+    ]
+    done = percuss("compare", HUNEK, *args, "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    refused, ran = json.loads(done.stdout)["rows"]
+    assert (refused["status"], refused["reason"], refused["said_by"]) == (
+        "refused",
+        "needs the predicted gap",
+        "picky",
+    )
+    assert ran["status"] == "done"
+    told = percuss("compare", HUNEK, *args, cwd=tmp_path)
+    assert "needs the predicted gap" in told.stdout
+
+
+def test_compare_varies_values() -> None:
+    done = percuss(
+        "compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json"
+    )
+    rows = json.loads(done.stdout)["rows"]
+    assert [(r["refine"], r["method.contact.beta_s"]) for r in rows] == [
+        (1, 0.1),
+        (1, 1.0),
+        (2, 0.1),
+        (2, 1.0),
+    ]
+    assert [r["summary"]["steps"] for r in rows] == [1600, 1600, 3200, 3200]
+
+
+def test_compare_replaces_a_contacts_own_law_and_says_so(tmp_path: Path) -> None:
+    text = Path(HUNEK).read_text().replace("long.left]}", "long.left], method: lagrange}")
+    (tmp_path / "own.yaml").write_text(text)
+    done = percuss("compare", "own.yaml", "--contact", "penalty,lagrange", "--json", cwd=tmp_path)
+    assert "the own method of tip is replaced" in done.stderr
+    impulses = [r["summary"]["contacts"]["tip"]["peak_force"] for r in json.loads(done.stdout)["rows"]]
+    assert impulses[0] != impulses[1]
+
+
+def test_verify_passes_and_fails(tmp_path: Path) -> None:
+    assert percuss("verify", HUNEK).returncode == 0
+    (tmp_path / "wrong.yaml").write_text(Path(HUNEK).read_text().replace("mean: 0.05,", "mean: 0.06,"))
+    done = percuss("verify", HUNEK, "wrong.yaml", "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    told = json.loads(done.stdout)
+    assert [case["passed"] for case in told["cases"]] == [True, False]
+
+
+def test_check_says_what_a_case_will_do() -> None:
+    done = percuss("check", HUNEK)
+    assert done.returncode == 0
+    for words in ("epsilon_s = 250", "Courant number 0.5", "theta", "0.001", "lambda / eps_s", "impedance 1"):
+        assert words in done.stdout
+    assert json.loads(percuss("check", HUNEK, "--json").stdout)["contacts"]["tip"]["epsilon_s"] == 250.0
+
+
+def test_defaults_are_said() -> None:
+    done = percuss("check", HUNEK, "--set", "method.contact={name: bipenalty}")
+    assert "beta_s = 0.25" in done.stdout
+    assert "epsilon_m = 6.25e-05" in done.stdout
+
+
+def test_plugins_lists_and_describes() -> None:
+    listed = percuss("plugins")
+    for name in (
+        "central-difference",
+        "wu-predictor-corrector",
+        "penalty",
+        "bipenalty",
+        "lagrange",
+        "half-sine",
+    ):
+        assert name in listed.stdout
+    told = percuss("plugins", "bipenalty").stdout
+    for words in ("Formula", "ratio", "10.1002/nme.5712", "force/length", "contact: {name: bipenalty"):
+        assert words in told
+
+
+def test_schema_is_json() -> None:
+    assert "bipenalty" in json.dumps(json.loads(percuss("schema").stdout))
+
+
+def test_the_module_runs_too() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "percuss", "--help"], capture_output=True, text=True, check=True
+    )
+    assert "compare" in done.stdout

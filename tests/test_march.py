@@ -1,0 +1,485 @@
+"""The time loop: records, chunks, loads switched in time, interruption, runs that are stopped, and results on disk."""
+
+import copy
+import itertools
+import math
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+
+import netCDF4
+import numpy as np
+import pytest
+
+import percuss
+from percuss import march
+from strategies import INTEGRATORS, hunek, run
+
+STEEL = {"young": 100.0, "density": 0.01}
+HISTORIES = (
+    "time", "time_half", "contact_force", "contact_force_end", "gap", "displacement", "velocity", "kinetic_energy",
+    "elastic_energy", "external_work", "contact_work", "energy_error",
+)  # fmt: skip
+
+
+def one_bar(time, loads=None, elements=10, probes=("a.left", "a.right"), contacts=None, **body):
+    return {
+        "percuss": 1,
+        "bodies": {"a": {"bar": {"length": 1.0, "elements": elements}, "material": STEEL, "area": 1.0, **body}},
+        "contacts": contacts or {},
+        "loads": loads or {},
+        "method": {"integrator": "central-difference", "contact": "penalty"},
+        "time": time,
+        "record": {"probes": list(probes)},
+    }
+
+
+def equal(one, other, rows=slice(None)):
+    for name in HISTORIES:
+        if name in one.arrays:
+            np.testing.assert_array_equal(one.arrays[name][rows], other.arrays[name], err_msg=name)
+
+
+# ---------------------------------------------------------------------------------------------------- records
+
+
+@pytest.mark.parametrize("every", [1, 7, 100, 333, 400, 1000])
+def test_fewer_records_hold_the_same_numbers(every):
+    all_of_them = run(hunek(20))
+    case = hunek(20)
+    case["record"]["every"] = every
+    result = run(case)
+    steps = result.summary["steps"]
+    assert steps == 320
+    rows = sorted({*range(0, steps + 1, every), steps})
+    np.testing.assert_array_equal(result.arrays["time"], np.array(rows) * result.summary["dt"])
+    assert np.isfinite(result.arrays["kinetic_energy"]).all()
+    equal(all_of_them, result, rows)
+    for part in ("contacts", "momentum"):
+        assert result.summary[part] == all_of_them.summary[part]
+
+
+def test_a_run_may_record_no_motion_at_all():
+    case = hunek(20)
+    case["record"] = {"probes": []}
+    result = run(case)
+    assert result.arrays["displacement"].shape == (321, 0, 1)
+    np.testing.assert_array_equal(result.arrays["contact_force"], run(hunek(20)).arrays["contact_force"])
+
+
+def test_the_shape_of_the_histories():
+    result = run(hunek(20))
+    histories = result.histories
+    assert dict(histories.sizes) == {"time": 321, "contact": 1, "probe": 3, "component": 1}
+    assert histories.contact_force.dims == ("time", "contact")
+    assert histories.velocity.dims == ("time", "probe", "component")
+    np.testing.assert_allclose(histories.time_half - histories.time, 0.5 * result.summary["dt"], rtol=1e-12)
+    force = histories.contact_force.sel(contact="tip").to_numpy()
+    assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(result.summary["dt"] * force[:-1].sum(), rel=1e-13)
+
+
+def test_the_last_step_reaches_the_end_or_just_passes_it():
+    for end, steps in ((0.01, 10), (0.0101, 11), (0.0099999999999, 10), (0.0001, 1)):
+        result = run(one_bar({"end": end, "step": 0.001}))
+        assert result.summary["steps"] == steps
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 64])
+def test_chunks_change_nothing(monkeypatch, chunk):
+    case = hunek(20)
+    case["record"]["every"] = 3
+    case["record"]["fields"] = 5
+    case["loads"] = {
+        "push": {"harmonic": {"value": 0.02, "frequency": 3.0}, "on": "short.left", "from": 0.1, "until": 0.55},
+        "drive": {"prescribed-velocity": 0.01, "on": "short.left", "from": 0.6, "until": 0.7},
+        "weight": {"gravity": 0.1},
+    }
+    whole = run(case)
+    monkeypatch.setattr(march, "CHUNK_STEPS", chunk)
+    calls = []
+    parts = run(case, progress=lambda done, total: calls.append((done, total)))
+    assert len(calls) >= 320 // chunk
+    assert calls[-1] == (320, 320)
+    equal(whole, parts)
+    np.testing.assert_array_equal(whole.field_arrays["stress"], parts.field_arrays["stress"])
+    assert whole.summary["contacts"] == parts.summary["contacts"]
+    assert whole.summary["momentum"]["impulse_of_loads"] == pytest.approx(parts.summary["momentum"]["impulse_of_loads"], rel=1e-12)
+    assert parts.summary["momentum"]["error"] < 1e-12
+
+
+# ------------------------------------------------------------------------------------- loads switched in time
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0.0, 0.05), (0.013, 0.0457), (0.01249, 0.01251), (0.02, 0.021), (-1.0, 0.03)])
+@pytest.mark.parametrize("kind", ["force", "acceleration"])
+def test_a_constant_load_switched_between_steps_brings_its_exact_impulse(start, stop, kind):
+    load = {"constant": 2.0, "on": "a", "as": kind, "from": start, "until": stop}
+    result = run(one_bar({"end": 0.1, "courant": 0.7}, {"push": load}))
+    share = 2.0 if kind == "force" else 2.0 * 0.01
+    impulse = share * (stop - max(start, 0.0))
+    momentum = result.summary["momentum"]
+    assert momentum["final"][0] == pytest.approx(impulse, rel=1e-12)
+    assert momentum["error"] < 1e-12
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-15, -1e-15, 1e-9, -1e-9])
+def test_a_load_switched_within_round_off_of_a_step_is_the_same_load(shift):
+    """A switch falls between two steps or on one: the answer must not jump by a step's worth."""
+    dt = 0.001
+    load = {"constant": 2.0, "on": "a.left", "from": 10 * dt, "until": 30.5 * dt}
+    shifted = {**load, "from": 10 * dt + shift, "until": 30.5 * dt + shift}
+    time = {"step": dt, "steps": 60}
+    one, other = run(one_bar(time, {"push": load})), run(one_bar(time, {"push": shifted}))
+    peak = np.abs(one.arrays["displacement"]).max()
+    assert np.abs(one.arrays["displacement"] - other.arrays["displacement"]).max() <= (1e-12 + 1e4 * abs(shift)) * peak
+
+
+def test_an_end_moves_as_it_is_driven_and_is_free_afterwards():
+    dt = 0.0005
+    load = {"prescribed-velocity": 0.2, "on": "a.left", "from": 0.0, "until": 50 * dt}
+    result = run(one_bar({"step": dt, "steps": 400}, {"drive": load}, velocity=0.0))
+    left = result.arrays["displacement"][:, 0, 0]
+    driven = np.arange(51)
+    np.testing.assert_allclose(left[driven], 0.2 * dt * driven, rtol=1e-12)
+    # then the bar flies free: what the drive gave it of momentum stays
+    momentum = result.summary["momentum"]
+    assert momentum["final"][0] == pytest.approx(momentum["initial"][0] + momentum["impulse_of_supports"][0], rel=1e-12)
+    assert np.abs(np.diff(left[51:]) - 0.2 * dt).max() > 0.05 * dt
+    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+    assert np.ptp(energy[51:]) <= 1e-13 * energy.max()
+    assert np.ptp(result.arrays["external_work"][50:]) == 0.0
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+
+
+def test_an_end_that_moves_freely_is_caught_by_a_drive():
+    dt = 0.0005
+    load = {"ramp": {"value": 0.3, "duration": 0.01}, "on": "a.right", "as": "velocity", "from": 100 * dt}
+    result = run(one_bar({"step": dt, "steps": 300}, {"drive": load}, velocity=0.1))
+    free = run(one_bar({"step": dt, "steps": 300}, velocity=0.1))
+    np.testing.assert_array_equal(result.arrays["displacement"][:101], free.arrays["displacement"][:101])
+    step = np.diff(result.arrays["displacement"][:, 1, 0]) / dt
+    midpoint = (np.arange(300) + 0.5) * dt
+    wanted = 0.3 * np.minimum((midpoint - 100 * dt) / 0.01, 1.0)
+    np.testing.assert_allclose(step[100:], wanted[100:], rtol=1e-10)
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+
+
+def test_an_end_is_driven_by_one_load_after_another():
+    dt = 0.0005
+    loads = {
+        "out": {"prescribed-velocity": 0.2, "on": "a.left", "until": 40 * dt},
+        "back": {"prescribed-velocity": -0.1, "on": "a.left", "from": 40 * dt, "until": 80 * dt},
+    }
+    result = run(one_bar({"step": dt, "steps": 120}, loads))
+    left = result.arrays["displacement"][:, 0, 0] / dt
+    assert left[40] == pytest.approx(8.0, rel=1e-12)
+    assert left[80] == pytest.approx(4.0, rel=1e-12)
+
+
+def test_drives_may_not_fight():
+    loads = {name: {"prescribed-velocity": v, "on": "a.left"} for name, v in (("one", 0.1), ("two", 0.2))}
+    with pytest.raises(percuss.InputError, match="two"):
+        run(one_bar({"steps": 3, "courant": 0.5}, loads))
+
+
+def test_a_wall_meets_a_driven_end_only_while_it_is_free():
+    """A driven bar end cannot answer a contact; the contact is refused while both sides are held."""
+    contact = {"w": {"body": "a.right", "wall": 1.1}}
+    drive = {"drive": {"prescribed-velocity": 0.2, "on": "a.right", "from": 0.01, "until": 0.02}}
+    with pytest.raises(percuss.InputError, match="expected a contact that can move"):
+        run(one_bar({"end": 0.1, "courant": 0.5}, drive, contacts=contact))
+
+
+# ------------------------------------------------------------------------------------------------ interruption
+
+
+@pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread")
+@pytest.mark.parametrize("every", [1, 3])
+def test_ctrl_c_ends_a_run_early_with_what_was_done(monkeypatch, every):
+    monkeypatch.setattr(march, "CHUNK_STEPS", 10)
+    case = hunek(20)
+    case["record"]["every"] = every
+
+    def press(done, total):
+        if done == 100:
+            signal.raise_signal(signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    result = run(case, progress=press)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert result.status == "interrupted"
+    assert result.summary["steps"] == 100
+    assert result.summary["end"] == pytest.approx(100 * result.summary["dt"])
+    full = run(case)
+    rows = slice(0, 100 // every + 1)
+    equal(full, result, rows)
+    assert result.summary["momentum"]["error"] < 1e-12
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    force = run(hunek(20)).arrays["contact_force"][:100, 0]
+    assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(result.summary["dt"] * force.sum(), rel=1e-12)
+
+
+def test_the_second_ctrl_c_is_the_usual_one(monkeypatch):
+    monkeypatch.setattr(march, "CHUNK_STEPS", 10)
+
+    def press(done, total):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(hunek(20), progress=press)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_run_in_another_thread_leaves_signals_alone():
+    found = []
+    thread = threading.Thread(target=lambda: found.append(run(hunek(20))))
+    thread.start()
+    thread.join()
+    equal(run(hunek(20)), found[0])
+
+
+# ----------------------------------------------------------------------------------------- runs that are stopped
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_step_above_that_of_the_bodies_is_stopped_and_explained(compiled):
+    case = one_bar({"steps": 3000, "courant": 1.05}, {"push": {"constant": 1.0, "on": "a.left"}}, elements=6)
+    with pytest.raises(percuss.RunError) as caught:
+        run(case, compiled=compiled)
+    message, result = str(caught.value), caught.value.result
+    stop = result.summary["stop"]
+    assert 0 < stop["step"] < 3000
+    assert f"step {stop['step']}, time {stop['step'] * result.summary['dt']:.9g}" in message
+    assert f"node {stop['node']} (node {stop['node']} of body 'a')" in message
+    assert "Courant number 1.05" in message
+    assert result.status == "unstable"
+    assert result.summary["steps"] == stop["step"]
+    for name, values in result.arrays.items():
+        assert np.isfinite(values).all(), name
+
+
+def test_the_stop_does_not_depend_on_chunks_or_records(monkeypatch):
+    case = hunek(20, integrator="central-difference", contact={"name": "penalty", "beta_s": 100.0})
+
+    def stop(case):
+        with pytest.raises(percuss.RunError) as caught:
+            run(case)
+        return caught.value.result
+
+    whole = stop(case)
+    sparse = copy.deepcopy(case)
+    sparse["record"]["every"] = 4
+    few = stop(sparse)
+    assert few.summary["stop"] == whole.summary["stop"]
+    equal(whole, few, slice(0, None, 4))
+    for chunk in (1, 5):
+        monkeypatch.setattr(march, "CHUNK_STEPS", chunk)
+        parts = stop(case)
+        assert parts.summary["stop"] == whole.summary["stop"]
+        equal(whole, parts)
+
+
+def plug_in(tmp_path, text):
+    file = tmp_path / "my_load.py"
+    head = """
+        from dataclasses import dataclass
+        import numpy as np
+        from percuss.contracts import Load
+    """
+    file.write_text(textwrap.dedent(head) + textwrap.dedent(text), encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("acts", ["force", "acceleration", "velocity"])
+def test_a_load_that_is_no_number_stops_the_run(tmp_path, acts):
+    file = plug_in(
+        tmp_path,
+        '''
+        @dataclass(frozen=True)
+        class Broken(Load):
+            """Not a number after a while."""
+            name = "broken"
+            summary = "Broken"
+
+            def amplitude(self, time):
+                return np.where(time > 0.01, np.nan, 1.0)
+        ''',
+    )
+    case = one_bar({"end": 0.05, "courant": 0.5}, {"bad": {"broken": {}, "on": "a.left", "as": acts}})
+    with pytest.raises(percuss.PercussError) as caught:
+        percuss.run(percuss.load(case, plugins=[file]))
+    message = str(caught.value)
+    assert "bad" in message or "no longer finite" in message
+    assert "step" in message
+    if isinstance(caught.value, percuss.RunError):
+        stop = caught.value.result.summary["stop"]
+        assert stop["time"] == pytest.approx(0.01, abs=2 * caught.value.result.summary["dt"])
+        assert stop["node"] <= 1 or acts == "acceleration"
+
+
+# ------------------------------------------------------------------------------------------------ results on disk
+
+
+def test_a_saved_result_is_read_back_whole(tmp_path):
+    case = hunek(20)
+    case["record"]["fields"] = 10
+    result = run(case)
+    path = tmp_path / "out.nc"
+    result.save(path)
+    assert os.listdir(tmp_path) == ["out.nc"]
+    again = percuss.open_result(path)
+    assert set(again.arrays) == set(result.arrays)
+    equal(result, again)
+    assert again.summary == result.summary
+    assert again.provenance == result.provenance
+    assert again.coordinates == result.coordinates
+    assert again.status == result.status
+    for name, values in result.field_arrays.items():
+        np.testing.assert_array_equal(again.field_arrays[name], values)
+    again.save(tmp_path / "again.nc")
+    equal(result, percuss.open_result(tmp_path / "again.nc"))
+
+
+def test_a_saved_result_is_plain_netcdf(tmp_path):
+    result = run(hunek(20))
+    path = tmp_path / "out.nc"
+    result.save(path)
+    with netCDF4.Dataset(path) as data:
+        assert data.data_model == "NETCDF4"
+        force = data["contact_force"]
+        assert force.dimensions == ("time", "contact")
+        np.testing.assert_array_equal(force[:], result.arrays["contact_force"])
+        np.testing.assert_array_equal(data["time"][:], result.arrays["time"])
+        assert list(data["contact"][:]) == ["tip"]
+        assert list(data["probe"][:]) == ["short.left", "short.right", "long.left"]
+
+
+def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "out.nc"
+    run(hunek(10)).save(path)
+    before = path.read_bytes()
+    result = run(hunek(20))
+
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(result.histories), "to_netcdf", full)
+    with pytest.raises(OSError, match="No space"):
+        result.save(path)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["out.nc"]
+
+
+def test_results_of_runs_without_contact_or_probes_are_saved_too(tmp_path):
+    result = run(one_bar({"steps": 10, "courant": 0.5}, probes=()))
+    result.save(tmp_path / "out.nc")
+    again = percuss.open_result(tmp_path / "out.nc")
+    equal(result, again)
+    assert again.arrays["contact_force"].shape == (11, 0)
+
+
+# ---------------------------------------------------------------------------------------------- still and small
+
+
+@pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_bars_that_touch_at_rest_stay_at_rest(integrator, contact):
+    case = hunek(10, integrator=integrator, contact={"name": contact})
+    case["bodies"]["short"]["velocity"] = 0.0
+    result = run(case)
+    for name in ("contact_force", "gap", "displacement", "velocity", "kinetic_energy"):
+        assert not result.arrays[name].any(), name
+    assert result.summary["contacts"]["tip"]["first_closed"] is None
+
+
+@pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_bars_that_graze_without_approaching_feel_no_force(integrator, contact):
+    """Touching bars of one velocity: round-off of their motion must not become a force."""
+    case = hunek(10, integrator=integrator, contact={"name": contact})
+    case["bodies"]["long"] |= {"velocity": 0.1, "fixed": []}
+    result = run(case)
+    assert np.abs(result.arrays["contact_force"]).max() <= 1e-12 * 0.05
+
+
+@pytest.mark.parametrize("held", [{"fixed": ["right"]}, {}])
+def test_a_contact_that_nobody_can_move_is_refused(held):
+    loads = {} if held else {"drive": {"prescribed-velocity": 0.1, "on": "a.right"}}
+    case = one_bar({"steps": 10, "courant": 0.5}, loads, contacts={"w": {"body": "a.right", "wall": 1.0}}, **held)
+    with pytest.raises(percuss.InputError, match="contacts.w"):
+        run(case)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("elements", [1, 2, 1023, 1024, 1025, 2049])
+def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
+    """Meshes up to and beyond a block of nodes: a bar struck at one end, its energy kept to round-off."""
+    case = one_bar({"steps": 300, "courant": 0.9}, {"push": {"constant": 1.0, "on": "a.left", "until": 1e-4}}, elements)
+    case["method"] = {"integrator": integrator}
+    result = run(case)
+    assert result.arrays["contact_force"].shape == (301, 0)
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+    assert result.summary["momentum"]["final"][0] == pytest.approx(1e-4, rel=1e-11)
+
+
+@pytest.mark.parametrize("elements", [1024, 1500])
+@pytest.mark.parametrize("dimension", [1, 2])
+def test_blocks_are_joined_without_a_seam(elements, dimension):
+    """A wave that runs through a mesh of several blocks is d'Alembert's at a Courant number of 1."""
+    direction = [1.0] if dimension == 1 else [0.6, 0.8]
+    case = one_bar({"steps": elements, "courant": 1.0}, {"push": {"constant": 1.0, "on": "a.left"}}, elements)
+    case["bodies"]["a"]["bar"]["direction"] = direction
+    result = run(case)
+    left = result.arrays["velocity"][:, 0] @ np.array(direction)
+    right = result.arrays["velocity"][:, 1] @ np.array(direction)
+    # force / (A sqrt(E rho)) = 1 behind the front, which arrives at the right end with the last step
+    assert np.abs(left[1:] - 1.0).max() < 1e-10
+    assert np.abs(right[:-1]).max() < 1e-10
+
+
+def test_a_second_process_gives_the_same_numbers():
+    """Machine code from the cache on disk or fresh: bit for bit the same."""
+    code = (
+        "import sys, percuss, json; from strategies import hunek, run;"
+        "print(json.dumps(run(hunek(20)).arrays['contact_force'][:, 0].tolist()))"
+    )
+    here = os.path.dirname(os.path.abspath(__file__))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=here)
+    assert np.array_equal(np.array(__import__("json").loads(done.stdout)), run(hunek(20)).arrays["contact_force"][:, 0])
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+def test_vectors_of_any_dimension(dimension):
+    """Gravity across a bar makes it fall as a whole, beside what happens along it."""
+    across = [0.0] * dimension
+    across[-1] = -10.0
+    case = one_bar({"step": 0.0005, "steps": 200}, {"weight": {"gravity": across}})
+    case["bodies"]["a"]["bar"]["direction"] = [1.0] + [0.0] * (dimension - 1)
+    result = run(case)
+    fall = result.arrays["displacement"][:, :, -1]
+    expected = -5.0 * result.arrays["time"] ** 2
+    assert fall == pytest.approx(np.stack([expected, expected], axis=1), rel=1e-9, abs=1e-15)
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+
+
+def test_works_and_momenta_are_right_where_everything_acts_at_once():
+    case = hunek(10)
+    case["bodies"]["short"]["bar"]["direction"] = [0.6, 0.8]
+    case["bodies"]["long"]["bar"]["direction"] = [0.6, 0.8]
+    case["bodies"]["long"]["at"] = [6.0, 8.0]
+    case["loads"] = {
+        "weight": {"gravity": [0.02, -0.05]},
+        "push": {"half-sine": {"peak": 0.05, "duration": 0.3}, "on": ["short.left", "long.left"], "direction": [1.0, 0.2]},
+        "drive": {"harmonic": {"value": 0.05, "frequency": 4.0}, "on": "short.left", "as": "velocity",
+                  "direction": [0.0, 1.0], "from": 0.1, "until": 0.5},
+    }  # fmt: skip
+    for integrator, contact in itertools.product(INTEGRATORS, ("penalty", "bipenalty", "lagrange")):
+        result = run({**case, "method": {"integrator": integrator, "contact": contact}})
+        assert result.summary["contacts"]["tip"]["impulse"] > 0
+        assert math.isfinite(result.summary["energy"]["final"])
+        assert result.summary["energy"]["ledger_error"] < 1e-12
+        assert result.summary["momentum"]["error"] < 1e-12

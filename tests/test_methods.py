@@ -1,0 +1,440 @@
+"""The methods against a dense solver, exact solutions, the identities between them, and their stability limits."""
+
+import copy
+import itertools
+import math
+
+import numpy as np
+import pytest
+from dense import march
+from strategies import HANGS, hunek, round_off, run
+
+import percuss
+
+WU, CD = "wu-predictor-corrector", "central-difference"
+STEEL = {"young": 100.0, "density": 0.01}
+BRASS = {"young": 49.0, "density": 0.02}
+
+
+def bar(length, elements, at=0.0, velocity=0.0, material=STEEL, area=1.0, fixed=(), **options):
+    return {
+        "bar": {"length": length, "elements": elements, **options},
+        "at": at, "velocity": velocity, "material": material, "area": area, "fixed": list(fixed),
+    }  # fmt: skip
+
+
+def case_of(bodies, contacts, time, loads=None):
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "loads": loads or {},
+        "time": time,
+        "record": {"probes": [f"{name}.{end}" for name in bodies for end in ("left", "right")]},
+    }
+
+
+CASES = {
+    "touching": case_of(
+        {"a": bar(1.0, 10, 0.0, 0.1), "b": bar(2.0, 20, 1.0, fixed=["right"])},
+        {"ab": {"between": ["a.right", "b.left"]}},
+        {"steps": 300, "courant": 0.5},
+    ),
+    "row between walls": case_of(
+        {
+            "a": bar(1.0, 7, 0.0, 0.3, BRASS, 2.0, grading=1.7),
+            "b": bar(1.5, 5, 1.03, -0.1, grading=0.6),
+            "c": bar(0.5, 1, 2.6, -0.4, BRASS, 0.5),
+        },
+        {
+            "wall": {"body": "a.left", "wall": -0.02},
+            "ab": {"between": ["a.right", "b.left"]},
+            "cb": {"between": ["c.left", "b.right"]},
+            "end": {"body": "c.right", "wall": 3.1},
+        },
+        {"steps": 400, "courant": 0.6},
+    ),
+    "loads": case_of(
+        {"a": bar(1.0, 6, 0.0, 0.1), "b": bar(1.0, 9, 1.0, material=BRASS)},
+        {"ab": {"between": ["a.right", "b.left"]}, "wall": {"body": "b.right", "wall": 2.0}},
+        {"steps": 400, "courant": 0.7},
+        {
+            "push": {"constant": 0.3, "on": "a.left"},
+            "pull": {"constant": -0.1, "on": "b.right"},
+            "weight": {"gravity": 3.0},
+        },
+    ),
+    "driven": case_of(
+        {"a": bar(1.0, 6, 0.0, 0.1), "b": bar(1.0, 4, 1.05, 0.0, BRASS)},
+        {"ab": {"between": ["b.left", "a.right"]}, "wall": {"body": "b.right", "wall": 2.06}},
+        {"steps": 400, "courant": 0.5},
+        {"drive": {"prescribed-velocity": 0.2, "on": "a.left"}},
+    ),
+    # one end that meets a wall and another bar at once: S has entries off its diagonal
+    "end against wall and bar": case_of(
+        {"a": bar(1.0, 6, 0.0, 0.2), "b": bar(1.5, 6, 1.0, 0.05, BRASS), "c": bar(1.0, 3, 1.0, -0.1, STEEL, 3.0)},
+        {
+            "ab": {"between": ["a.right", "b.left"]},
+            "wall": {"body": "a.right", "wall": 1.001},
+            "ca": {"between": ["c.left", "a.right"]},
+        },
+        {"steps": 300, "courant": 0.5},
+        {"push": {"constant": 0.5, "on": "a.left"}},
+    ),
+}  # fmt: skip
+
+LAWS = {
+    "penalty": {"name": "penalty"},
+    "penalty eps_s": {"name": "penalty", "epsilon_s": 100.0},
+    "bipenalty r=1": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0},
+    "bipenalty matched": {"name": "bipenalty", "beta_s": 0.5, "ratio": "matched"},
+    "bipenalty free-step": {"name": "bipenalty", "beta_s": 0.4, "ratio": "free-step"},
+    "bipenalty eps": {"name": "bipenalty", "epsilon_s": 100.0, "epsilon_m": 4e-4},
+    "lagrange": {"name": "lagrange"},
+}
+
+
+def exactly_as_dense(case, integrator, law):
+    """Hold a run against the dense solver; return its result."""
+    case = {**case, "method": {"integrator": integrator, "contact": law}}
+    result = run(case)
+    truth = march(case)
+    allowed = round_off(case, result, ("contact_force", "gap", "displacement", "velocity"))
+    assert math.isfinite(allowed["contact_force"]), f"hangs on round-off: a nudge moves it by more than {HANGS}"
+    arrays = result.arrays
+    assert np.abs(truth.force).max() > 0.0
+    probes = result.coordinates["probe"]
+    found = {
+        "contact_force": (arrays["contact_force"], truth.force),
+        "gap": (arrays["gap"], truth.gap),
+        "displacement": (arrays["displacement"][:, :, 0], np.stack([truth.displacement(p) for p in probes], axis=1)),
+        "velocity": (arrays["velocity"][:, :, 0], np.stack([truth.velocity(p) for p in probes], axis=1)),
+    }
+    for name, (mine, theirs) in found.items():
+        assert np.abs(mine - theirs).max() <= allowed[name] * np.abs(theirs).max(), name
+    energy = arrays["kinetic_energy"] + arrays["elastic_energy"]
+    assert np.abs(energy - truth.energy).max() <= allowed["velocity"] * 4 * np.abs(truth.energy).max()
+    assert np.isnan(truth.end_force).all() or np.nanmax(np.abs(arrays["contact_force_end"] - truth.end_force)) <= (
+        allowed["contact_force"] * np.nanmax(np.abs(truth.end_force))
+    )
+    return result
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("integrator", [WU, CD])
+@pytest.mark.parametrize("name", CASES)
+def test_runs_equal_the_dense_solver(name, integrator, law):
+    exactly_as_dense(CASES[name], integrator, LAWS[law])
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+@pytest.mark.parametrize("laws", list(itertools.permutations(["bipenalty r=1", "penalty eps_s", "lagrange"])))
+def test_contacts_that_share_an_end_may_have_unlike_laws(integrator, laws):
+    case = copy.deepcopy(CASES["end against wall and bar"])
+    for contact, law in zip(case["contacts"].values(), laws, strict=True):
+        contact["method"] = dict(LAWS[law])
+    result = march({**case, "method": {"integrator": integrator, "contact": "lagrange"}})
+    together = (np.abs(result.force) > 0).sum(axis=1)
+    assert together.max() >= 2, "never closed at the same time: nothing is coupled here"
+    exactly_as_dense(case, integrator, {"name": "lagrange"})
+
+
+def test_three_bars_that_meet_pairwise_move_alike_though_their_forces_are_not_unique():
+    """Four contacts of four ends: S is singular, the motion is unique all the same."""
+    ends = ("a", "d"), ("b", "c")
+    case = case_of(
+        {
+            "a": bar(1.0, 4, 0.0, 0.3), "d": bar(1.5, 5, -0.5, 0.2, BRASS),
+            "b": bar(1.0, 4, 1.0, -0.1), "c": bar(2.0, 6, 1.0, 0.0, BRASS),
+        },
+        {f"{x}{y}": {"between": [f"{x}.right", f"{y}.left"]} for x in ends[0] for y in ends[1]},
+        {"steps": 200, "courant": 0.5},
+    )  # fmt: skip
+    result = run({**case, "method": {"integrator": WU, "contact": "lagrange"}})
+    gaps = result.arrays["gap"]
+    moved = np.abs(result.arrays["displacement"]).max()
+    assert gaps.min() > -1e-12 * moved
+    assert result.summary["momentum"]["error"] < 1e-12
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    force = result.arrays["contact_force"]
+    assert force.min() >= 0.0
+    assert np.abs(force[:-1] * gaps[1:]).max() <= 1e-12 * force.max() * moved
+
+
+# ------------------------------------------------------------------------------------------- exact identities
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_lagrange_method_is_the_same_with_both_integrators(name):
+    law = {"name": "lagrange"}
+    one, other = (run({**CASES[name], "method": {"integrator": i, "contact": law}}) for i in (WU, CD))
+    for history in ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy"):
+        np.testing.assert_array_equal(one.arrays[history], other.arrays[history])
+
+
+def one_contact(integrator=WU, contact=None, courant=0.5):
+    """Unlike graded bars with a gap: one contact, nothing symmetric."""
+    case = case_of(
+        {"a": bar(1.0, 8, 0.0, 0.4, grading=1.5), "b": bar(1.4, 6, 1.01, -0.1, BRASS, 1.6, fixed=["right"])},
+        {"ab": {"between": ["a.right", "b.left"]}},
+        {"steps": 400, "courant": courant},
+    )
+    return {**case, "method": {"integrator": integrator, "contact": contact}}
+
+
+def compliance(case, result):
+    """Return eps_s, eps_m and s of the only contact of a case, from its provenance and the masses of its ends."""
+    out = result.provenance["resolved"]["contacts"]["ab"]
+    half = []
+    for name, place in (("a", -1), ("b", 0)):
+        one = case["bodies"][name]
+        n = one["bar"]["elements"]
+        h = one["bar"].get("grading", 1.0) ** (np.arange(n) / (n - 1))
+        h *= one["bar"]["length"] / h.sum()
+        half.append(0.5 * one["material"]["density"] * one["area"] * h[place])
+    return out["epsilon_s"], out.get("epsilon_m", 0.0), sum(1.0 / m for m in half)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"name": "penalty", "beta_s": 0.4},
+        {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0},
+        {"name": "bipenalty", "beta_s": 10.0, "ratio": "matched"},
+        {"name": "bipenalty", "beta_s": 1.0, "ratio": 0.3},
+    ],
+    ids=str,
+)
+def test_wu_is_a_backward_penalty_of_another_stiffness(law):
+    case = one_contact(WU, law)
+    result = run(case)
+    eps_s, eps_m, s = compliance(case, result)
+    dt = result.summary["dt"]
+    theta = dt**2 * eps_s * s / (1.0 + eps_m * s)
+    assert theta < 1.0
+    assert result.summary["certificate"]["theta"] == pytest.approx(theta, rel=1e-12)
+    kappa = eps_s / (1.0 + (eps_m - dt**2 * eps_s) * s)
+    if law.get("ratio") == "matched":
+        assert kappa == pytest.approx(eps_s, rel=1e-13)
+    force, gap = result.arrays["contact_force"][:, 0], result.arrays["gap"][:, 0]
+    judged = kappa * np.maximum(-gap[1:], 0.0)
+    # a gap is a difference of displacements: its round-off, times kappa, is all that may be left
+    noise = 8 * np.finfo(float).eps * kappa * np.abs(result.arrays["displacement"]).max()
+    assert force.max() > 0
+    assert np.abs(force[:-1] - judged).max() <= 1e-13 * force.max() + noise
+    end = result.arrays["contact_force_end"][:, 0]
+    assert np.abs(end - (1.0 - theta) * (1.0 + eps_m * s) * force).max() <= 1e-13 * end.max() + noise
+
+
+def test_matched_bipenalty_tends_to_the_lagrange_method():
+    stiff = run(hunek(contact={"name": "bipenalty", "beta_s": 1e8, "ratio": "matched"}))
+    exact = run(hunek(contact={"name": "lagrange"}))
+    for history, within in (("contact_force", 1e-5), ("displacement", 1e-6)):
+        peak = np.abs(exact.arrays[history]).max()
+        assert np.abs(stiff.arrays[history] - exact.arrays[history]).max() <= within * peak, history
+
+
+def test_central_difference_with_bipenalty_does_not_tend_to_it():
+    """The limit is an undamped oscillator of the gap."""
+    stiff = run(hunek(integrator=CD, contact={"name": "bipenalty", "beta_s": 1e4, "ratio": 1.0}, end=0.15))
+    exact = run(hunek(integrator=CD, contact={"name": "lagrange"}, end=0.15))
+    peak = exact.arrays["contact_force"].max()
+    assert np.abs(stiff.arrays["contact_force"] - exact.arrays["contact_force"]).max() > 0.5 * peak
+
+
+def test_bipenalty_without_mass_is_the_penalty_method():
+    for integrator in (WU, CD):
+        one = run(one_contact(integrator, {"name": "bipenalty", "beta_s": 0.4, "ratio": math.inf}))
+        other = run(one_contact(integrator, {"name": "penalty", "beta_s": 0.4}))
+        np.testing.assert_array_equal(one.arrays["contact_force"], other.arrays["contact_force"])
+
+
+def test_a_bipenalty_contact_may_pull_before_it_opens():
+    pulling = run(one_contact(CD, {"name": "bipenalty", "beta_s": 1.0, "ratio": 1.0}, courant=0.9))
+    force = pulling.arrays["contact_force"]
+    assert force.min() < -0.01 * force.max()
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+@pytest.mark.parametrize("law", LAWS)
+def test_momentum_is_kept_by_bars_that_fly_free(integrator, law):
+    """The mass penalty is the full matrix: lumped, it would lose a sixth of the momentum."""
+    case = one_contact(integrator, LAWS[law])
+    case["bodies"]["b"]["fixed"] = []
+    result = run(case)
+    momentum = result.summary["momentum"]
+    assert result.summary["contacts"]["ab"]["impulse"] > 0
+    assert momentum["final"][0] == pytest.approx(momentum["initial"][0], rel=1e-13)
+
+
+# ------------------------------------------------------------------------------------------------- first step
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+@pytest.mark.parametrize("contact", ["penalty", "bipenalty", "lagrange"])
+def test_the_initial_velocity_is_kept_by_the_first_step(integrator, contact):
+    case = one_contact(integrator, {"name": contact})
+    result = run(case)
+    np.testing.assert_array_equal(result.arrays["displacement"][0], 0.0)
+    assert result.arrays["velocity"][0, 0, 0] == pytest.approx(0.4, rel=1e-15)
+    assert result.arrays["displacement"][1, 0, 0] == pytest.approx(0.4 * result.summary["dt"], rel=1e-15)
+
+
+def test_a_start_under_load_is_of_second_order():
+    """Half a period of a bar hung up at rest: the error of its end falls by 4 as the step is halved."""
+
+    def error(courant):
+        body = bar(1.0, 1, fixed=["left"])
+        case = case_of({"a": body}, {}, {"end": 0.012, "courant": courant}, {"pull": {"constant": 1.0, "on": "a.right"}})
+        result = run({**case, "method": {"integrator": CD}})
+        omega = math.sqrt(100.0 / (0.5 * 0.01))
+        exact = (1.0 - np.cos(omega * result.arrays["time"])) / 100.0
+        return np.abs(result.arrays["displacement"][:, 1, 0] - exact).max()
+
+    orders = np.log2([error(0.1) / error(0.05), error(0.05) / error(0.025)])
+    assert orders == pytest.approx(2.0, abs=0.05)
+
+
+# ---------------------------------------------------------------------------------------------- benchmark runs
+
+
+def during(result, start, end, name="contact_force"):
+    time = result.arrays["time"]
+    return result.arrays[name][(time >= start - 1e-12) & (time <= end + 1e-12), 0]
+
+
+def test_the_papers_figure():
+    """Bars of Huněk, the settings of the paper's Fig. 2; the exact force is .05 on [0, .2] and [.4, .6]."""
+    result = run(hunek())
+    exact = 0.05
+    for start in (0.02, 0.42):
+        plateau = during(result, start, start + 0.16)
+        assert plateau.mean() == pytest.approx(exact, rel=0.002)
+        assert plateau.max() < 1.02 * exact
+    assert result.arrays["contact_force"].max() < 1.02 * exact
+    assert np.abs(during(result, 0.22, 0.38)).max() < 0.02 * exact
+    assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(0.02, rel=0.01)
+    # what an independent solver gives
+    assert result.arrays["contact_force"].max() / exact == pytest.approx(1.012, abs=0.001)
+    assert during(result, 0.02, 0.18).mean() / exact == pytest.approx(1.0, abs=0.0005)
+    assert result.summary["energy"]["final"] / 5e-4 == pytest.approx(0.9957, abs=0.0015)
+
+
+def exact_force(time, dt):
+    """The exact force of Huněk's bars, averaged over a step around each time."""
+
+    def impulse(t):
+        return 0.05 * (np.clip(t, 0.0, 0.2) + np.clip(t - 0.4, 0.0, 0.2))
+
+    return (impulse(time + 0.5 * dt) - impulse(time - 0.5 * dt)) / dt
+
+
+def test_the_papers_penalties_differ_less_among_each_other_than_from_the_truth():
+    runs = {b: run(hunek(contact={"name": "bipenalty", "beta_s": b, "ratio": 1.0})) for b in (0.25, 1.0, 100.0)}
+    force = {b: one.arrays["contact_force"][:, 0] for b, one in runs.items()}
+    one = runs[1.0]
+    exact = exact_force(one.arrays["time"], one.summary["dt"])
+    norm = np.linalg.norm(exact)
+    errors = {b: np.linalg.norm(f - exact) / norm for b, f in force.items()}
+    for a, b in itertools.combinations(force, 2):
+        assert np.linalg.norm(force[a] - force[b]) / norm < max(errors[a], errors[b])
+    assert [force[b].max() / 0.05 for b in (0.25, 1.0, 100.0)] == pytest.approx([1.012, 1.107, 1.138], abs=0.001)
+
+
+@pytest.mark.parametrize("n", [10, 100])
+def test_the_lagrange_method_is_exact_at_the_magic_step(n):
+    result = run(hunek(n, courant=1.0, contact={"name": "lagrange"}))
+    time, force = result.arrays["time"], result.arrays["contact_force"][:, 0]
+    exact = np.where((time < 0.2) | ((time > 0.4) & (time < 0.6)), 0.05, 0.0)
+    for jump in (0.0, 0.2, 0.4):
+        exact[np.argmin(np.abs(time - jump))] = 0.025
+    exact[np.argmin(np.abs(time - 0.6))] = 0.0  # the release: half a step of impulse is missing
+    assert np.abs(force - exact).max() < 1e-10
+    # the left end of the short bar hears of the contact at .1 and .3: its velocity is .1, 0, ...
+    left = result.arrays["velocity"][:, 0, 0]
+    assert np.abs(left[(time > 1e-9) & (time < 0.1 - 1e-9)] - 0.1).max() < 1e-10
+    assert np.abs(left[(time > 0.1 + 1e-9) & (time < 0.5 - 1e-9)]).max() < 1e-10
+    if n == 10:
+        assert result.summary["energy"]["final"] == pytest.approx(0.0004875, rel=1e-9)
+
+
+def test_a_step_beyond_the_limit_of_a_closed_contact_is_stopped_and_explained():
+    with pytest.raises(percuss.RunError) as caught:
+        run(hunek(integrator=CD, contact={"name": "penalty", "beta_s": 100.0}))
+    message = str(caught.value)
+    stop = caught.value.result.summary["stop"]
+    assert "'tip'" in message
+    assert f"step {stop['step']}," in message
+    assert f"time {stop['step'] * 5e-4:.9g}" in message
+    assert stop["node"] in {100, 101}
+    assert f"node {stop['node']} " in message
+    # the bound of the closed contact of two equal bars: that of a wall at twice the penalty; 2/omega of the mesh
+    allowed = float(message.split("is above ")[1].split(",")[0])
+    limit = math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + 200.0**2))) * 1e-3
+    assert limit <= allowed <= 1.01 * limit
+    assert caught.value.result.status == "unstable"
+    kept = caught.value.result.arrays["contact_force"]
+    assert np.isfinite(kept).all()
+    assert kept.shape[0] == stop["step"]
+
+
+# --------------------------------------------------------------------------------------------- critical steps
+
+
+def pressed(integrator, contact, courant, n=60, steps=6000, on="a.left", acts="force"):
+    """A bar pressed on a wall by a load that rises over its period 4 and stays: the contact never opens."""
+    case = case_of(
+        {"a": bar(1.0, n, material={"young": 1.0, "density": 1.0})},
+        {"w": {"body": "a.right", "wall": 1.0}},
+        {"steps": steps, "courant": courant},
+        {"press": {"ramp": {"value": 0.01, "duration": 4.0}, "on": on, "as": acts}},
+    )
+    return {**case, "method": {"integrator": integrator, "contact": contact}, "record": {"probes": []}}
+
+
+def wall_limit(beta_s):
+    return math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + beta_s**2)))
+
+
+@pytest.mark.parametrize(
+    ("beta_s", "ratio", "critical"),
+    [
+        (0.25, math.inf, 0.9924), (1.0, math.inf, 0.9102), (10.0, math.inf, 0.4254), (100.0, math.inf, 0.1407),
+        (0.25, 5.0, 0.9951), (1.0, 5.0, 0.9398), (10.0, 5.0, 0.6), (100.0, 5.0, 0.4666),
+        (1.0, 2.0, 0.9744), (2.0, 2.0, 0.9306), (10.0, 2.0, 0.7892), (100.0, 2.0, 0.7169),
+        (1.0, 1.5, 0.988), (10.0, 1.5, 0.874),
+    ],
+)  # fmt: skip
+def test_the_critical_courant_number_of_a_closed_contact_with_central_difference(beta_s, ratio, critical):
+    law = {"name": "bipenalty", "beta_s": beta_s, "ratio": ratio}
+    if math.isinf(ratio):
+        assert wall_limit(beta_s) == pytest.approx(critical, abs=5e-5)
+        critical = wall_limit(beta_s)
+    below = run(pressed(CD, law, critical * 0.998))
+    assert below.arrays["contact_force"].max() < 1.2 * 0.01
+    with pytest.raises(percuss.RunError, match="contact"):
+        run(pressed(CD, law, critical * 1.002))
+
+
+@pytest.mark.parametrize(("beta_s", "ratio"), [(0.25, 1.0), (0.25, 0.5), (1.0, 1.0), (1.0, 0.5), (10.0, 0.5)])
+def test_a_ratio_of_at_most_one_keeps_the_free_step_with_central_difference(beta_s, ratio):
+    """Stiffer ones chatter as they close, at any step: their closed step is stable, their switching is not bounded."""
+    law = {"name": "bipenalty", "beta_s": beta_s, "ratio": ratio}
+    result = run(pressed(CD, law, 0.999, on="a", acts="acceleration"))
+    assert result.arrays["contact_force"].max() < 1.2 * 0.01
+
+
+@pytest.mark.parametrize(("beta_s", "ratio"), [(1.0, math.inf), (2.0, 1.0), (4.0, 2.0), (10.0, 1.0), (100.0, 1.0)])
+def test_the_critical_courant_number_of_a_closed_contact_with_wu(beta_s, ratio):
+    """Growth beyond theta = 1 is slow: what the load left of motion grows instead of dying out."""
+    critical = math.sqrt((1.0 + beta_s / (2.0 * ratio)) / (2.0 * beta_s))
+    law = {"name": "bipenalty", "beta_s": beta_s, "ratio": ratio}
+
+    def growth(factor):
+        result = run(pressed(WU, law, critical * factor, n=10, steps=20000, on="a", acts="acceleration"))
+        assert result.summary["certificate"]["theta"] == pytest.approx(factor**2, rel=1e-9)
+        assert result.arrays["contact_force"][5000:].min() > 0.0
+        parts = np.array_split(result.arrays["kinetic_energy"], 8)
+        return parts[7].max() / parts[1].max()
+
+    assert growth(0.999) < 1.0 < growth(1.001)

@@ -1,0 +1,453 @@
+"""Pictures and the notebook's view: what is drawn is the data, and nothing is left behind where drawing fails."""
+
+import copy
+import re
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from percuss import plot, report
+from percuss.case import load
+from percuss.errors import InputError, PercussError, RunError
+from percuss.result import Result, open_result
+from percuss.runner import run
+
+pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
+
+BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
+TWO_BARS = {
+    "percuss": 1,
+    "title": "Two bars",
+    "bodies": {
+        "short": {"bar": {"length": 10, "elements": 20}, "velocity": 0.1, **BAR},
+        "long": {"bar": {"length": 20, "elements": 40}, "at": 10, "fixed": ["right"], **BAR},
+    },
+    "contacts": {"tip": {"between": ["short.right", "long.left"]}},
+    "method": {"contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1}},
+    "time": {"end": 0.8, "courant": 0.5},
+    "record": {"fields": 40},
+    "expect": [
+        {"quantity": "contact_force", "during": [0.02, 0.18], "mean": 0.05, "within": "2%", "source": "exact"},
+        {"quantity": "contact_force", "during": [0.4, 0.6], "max": 0.06, "within": 0.01, "source": "paper"},
+        {"quantity": "energy", "final": 0.0005, "within": "1%", "source": "exact"},
+    ],
+}
+MAGIC = {".png": b"\x89PNG\r\n\x1a\n", ".svg": b"<?xml", ".pdf": b"%PDF-"}
+
+
+def outcome(changes=None, overrides=None):
+    try:
+        return run(load({**copy.deepcopy(TWO_BARS), **(changes or {})}), overrides)
+    except RunError as error:
+        return error.result
+
+
+def row_of_bars(count):
+    bodies = {f"bar{i}": {"bar": {"length": 1, "elements": 4}, "at": i, **BAR} for i in range(count)}
+    bodies["bar0"]["velocity"] = 0.1
+    contacts = {f"c{i}": {"between": [f"bar{i - 1}.right", f"bar{i}.left"]} for i in range(1, count)}
+    return outcome(
+        {"title": "Row", "bodies": bodies, "contacts": contacts, "expect": [], "time": {"end": 0.1, "courant": 0.5}}
+    )
+
+
+@pytest.fixture(scope="module")
+def good():
+    return outcome()
+
+
+@pytest.fixture(scope="module")
+def unstable():
+    return outcome({"time": {"end": 0.8, "courant": 1.1}, "record": {"fields": 0}})
+
+
+def fresh(result, **summary):
+    """Return a result of its own that shares the arrays."""
+    provenance = copy.deepcopy(result.provenance)
+    return Result(
+        dict(result.arrays), result.coordinates, dict(result.field_arrays), {**result.summary, **summary}, provenance
+    )
+
+
+def words(figure):
+    from matplotlib.text import Text
+
+    return "\n".join(text.get_text() for text in figure.findobj(Text))
+
+
+def drawn(axes):
+    return [line.get_xydata() for line in axes.lines]
+
+
+def holds(axes, x, y):
+    """Whether a line of the panel is exactly these data."""
+    return any(np.array_equal(data, np.column_stack([x, y])) for data in drawn(axes))
+
+
+@pytest.mark.parametrize("suffix", [*MAGIC, ".PNG"])
+def test_each_suffix_gives_its_kind_of_file(good, tmp_path, suffix):
+    path = tmp_path / f"picture{suffix}"
+    plot.plot_result(good, path)
+    assert path.read_bytes().startswith(MAGIC[suffix.lower()])
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_the_same_result_gives_the_same_bytes(good, kind):
+    draw = plot.figure_of if kind == "svg" else plot.force_figure
+    first, second = (plot.picture(draw(good), kind) for _ in range(2))
+    assert first == second
+    assert not re.search(rb"<dc:date>|CreationDate", first)
+
+
+@pytest.mark.parametrize(("name", "found"), [("a.jpg", ".jpg"), ("picture", "no ending"), (".png", "no ending")])
+def test_another_suffix_is_refused_before_anything_is_written(good, tmp_path, name, found):
+    path = tmp_path / name
+    for draw in (lambda: plot.plot_result(good, path), lambda: plot.plot_comparison([], path)):
+        with pytest.raises(InputError) as caught:
+            draw()
+        assert str(caught.value) == (
+            f"{path}: expected a picture ending in .png, .svg or .pdf, found {found}\n"
+            "  Name the file with one of the three."
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_left_behind_and_nothing_lost_where_drawing_fails(good, tmp_path, monkeypatch):
+    path = tmp_path / "a.png"
+    path.write_bytes(b"before")
+    monkeypatch.setattr(plot, "_energies", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        plot.plot_result(good, path)
+    assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("a.png", b"before")]
+
+
+def test_a_missing_folder_is_said(good, tmp_path):
+    with pytest.raises(InputError, match="expected a folder"):
+        plot.plot_result(good, tmp_path / "none" / "a.png")
+
+
+def test_settings_of_matplotlib_stay_as_they_were(good):
+    import matplotlib as mpl
+
+    before, had_pyplot = mpl.rcParams.copy(), "matplotlib.pyplot" in sys.modules
+    plain = plot.picture(plot.figure_of(good), "svg")
+    assert mpl.rcParams.copy() == before
+    with mpl.rc_context({"axes.grid": False, "font.size": 30, "text.usetex": True}):
+        assert plot.picture(plot.figure_of(good), "svg") == plain
+    assert ("matplotlib.pyplot" in sys.modules) == had_pyplot
+
+
+def test_the_lines_are_the_data(good):
+    force, energy, *_ = plot.figure_of(good).axes
+    assert holds(force, good.arrays["time"], good.arrays["contact_force"][:, 0])
+    half, total = good.arrays["time_half"], good.arrays["kinetic_energy"] + good.arrays["elastic_energy"]
+    for name in ("kinetic_energy", "elastic_energy", "external_work", "contact_work"):
+        assert holds(energy, half, good.arrays[name]), name
+    assert holds(energy, half, total)
+    assert holds(energy, half, total - good.arrays["external_work"])
+    assert f"ledger closes to {good.summary['energy']['ledger_error']:.4g}" in words(energy)
+
+
+def test_expected_values_are_drawn_over_their_time_with_their_tolerance(good):
+    force = plot.figure_of(good).axes[0]
+    assert holds(force, [0.02, 0.18], [0.05, 0.05])
+    assert holds(force, [0.4, 0.6], [0.06, 0.06])
+    assert len(force.lines) == 3
+    bands = [band.get_datalim(force.transData).extents for band in force.collections]
+    assert np.allclose(bands, [[0.02, 0.049, 0.18, 0.051], [0.4, 0.05, 0.6, 0.07]])
+
+
+def test_exact_histories_are_laid_over_where_there_are_any(good):
+    result = fresh(good)
+    time, exact = np.array([0.0, 0.2, 0.2]), np.array([0.05, 0.05, 0.0])
+    result.exact_histories = {"tip": (time, exact), "elsewhere": (time, exact)}
+    force = plot.figure_of(result).axes[0]
+    assert holds(force, time, exact)
+    assert len(force.lines) == 4
+    assert "exact" in words(force)
+
+
+def test_the_stress_is_drawn_body_by_body_about_zero(good):
+    from matplotlib.collections import QuadMesh
+
+    space_time = plot.figure_of(good).axes[2]
+    meshes = [mesh for mesh in space_time.collections if isinstance(mesh, QuadMesh)]
+    stress, owner = good.field_arrays["stress"], np.array(good.field_arrays["body"])
+    for mesh, body in zip(meshes, ("short", "long"), strict=True):
+        assert np.array_equal(mesh.get_array(), stress[:, owner == body])
+        low, high = mesh.get_clim()
+        assert low == -high < 0
+    edges = [mesh.get_coordinates()[0, [0, -1], 0] for mesh in meshes]
+    assert np.allclose(edges, [[0, 10], [10, 30]])
+
+
+def test_contacts_are_thick_while_they_carry_force(good):
+    from matplotlib.collections import LineCollection
+
+    space_time = plot.figure_of(good).axes[2]
+    lines = [c for c in space_time.collections if isinstance(c, LineCollection) and c.get_linewidth()[0] == 3.4]
+    segments = np.concatenate([one.get_segments() for one in lines])
+    assert np.all(segments[:, :, 0] == 10)
+    lasting = float(np.diff(segments[:, :, 1]).sum())
+    assert lasting == pytest.approx(good.summary["contacts"]["tip"]["closed_time"], abs=2 * good.summary["dt"])
+
+
+@pytest.mark.parametrize(
+    ("second", "label", "ends"),
+    [
+        ({"direction": [1, 1]}, "distance along the line of 'short'", [[0, 10], [10, 30]]),
+        ({"direction": [0, 1]}, "length along each body, one after another", [[0, 10], [10.6, 30.6]]),
+    ],
+)
+def test_bodies_in_the_plane_are_laid_along_one_axis(second, label, ends):
+    at = [10 / 2**0.5, 10 / 2**0.5]
+    bodies = {
+        "short": {"bar": {"length": 10, "elements": 20, "direction": [1, 1]}, "at": [0, 0], **BAR},
+        "long": {"bar": {"length": 20, "elements": 40, **second}, "at": at, **BAR},
+    }
+    result = outcome({"bodies": bodies, "contacts": {}, "expect": [], "time": {"end": 0.1, "courant": 0.5}})
+    space_time = plot.figure_of(result).axes[2]
+    assert space_time.get_xlabel() == label
+    assert np.allclose([mesh.get_coordinates()[0, [0, -1], 0] for mesh in space_time.collections[::2][:2]], ends)
+
+
+def test_the_title_tells_the_methods_and_steps_as_they_came_out(good):
+    told = words(plot.figure_of(good))
+    for part in ("Two bars", "wu-predictor-corrector", "bipenalty (εₛ = 50,", "βₛ = 0.25", "Courant number 0.5"):
+        assert part in told
+    assert f"Δt = {good.summary['dt']:.4g}" in told
+    assert f"{good.summary['steps']} steps" in told
+    assert "UNSTABLE" not in told
+
+
+def test_an_unstable_run_is_marked_everywhere(unstable):
+    assert unstable.status == "unstable"
+    told = words(plot.figure_of(unstable))
+    assert "UNSTABLE, no valid result: stopped at step" in told
+    assert "Likely cause: " in told
+    assert "unstable: not computed" in words(plot.force_figure(unstable))
+    assert "UNSTABLE" in report.notebook_html(unstable)
+
+
+def test_an_interrupted_run_is_marked(good):
+    result = fresh(good, status="interrupted", steps=100)
+    told = words(plot.figure_of(result))
+    assert f"INTERRUPTED at step 100 of {good.summary['steps']}" in told
+    assert "interrupted: not computed" in told
+
+
+def test_a_run_that_stopped_at_once_can_be_drawn(unstable):
+    result = fresh(unstable, steps=0)
+    result.arrays = {name: values[:0] for name, values in unstable.arrays.items()}
+    assert plot.picture(plot.figure_of(result), "png")
+    assert plot.picture(report.comparison_figure([{"label": "a", "result": result}]), "png")
+
+
+def test_what_is_not_there_is_said():
+    result = outcome({"contacts": {}, "expect": [], "record": {"fields": 0}})
+    told = words(plot.figure_of(result))
+    assert "This case has no contact." in told
+    assert "record: {fields: 200}" in told
+
+
+def test_many_contacts_are_told_apart_by_order():
+    result = row_of_bars(9)
+    figure = plot.figure_of(result)
+    colours = [line.get_color() for line in figure.axes[0].lines]
+    assert len({tuple(colour) for colour in colours}) == len(colours) == 8
+    assert re.search(r"^c1$", words(figure), re.MULTILINE)
+    assert re.search(r"^c8$", words(figure), re.MULTILINE)
+
+
+def test_a_long_history_keeps_its_extremes():
+    time = np.arange(1_000_000.0)
+    values = np.sin(time)
+    values[123_457] = 9.0
+    values[765_433] = -9.0
+    few, thinned = plot.thinned(time, values)
+    assert few.size <= plot.MOST_POINTS + 2
+    assert (thinned.max(), thinned.min()) == (9.0, -9.0)
+    assert np.array_equal(values[few.astype(int)], thinned)
+    assert np.all(np.diff(few) > 0)
+
+
+def test_a_title_is_never_mathematics(good, tmp_path):
+    result = fresh(good)
+    result.provenance["case"]["title"] = "costs $1 and $\\nonsense{ 2\nin two lines"
+    plot.plot_result(result, tmp_path / "a.png")
+    assert "costs $1 and $\\nonsense{ 2 in two lines" in words(plot.figure_of(result))
+
+
+def test_a_saved_result_gives_the_same_picture(good, tmp_path):
+    good.save(tmp_path / "a.nc")
+    again = open_result(tmp_path / "a.nc")
+    assert plot.picture(plot.figure_of(again), "svg") == plot.picture(plot.figure_of(good), "svg")
+
+
+# -- several runs ------------------------------------------------------------------------------------------
+
+
+def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp_path):
+    other = outcome(overrides={"method.contact": "lagrange"})
+    rows = [
+        {"label": "bipenalty", "result": good},
+        {"label": "_lagrange $x", "result": other},
+        {"label": "too fast", "result": unstable},
+        {"label": "nitsche", "result": None, "reason": "is refused:\nno stress"},
+    ]
+    figure = report.comparison_figure(rows)
+    (axes,) = figure.axes
+    for result in (good, other, unstable):
+        assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, 0])
+    told = words(figure)
+    assert "_lagrange $x" in told
+    assert re.search(r"too fast: unstable at [\d.]+", told)
+    assert "not shown: nitsche: is refused: no stress" in told
+    assert "contact force in 3 of 4 runs" in told
+    assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
+    plot.plot_comparison(rows, tmp_path / "a.svg")
+    assert (tmp_path / "a.svg").read_bytes().startswith(MAGIC[".svg"])
+
+
+def test_runs_of_one_label_are_all_in_the_legend(good):
+    (axes,) = report.comparison_figure([{"label": "a", "result": good}] * 3).axes
+    assert [text.get_text().strip() for text in axes.get_legend().get_texts()][:3] == ["a", "a (2)", "a (3)"]
+
+
+def test_more_than_six_runs_stand_beside_each_other(good):
+    rows = [{"label": f"run {k}", "result": good} for k in range(8)]
+    figure = report.comparison_figure(rows)
+    assert [axes.get_title("left") for axes in figure.axes] == [*(f"run {k}" for k in range(8)), ""]
+    assert all(holds(axes, good.arrays["time"], good.arrays["contact_force"][:, 0]) for axes in figure.axes[:8])
+    assert plot.picture(figure, "png")
+
+
+def test_each_contact_has_its_panel_in_a_comparison():
+    result = row_of_bars(4)
+    figure = report.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
+    assert [axes.get_ylabel() for axes in figure.axes] == ["force at c1", "force at c2", "force at c3"]
+    for k, axes in enumerate(figure.axes):
+        assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
+
+
+@pytest.mark.parametrize("rows", [[], [{"label": "a", "result": None, "reason": None}]])
+def test_a_comparison_without_any_result_says_so(rows):
+    assert "None of the runs has a result." in words(report.comparison_figure(rows))
+
+
+def test_the_exact_history_of_one_run_stands_for_all(good):
+    knowing = fresh(good)
+    time, exact = np.array([0.0, 0.2]), np.array([0.05, 0.05])
+    knowing.exact_histories = {"tip": (time, exact)}
+    rows = [{"label": "a", "result": good}, {"label": "b", "result": knowing}]
+    for panels in (report.comparison_figure(rows).axes, report.comparison_figure(rows * 4).axes[:8]):
+        assert all(holds(axes, time, exact) for axes in panels)
+
+
+# -- the notebook ------------------------------------------------------------------------------------------
+
+
+class Tags(HTMLParser):
+    """Checks that tags close in order, and gathers the text of the cells."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.cells, self.seen = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.append((tag, dict(attrs)))
+        if tag != "img":
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("td", "th"):
+            self.cells.append(data)
+
+
+def parsed(html):
+    tags = Tags()
+    tags.feed(html)
+    tags.close()
+    assert tags.open == []
+    return tags
+
+
+def test_a_notebook_shows_table_and_picture(good):
+    html = good._repr_html_()
+    tags = parsed(html)
+    cells, tip = tags.cells, good.summary["contacts"]["tip"]
+    assert cells[cells.index("status") + 1] == "done"
+    assert "bipenalty" in cells[cells.index("methods") + 1]
+    assert f"{good.summary['steps']} steps" in cells[cells.index("steps") + 1]
+    assert f"{good.summary['energy']['ledger_error']:.4g}" in cells[cells.index("energy") + 1]
+    assert f"{good.summary['momentum']['error']:.4g}" in cells[cells.index("momentum") + 1]
+    start = cells.index("tip")
+    keys = ("impulse", "peak_force", "first_closed", "closed_time")
+    assert cells[start : start + 5] == ["tip", *(f"{tip[key]:.6g}" for key in keys)]
+    (picture,) = [attributes for tag, attributes in tags.seen if tag == "img"]
+    assert picture["src"].startswith("data:image/png;base64,")
+
+
+def test_every_cell_says_its_colours_for_dark_notebooks(good):
+    for tag, attributes in parsed(report.notebook_html(good)).seen:
+        if tag in ("td", "th", "table"):
+            assert "background:#" in attributes["style"]
+            assert re.search(r";color:#", attributes["style"])
+
+
+def test_the_users_text_is_escaped(good):
+    result = fresh(good)
+    result.provenance["case"]["title"] = "<script>alert('1')</script> & more"
+    result.summary["contacts"] = {"<b>tip</b>": good.summary["contacts"]["tip"]}
+    html = report.notebook_html(result)
+    assert "<script>" not in html
+    assert "<b>" not in html
+    assert "&lt;script&gt;alert(&#x27;1&#x27;)&lt;/script&gt; &amp; more" in html
+    parsed(html)
+
+
+def test_a_contact_that_never_closed_says_never(good):
+    result = fresh(good)
+    never = {"impulse": 0.0, "peak_force": 0.0, "first_closed": None, "closed_time": 0.0}
+    result.summary["contacts"] = {"tip": never}
+    cells = parsed(report.notebook_html(result)).cells
+    assert cells[-5:] == ["tip", "0", "0", "never", "0"]
+
+
+# -- without matplotlib ------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def no_matplotlib(monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_a_picture_without_matplotlib_says_what_to_install(good, tmp_path):
+    message = "a picture needs matplotlib, which is not installed: pip install 'percuss[plot]'"
+    path = tmp_path / "a.png"
+    for draw in (
+        lambda: plot.plot_result(good, path),
+        lambda: plot.plot_comparison([{"label": "a", "result": good}], path),
+        lambda: plot.check_suffix(path),
+    ):
+        with pytest.raises(PercussError) as caught:
+            draw()
+        assert str(caught.value) == message
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_a_notebook_without_matplotlib_shows_the_table_alone(good):
+    html = report.notebook_html(good)
+    assert "No picture: a picture needs matplotlib" in html
+    assert "<img" not in html
+    assert "tip" in parsed(html).cells

@@ -1,0 +1,317 @@
+"""What holds for every drawn case and every registered pair: balances, and that nothing depends on how one looks.
+
+The registries are swept as they are: a plug-in that is installed later is drawn into these tests by itself.
+"""
+
+import copy
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, event, given
+from hypothesis import strategies as st
+from strategies import INTEGRATORS, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
+
+import percuss
+
+INVARIANT = ("contact_force", "gap", "kinetic_energy", "elastic_energy", "contact_work", "external_work")
+EACH_PAIR = pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
+SOME_PAIR = st.sampled_from(PAIRS)
+
+
+def finished(case, **kwargs):
+    """Run a case; a run that is stopped, because no bound holds for its pair, is no example of the property."""
+    try:
+        return run(case, **kwargs)
+    except percuss.RefusedPair:
+        event("refused")
+    except percuss.RunError as stopped:
+        event("stopped")
+        never_stopped(case, stopped)
+    assume(False)
+    raise AssertionError
+
+
+def never_stopped(case, stopped):
+    """Whatever its pair: with Wu and theta below 1, or a multiplier judged at the end of the step, nothing grows."""
+    integrator, contact = case["method"]["integrator"], case["method"]["contact"]["name"]
+    theta = stopped.result.summary["certificate"]["theta"]
+    assert contact != "lagrange"
+    assert not (integrator == "wu-predictor-corrector" and contact == "bipenalty" and theta < 0.5)
+
+
+# --------------------------------------------------------------------------------------------------- balances
+
+
+@EACH_PAIR
+@given(case=rows())
+def test_momentum_and_energy_are_accounted_for(pair, case):
+    result = finished(with_pair(case, pair))
+    assert result.summary["momentum"]["error"] <= 1e-12
+    assert result.summary["energy"]["ledger_error"] <= 1e-12
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@given(case=rows())
+def test_the_accounts_are_those_of_the_histories(integrator, case):
+    """Impulses and works summed by the loop against sums over what was recorded, in numpy."""
+    result = finished(with_pair(case, (integrator, {"name": "penalty"})))
+    force, gap, dt = result.arrays["contact_force"], result.arrays["gap"], result.summary["dt"]
+    steps = result.summary["steps"]
+    for k, name in enumerate(result.coordinates["contact"]):
+        found = result.summary["contacts"][name]
+        peak = np.abs(force[:, k]).max()
+        assert found["impulse"] == pytest.approx(dt * force[:steps, k].sum(), rel=1e-12, abs=1e-14 * peak * dt * steps)
+        assert found["peak_force"] == pytest.approx(max(force[:steps, k].max(), 0.0), rel=1e-14)
+        assert found["closed_time"] == pytest.approx(dt * np.count_nonzero(force[:steps, k]), rel=1e-12)
+        assert found["penetration"]["largest"] == pytest.approx(max(-gap[:steps, k].min(), 0.0), rel=1e-12)
+    # work of the contacts, from gaps on either side of each step
+    work = np.zeros(steps)
+    for n in range(1, steps):
+        work[n] = work[n - 1] + 0.5 * force[n] @ (gap[n + 1] - gap[n - 1])
+    mine = result.arrays["contact_work"][:steps] - result.arrays["contact_work"][0]
+    scale = np.abs(mine).max() + np.abs(force).max(initial=0.0) * np.abs(gap).max(initial=0.0) * 1e-3
+    assert np.abs(mine - work).max() <= 1e-11 * scale
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@given(case=rows(gaps=True))
+def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
+    result = finished(with_pair(case, (integrator, {"name": "lagrange"})))
+    force, gap = result.arrays["contact_force"], result.arrays["gap"]
+    assume(force.size)
+    moved = np.abs(result.arrays["displacement"]).max() + np.abs(gap).max()
+    assert force.min() >= 0.0
+    assert gap.min() >= -1e-12 * moved
+    assert np.abs(force[:-1] * gap[1:]).max() <= 1e-12 * force.max() * moved
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@given(case=rows(loads=False))
+def test_energy_of_the_lagrange_method_never_grows(integrator, case):
+    result = finished(with_pair(case, (integrator, {"name": "lagrange"})))
+    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+    assert np.diff(energy).max() <= 1e-13 * energy.max()
+
+
+@given(case=rows(bars=2), law=st.sampled_from([("penalty", {}), ("bipenalty", {"ratio": "matched"})]), stiff=number(0.1, 3))
+def test_the_modified_energy_of_wu_never_grows(case, law, stiff):
+    """E + kappa/4 (<-g_n+1>^2 + <-g_n>^2) - W of one contact with theta < 1."""
+    case = copy.deepcopy(case)
+    assume(case["contacts"])
+    name = next(iter(case["contacts"]))
+    case["contacts"] = {name: case["contacts"][name]}
+    case["loads"] = {k: one for k, one in case["loads"].items() if one.get("as") != "velocity"}
+    case = with_pair(case, ("wu-predictor-corrector", {"name": law[0], "beta_s": stiff, **law[1]}))
+    result = finished(case)
+    theta = result.summary["certificate"]["theta"]
+    assume(theta < 0.999)
+    # (1 - theta) dt^2 s kappa = theta, and theta = dt^2 eps_s s / (1 + eps_m s) gives s
+    out = result.provenance["resolved"]["contacts"][name]
+    eps_s, eps_m, dt = out["epsilon_s"], out.get("epsilon_m", 0.0), result.summary["dt"]
+    s = theta / (dt**2 * eps_s - theta * eps_m)
+    kappa = theta / ((1.0 - theta) * dt**2 * s)
+    overlap = np.maximum(-result.arrays["gap"][:, 0], 0.0) ** 2
+    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"] - result.arrays["external_work"]
+    modified = energy[:-1] + 0.25 * kappa * (overlap[1:] + overlap[:-1])
+    scale = max(np.abs(result.arrays[k]).max() for k in ("kinetic_energy", "elastic_energy", "external_work"))
+    assert np.diff(modified).max(initial=0.0) <= 1e-12 * scale
+
+
+# ------------------------------------------------------------------------------------------------- invariances
+
+
+def same(base_case, base, other, factors=None):
+    """Hold what must not change against what a nudge does; `factors` are the units of the other run."""
+    allowed = round_off(base_case, base, INVARIANT)
+    if math.isinf(allowed["contact_force"]):
+        event("hangs on round-off")
+        return
+    scaled = copy.copy(other)
+    scaled.arrays = {k: v / (factors or {}).get(k, 1.0) for k, v in other.arrays.items() if k in INVARIANT}
+    moved = apart(base, scaled, INVARIANT)
+    energy = max(np.abs(base.arrays[k]).max() for k in ("kinetic_energy", "elastic_energy", "external_work"))
+    for name in INVARIANT:
+        peak = np.abs(base.arrays[name]).max(initial=0.0)
+        # energies and works are parts of one sum, gaps differences of displacements: round-off is of the whole
+        whole = energy if "energy" in name or "work" in name else peak
+        if name == "gap":
+            whole = max(peak, np.abs(base.arrays["displacement"]).max())
+        if peak > 0.0:
+            assert moved[name] <= max(allowed[name], 1e-13 * whole / peak), name
+
+
+@given(case=rows(), pair=SOME_PAIR, shift=number(-5, 5))
+def test_nothing_changes_under_translation(case, pair, shift):
+    case = with_pair(case, pair)
+    moved = copy.deepcopy(case)
+    for one in moved["bodies"].values():
+        one["at"] += shift
+    for one in moved["contacts"].values():
+        if "wall" in one:
+            one["wall"] += shift
+    same(case, finished(case), finished(moved))
+
+
+def turned(case, direction):
+    """Return the case along a direction in two or three dimensions."""
+    unit = np.array(direction) / np.linalg.norm(direction)
+    out = copy.deepcopy(case)
+    for one in out["bodies"].values():
+        one["bar"]["direction"] = list(direction)
+        one["at"] = list(one["at"] * unit)
+    for one in out["contacts"].values():
+        if "wall" in one:
+            one["wall"] = list(one["wall"] * unit)
+    for one in out["loads"].values():
+        if "gravity" in one:
+            value = one["gravity"]["value"]
+            one["gravity"] = {"value": list((value if isinstance(value, float | int) else value[0]) * unit)}
+    return out
+
+
+@given(
+    case=rows(),
+    pair=SOME_PAIR,
+    direction=st.lists(st.integers(-3, 3), min_size=2, max_size=3).filter(any),
+)
+def test_nothing_changes_under_rotation(case, pair, direction):
+    case = with_pair(case, pair)
+    same(case, finished(case), finished(turned(case, direction)))
+
+
+def mirrored(case):
+    """Return the case seen from the other side: every bar is turned round, its left end stays the left end."""
+    out = copy.deepcopy(case)
+    for one in out["bodies"].values():
+        one["at"] *= -1.0
+        one["bar"]["direction"] = [-1.0]
+    for one in out["contacts"].values():
+        if "wall" in one:
+            one["wall"] *= -1.0
+    for one in out["loads"].values():
+        if "gravity" in one:
+            value = one["gravity"]["value"]
+            one["gravity"] = {"value": -(value if isinstance(value, float | int) else value[0])}
+    return out
+
+
+@given(case=rows(), pair=SOME_PAIR)
+def test_nothing_changes_in_a_mirror(case, pair):
+    case = with_pair(case, pair)
+    same(case, finished(case), finished(mirrored(case)))
+
+
+@given(case=rows(), pair=SOME_PAIR)
+def test_nothing_changes_with_the_ends_of_every_bar_swapped(case, pair):
+    """Each bar is meshed from its other end: left is right, grading is upside down, velocities change sign."""
+    other = {"left": "right", "right": "left"}
+
+    def swapped(address):
+        body, dot, end = address.partition(".")
+        return body + dot + other.get(end, "")
+
+    case = with_pair(case, pair)
+    out = copy.deepcopy(case)
+    for one in out["bodies"].values():
+        one["at"] += one["bar"]["length"]
+        one["bar"] |= {"direction": [-1.0], "grading": 1.0 / one["bar"].get("grading", 1.0)}
+        one["velocity"] *= -1.0
+        one["fixed"] = [other[end] for end in one.get("fixed", [])]
+    for one in out["contacts"].values():
+        one |= {k: [swapped(a) for a in v] if k == "between" else swapped(v) for k, v in one.items() if k != "wall"}
+    for one in out["loads"].values():
+        if "on" in one:
+            one["on"] = swapped(one["on"]) if isinstance(one["on"], str) else [swapped(a) for a in one["on"]]
+        if "gravity" not in one:
+            one["direction"] = [1.0]
+    out["record"]["probes"] = [swapped(a) for a in out["record"]["probes"]]
+    same(case, finished(case), finished(out))
+
+
+@given(case=rows(), pair=SOME_PAIR)
+def test_nothing_changes_with_the_order_of_bodies_and_sides(case, pair):
+    case = with_pair(case, pair)
+    out = copy.deepcopy(case)
+    out["bodies"] = dict(reversed(out["bodies"].items()))
+    for one in out["contacts"].values():
+        if "between" in one:
+            one["between"].reverse()
+    same(case, finished(case), finished(out))
+
+
+@given(case=rows(), pair=SOME_PAIR)
+def test_the_order_of_contacts_does_not_matter(case, pair):
+    case = with_pair(case, pair)
+    out = copy.deepcopy(case)
+    out["contacts"] = dict(reversed(out["contacts"].items()))
+    base, other = finished(case), finished(out)
+    for name in ("contact_force", "gap", "contact_force_end"):
+        if name in other.arrays:
+            other.arrays[name] = other.arrays[name][:, ::-1]
+    same(case, base, other)
+
+
+# powers of two would change nothing at all
+UNITS = {"length": 1000.0, "mass": 1e-3, "time": 1e6}
+POWERS = {  # of length, mass, time
+    "force": (1, 1, -2), "acceleration": (1, 0, -2), "velocity": (1, 0, -1), "energy": (2, 1, -2), "length": (1, 0, 0),
+    "stiffness": (0, 1, -2), "mass": (0, 1, 0), "time": (0, 0, 1), "area": (2, 0, 0), "young": (-1, 1, -2),
+    "density": (-3, 1, 0), "frequency": (0, 0, -1),
+}  # fmt: skip
+TIMES = {"duration": "time", "frequency": "frequency", "time": "time"}
+
+
+def unit(kind):
+    return math.prod(f**p for f, p in zip(UNITS.values(), POWERS[kind], strict=True))
+
+
+def converted(case):
+    """Return the case in other units of length, mass and time."""
+    out = copy.deepcopy(case)
+    for one in out["bodies"].values():
+        one["bar"]["length"] *= unit("length")
+        one["at"] *= unit("length")
+        one["area"] *= unit("area")
+        one["velocity"] *= unit("velocity")
+        one["material"] = {k: v * unit(k) for k, v in one["material"].items()}
+    for one in out["contacts"].values():
+        if "wall" in one:
+            one["wall"] *= unit("length")
+    contact = out["method"]["contact"]
+    for key, kind in (("epsilon_s", "stiffness"), ("epsilon_m", "mass")):
+        if key in contact:
+            contact[key] *= unit(kind)
+    for one in out["loads"].values():
+        for key in ("from", "until"):
+            if key in one:
+                one[key] *= unit("time")
+        name = next(iter(one))
+        amplitude = unit(one.get("as") or "velocity")
+        one[name] = {
+            key: value
+            if key == "phase"
+            else tuple(v * unit(TIMES[key]) if key in TIMES else v * amplitude for v in value)
+            if isinstance(value, tuple)
+            else value * (unit(TIMES[key]) if key in TIMES else amplitude)
+            for key, value in one[name].items()
+        }
+    return out
+
+
+@given(case=rows(), pair=SOME_PAIR)
+def test_nothing_changes_with_the_units(case, pair):
+    assume(set(pair[1]) <= {"name", "beta_s", "beta_m", "ratio", "epsilon_s", "epsilon_m"})
+    case = with_pair(case, pair)
+    energy, force = unit("energy"), unit("force")
+    factors = dict.fromkeys(INVARIANT, energy) | {"contact_force": force, "gap": unit("length")}
+    same(case, finished(case), finished(converted(case)), factors)
+
+
+@given(case=rows(), pair=SOME_PAIR)
+def test_plain_python_gives_what_compiled_code_gives(case, pair):
+    case = with_pair(case, pair)
+    case["time"]["steps"] = min(case["time"]["steps"], 60)
+    plain = finished(case, compiled=False)
+    assert plain.summary["compiled"] is False
+    same(case, finished(case), plain)

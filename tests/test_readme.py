@@ -1,0 +1,92 @@
+"""Every command and snippet of the README is executed."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import percuss
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+SHELL = [text for kind, text in BLOCKS if kind == "sh"]
+PYTHON = [text for kind, text in BLOCKS if kind == "python"]
+COMMANDS = [line for text in SHELL[2:] for line in text.strip().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the cases and the README's own plug-in, as a reader would have it."""
+    here = tmp_path_factory.mktemp("readme")
+    shutil.copytree(ROOT / "cases", here / "cases")
+    (here / "damped.py").write_text(next(text for text in PYTHON if "class DampedPenalty" in text))
+    return here
+
+
+def test_exactly_two_commands_set_up() -> None:
+    first, second = SHELL[:2]
+    assert len(first.strip().splitlines()) == len(second.strip().splitlines()) == 1
+    assert "percuss run cases/hunek.yaml" in first
+    assert "pytest" in second
+    # the script that checks everything runs these two blocks as they stand
+    assert "command_of 1" in (ROOT / ".ci" / "run").read_text()
+    assert "command_of 2" in (ROOT / ".ci" / "run").read_text()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_runs(command: str, folder: Path) -> None:
+    if "--plot" in command:
+        pytest.importorskip("matplotlib")
+    words = shlex.split(command)
+    assert words[0] == "percuss"
+    program = [sys.executable, "-m", "percuss", *words[1:]]
+    done = subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.parametrize("text", PYTHON, ids=lambda text: text.splitlines()[0])
+def test_a_snippet_runs(text: str, folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", text], cwd=folder, capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_case_shown_is_a_case(tmp_path: Path) -> None:
+    text = next(text for kind, text in BLOCKS if kind == "yaml")
+    (tmp_path / "shown.yaml").write_text(text, encoding="utf-8")
+    case = percuss.load(tmp_path / "shown.yaml")
+    assert percuss.run(case).summary["steps"] == 1600
+
+
+def test_the_law_shown_does_what_it_says(folder: Path) -> None:
+    """Without its dashpot it is the penalty method; with it, the same contact loses more energy."""
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "damped.py"])
+    spring = percuss.run(case, {"method.contact": {"name": "penalty", "beta_s": 0.25}})
+    same = percuss.run(case, {"method.contact": {"name": "damped-penalty"}})
+    damped = percuss.run(case, {"method.contact": {"name": "damped-penalty", "tau": 1e-4}})
+    assert (same.arrays["contact_force"] == spring.arrays["contact_force"]).all()
+    assert same.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
+    assert damped.summary["energy"]["ledger_error"] < 1e-13
+    assert damped.summary["energy"]["contact_work"] < spring.summary["energy"]["contact_work"]
+
+
+def test_every_method_named_is_registered() -> None:
+    from percuss.registry import Registry
+
+    registry = Registry.load()
+    for family in ("integrators", "contacts", "loads"):
+        for name in registry.names(family):
+            assert f"`{name}`" in README, f"{family} {name} is not in the README"
+
+
+def test_the_picture_is_there() -> None:
+    for picture in re.findall(r"!\[.*?\]\((.*?)\)", README):
+        assert (ROOT / picture).stat().st_size > 10_000
