@@ -321,6 +321,28 @@ def test_a_load_that_is_no_number_stops_the_run(tmp_path, acts):
         assert stop["node"] <= 1 or acts == "acceleration"
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("load", [{"ramp": {"value": 2.0, "duration": 0.1}}, {"half-sine": {"peak": 2.0, "duration": 0.1}}])
+def test_forces_in_balance_are_no_instability(integrator, load):
+    """A node between a support and a wall, pressed on the wall: nothing moves, all works are round-off."""
+    wall = {"w": {"body": "a.right", "wall": 1.0}}
+    press = {"press": {**load, "on": "a", "as": "force"}}
+    case = one_bar({"steps": 200, "courant": 0.3}, press, 1, contacts=wall, fixed=["left"])
+    case["method"] = {"integrator": integrator, "contact": "lagrange"}
+    result = run(case)
+    force = result.arrays["contact_force"][:, 0]
+    assert force.max() == pytest.approx(1.0, rel=0.01)
+    assert np.abs(result.arrays["displacement"]).max() < 1e-15
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+
+
+def test_the_message_names_the_limit_at_a_courant_number_of_one():
+    """One element, free at both ends, struck: its only frequency is the critical one and grows with time."""
+    drive = {"drive": {"prescribed-velocity": 2.0, "on": "a.left", "until": 0.02}}
+    with pytest.raises(percuss.RunError, match="Courant number of 1"):
+        run(one_bar({"steps": 200, "courant": 1.0}, drive, 1))
+
+
 # ------------------------------------------------------------------------------------------------ results on disk
 
 

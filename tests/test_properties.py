@@ -34,6 +34,8 @@ def finished(case, **kwargs):
 
 def never_stopped(case, stopped):
     """Whatever its pair: with Wu and theta below 1, or a multiplier judged at the end of the step, nothing grows."""
+    if case["time"]["courant"] == 1.0:
+        return  # the highest frequency of a free bar grows with time there, though not exponentially
     integrator, contact = case["method"]["integrator"], case["method"]["contact"]["name"]
     theta = stopped.result.summary["certificate"]["theta"]
     assert contact != "lagrange"

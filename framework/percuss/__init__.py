@@ -32,7 +32,27 @@ _HOME = {
     "run": "runner",
 }
 
-__all__ = list(_HOME)  # noqa: PLE0605
+__all__ = [
+    "Case",
+    "ContactLaw",
+    "Element",
+    "InputError",
+    "Integrator",
+    "Load",
+    "Mass",
+    "Material",
+    "PercussError",
+    "PluginError",
+    "RefusedPair",
+    "Result",
+    "RunError",
+    "Shape",
+    "compare",
+    "hookimpl",
+    "load",
+    "open_result",
+    "run",
+]
 
 if TYPE_CHECKING:
     from percuss.case import Case, load

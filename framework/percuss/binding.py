@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from percuss import escape, kernels, loop
 from percuss.specialise import Specialiser, compile_error, jit_disabled
-
-if TYPE_CHECKING:
-    from percuss.contracts import Floats
 
 Parts = Sequence[tuple[Any, Any]]  # element and material class of each group of bodies
 Laws = list[dict[str, Any]]  # bound laws that are not rows
@@ -26,20 +23,22 @@ class Kernels(NamedTuple):
     reasons: tuple[str, ...]
 
 
-def bind(parts: Parts, groups: Sequence[Any], laws: Laws, *, compiled: bool) -> Kernels:
-    """Return the loop over `parts`, with the arrays of each group, and `laws`; compiled if possible and asked for."""
+def bind(parts: Parts, groups: Sequence[Any], laws: Laws, *, compiled: bool, counting: bool = False) -> Kernels:
+    """Return the loop over `parts`, with the arrays of each group, and `laws`.
+
+    It is compiled if asked for and possible at all, and with `counting` in such a way that kernels may allocate.
+    """
     reason = ""
     if not compiled:
         reason = "compilation was switched off for this run"
     elif jit_disabled():
         reason = "compilation is switched off by NUMBA_DISABLE_JIT"
-    advance, elastic = _loop(Specialiser(jit=not reason, salt=_classes(groups, laws)), parts, laws, frozenset())
+    maker = Specialiser(jit=not reason, counting=counting, salt=_classes(groups, laws))
+    advance, elastic = _loop(maker, parts, laws, frozenset())
     return Kernels(advance, elastic, compiled=not reason, reasons=(reason,) if reason else ())
 
 
-def bind_around(
-    error: Exception, parts: Parts, groups: Sequence[Any], laws: Laws, trial: tuple[Any, ...]
-) -> Kernels:
+def bind_around(error: Exception, parts: Parts, groups: Sequence[Any], laws: Laws, trial: tuple[Any, ...]) -> Kernels:
     """Return the loop in Python around those parts that cannot be compiled; the others stay compiled.
 
     Parameters
@@ -55,11 +54,9 @@ def bind_around(
     momentum = np.zeros((1 + max(int(group.body.max()) for group in groups)) * dim)
     reasons: dict[str, Exception] = {}
     for part, group in zip(parts, groups, strict=True):
-        maker = Specialiser(_slots(*part))
+        maker = Specialiser(_slots(*part), counting=True)
         try:
-            maker.bind(kernels.bulk_group)(
-                group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt
-            )
+            maker.bind(kernels.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
             maker.bind(kernels.elastic_group)(group, u, v, dim, dt)
         except compile_error() as why:
             reasons[_name(*part)] = why
@@ -69,7 +66,7 @@ def bind_around(
             reasons[f"contact law {entry['law'].name}"] = why_not
     if not reasons:
         raise error
-    maker = Specialiser(jit=True, salt=_classes(groups, laws))
+    maker = Specialiser(counting=True, salt=_classes(groups, laws))
     advance, elastic = _loop(maker, parts, laws, frozenset(reasons))
     said = tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
     return Kernels(advance, elastic, compiled=False, reasons=said)
@@ -90,7 +87,7 @@ def _loop(
         if bulk is None:
             bulk, elastic = head, head_energy
             continue
-        slots = {kernels.bulk_head: head, kernels.bulk_tail: bulk}
+        slots: dict[Any, Any] = {kernels.bulk_head: head, kernels.bulk_tail: bulk}
         bulk = maker.with_slots(slots).bind(kernels.bulk_chain, plain=not whole)
         slots = {kernels.elastic_head: head_energy, kernels.elastic_tail: elastic}
         elastic = maker.with_slots(slots).bind(kernels.elastic_chain, plain=not whole)
@@ -124,7 +121,5 @@ def _name(element: Any, material: Any) -> str:
 def _short(error: Exception) -> str:
     """Return the telling line of a compiler's message."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    telling = [
-        line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))
-    ]
+    telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))]
     return (telling or lines or ["no reason given"])[0]

@@ -30,16 +30,12 @@ app = typer.Typer(
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="YAML file of the case.")]
 Sets = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", metavar="PATH=VALUE", help="Replace a value, as method.contact.beta_s=1; repeatable."
-    ),
+    typer.Option("--set", metavar="PATH=VALUE", help="Replace a value, as method.contact.beta_s=1; repeatable."),
 ]
 Plugins = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A single-file plug-in; repeatable.")
 ]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")
-]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")]
 
 
 def main() -> None:
@@ -59,9 +55,7 @@ def run(
     case: CaseFile,
     set_: Sets = None,
     plugin: Plugins = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result (NetCDF-4).")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result (NetCDF-4).")] = None,
     plot: Annotated[
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw the result: png, svg or pdf by suffix."),
@@ -126,9 +120,7 @@ def compare(
     ] = None,
     set_: Sets = None,
     plugin: Plugins = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Overlay the contact forces.")
-    ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Overlay the contact forces.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Run pairs of methods on one case and put them side by side."""
@@ -180,9 +172,7 @@ def verify(
             except PercussError as stopped:
                 checks, error = [], str(stopped)
             passed = not error and all(c["passed"] for c in checks)
-            told.append(
-                {"case": str(path), "title": one.title, "passed": passed, "error": error, "checks": checks}
-            )
+            told.append({"case": str(path), "title": one.title, "passed": passed, "error": error, "checks": checks})
         if as_json:
             _print_json({"passed": all(t["passed"] for t in told), "cases": told})
         else:

@@ -96,9 +96,7 @@ def compare(
     """
     known = [("integrator", "integrators", integrators), ("contact", "contacts", contacts)]
     problems = [
-        Problem(
-            f"--{option}", "", f"unknown {option} '{name}'", suggestion(name, case.registry.names(family))
-        )
+        Problem(f"--{option}", "", f"unknown {option} '{name}'", suggestion(name, case.registry.names(family)))
         for option, family, names in known
         for name in names
         if name not in case.registry.names(family)

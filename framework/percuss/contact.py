@@ -106,9 +106,7 @@ def broadcast(rows: Rows, points: ContactPoints, law: str) -> dict[str, Any]:
         ("sign", ("free", ">= 0")),
     ):
         if getattr(rows, field) not in known:
-            raise PluginError(
-                f"contact law {law}: rows.{field} is {getattr(rows, field)!r}, expected one of {known}"
-            )
+            raise PluginError(f"contact law {law}: rows.{field} is {getattr(rows, field)!r}, expected one of {known}")
         out[field] = getattr(rows, field)
     return out
 
@@ -133,9 +131,7 @@ def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> 
         out[f"weight_{weight}"] = rows[weight]
     out["sigma"], out["answer"] = rows["sigma"], answer
     with np.errstate(divide="ignore"):
-        out["end_stiffness"] = np.where(
-            (rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan
-        )
+        out["end_stiffness"] = np.where((rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan)
     out["sees_predicted_gap"] = judged.gap == "predicted"
     out["sees_predicted_rate"] = judged.rate == "predicted"
     out["sees_acceleration"] = judged.acceleration == "bulk"

@@ -118,12 +118,12 @@ class DataFile:
 
 
 class Component(ABC):
-    """Root of every contract. A class is either a contract or a finished method, never both.
+    r"""Root of every contract. A class is either a contract or a finished method, never both.
 
     Attributes
     ----------
     name
-        As written in a case; matches ``[A-Za-z][\\w-]*``.
+        As written in a case; matches ``[A-Za-z][\w-]*``.
     summary
         One line for tables and help.
     references
@@ -152,9 +152,7 @@ class Component(ABC):
             raise TypeError(msg)
         for fact in ("name", "summary"):
             if not isinstance(vars(cls).get(fact), str):
-                raise TypeError(
-                    f'{cls.__name__} does not say its `{fact}`: add `{fact} = "..."` to the class'
-                )
+                raise TypeError(f'{cls.__name__} does not say its `{fact}`: add `{fact} = "..."` to the class')
         if not NAME_PATTERN.fullmatch(cls.name):
             raise TypeError(
                 f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -"

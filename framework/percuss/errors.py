@@ -63,9 +63,7 @@ class Problem:
 
     def __str__(self) -> str:
         head = ": ".join(part for part in (self.place, self.path, self.message) if part)
-        return "\n".join(
-            part for part in (head, self.excerpt, f"  {self.advice}" if self.advice else "") if part
-        )
+        return "\n".join(part for part in (head, self.excerpt, f"  {self.advice}" if self.advice else "") if part)
 
 
 class InputError(PercussError):

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from percuss.contracts import Floats
 
 
-def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:  # noqa: ARG001
+def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
     """Slot: fill the multipliers of one law's points."""
     raise NotImplementedError
 
 
-def tail(bound: Any, points: Any, dt: float, time: float, first: int) -> None:  # noqa: ARG001
+def tail(bound: Any, points: Any, dt: float, time: float, first: int) -> None:
     """Slot: the laws behind this one; none unless bound."""
 
 
@@ -38,7 +38,7 @@ def laws(bound: Any, points: Any, dt: float, time: float) -> None:
     first_law(bound[1], points, dt, time, bound[0])
 
 
-def first_law(bound: Any, points: Any, dt: float, time: float, first: int) -> None:  # noqa: ARG001
+def first_law(bound: Any, points: Any, dt: float, time: float, first: int) -> None:
     """Slot: the first law that is not rows; nothing to do where there is none."""
 
 
@@ -85,7 +85,7 @@ def why_not(entry: dict[str, Any]) -> Exception | None:
     points = np.recarray(len(entry["where"]), dtype=POINT)
     points[:] = np.ones((), dtype=POINT)
     try:
-        bind(Specialiser(), [entry], frozenset())(nest([entry], 0), points, 1.0, 0.0)
+        bind(Specialiser(counting=True), [entry], frozenset())(nest([entry], 0), points, 1.0, 0.0)
     except compile_error() as error:
         return error
     return None

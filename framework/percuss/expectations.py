@@ -27,9 +27,7 @@ def expectations(reader: Reader, dimension: int) -> tuple[Expectation, ...]:
     """
     items = reader.source.get(("expect",), ())
     if not isinstance(items, tuple):
-        reader.wrong(
-            ("expect",), f"expected a list of expectations, found {found(items)}", "Begin each with a dash."
-        )
+        reader.wrong(("expect",), f"expected a list of expectations, found {found(items)}", "Begin each with a dash.")
         return ()
     made = []
     for i, item in enumerate(items):
@@ -117,11 +115,7 @@ def _contact(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Qu
     if name is None and not known and reader.problems:
         return None  # the contacts are wrong, and said to be
     if name is None:
-        advice = (
-            f"Add `contact:` with one of: {', '.join(sorted(known))}."
-            if known
-            else "The case has no contact."
-        )
+        advice = f"Add `contact:` with one of: {', '.join(sorted(known))}." if known else "The case has no contact."
         reader.wrong((*path, "contact"), f"missing (whose {section.quantity})", advice, key=True)
     elif name not in known:
         reader.wrong((*path, "contact"), f"there is no contact '{name}'", suggestion(name, known, "name"))
@@ -133,9 +127,7 @@ def _probe(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quan
     if quantity.of == "probe":
         if section.probe is not None:
             return reader.address((*path, "probe"), section.probe)
-        reader.wrong(
-            (*path, "probe"), f"missing (whose {section.quantity})", "Add `probe:` with an end.", key=True
-        )
+        reader.wrong((*path, "probe"), f"missing (whose {section.quantity})", "Add `probe:` with an end.", key=True)
     elif section.probe is not None:
         reader.wrong((*path, "probe"), f"{section.quantity} belongs to no end", "Remove `probe:`.", key=True)
     return None

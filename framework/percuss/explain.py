@@ -35,9 +35,7 @@ def explanation(model: Model) -> Explanation:
     order, judged = model.judged(model.delassus(0.5 * model.dt))
     sides = model.sides(0.5 * model.dt)
     place = {node: node * model.dim for meeting in model.meetings for node in meeting.nodes}
-    points = point_records(judged, [model.meetings[p].gap for p in order], [sides[p] for p in order], place)[
-        0
-    ]
+    points = point_records(judged, [model.meetings[p].gap for p in order], [sides[p] for p in order], place)[0]
     certificate = stability.certificate(model, order, points)
     parameters = model.parameters()
     case = model.case
@@ -56,11 +54,7 @@ def explanation(model: Model) -> Explanation:
         f"  stable: {certificate['stable']}, energy: {certificate['energy']} ({certificate['why']})",
     ]
     if certificate["theta"] is not None:
-        bound = (
-            "at most 1, as it must be"
-            if certificate["theta"] <= 1 + 1e-9
-            else "above 1: unstable while closed"
-        )
+        bound = "at most 1, as it must be" if certificate["theta"] <= 1 + 1e-9 else "above 1: unstable while closed"
         lines.append(f"  theta of the closed contacts: {certificate['theta']:.6g}, {bound}")
     lines += [f"note: {note}" for note in case.notes]
     data = {
@@ -83,9 +77,7 @@ def _bodies(model: Model) -> list[str]:
         c = math.sqrt(material.modulus / material.rho)
         length = float(body.mesh.lengths.sum())
         h = body.mesh.lengths
-        size = (
-            f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
-        )
+        size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
         lines.append(
             f"  {body.name}: {body.spec.shape.name} of {h.size} elements, {size}, {material.name}; c = {c:.6g}, "
             f"transit {length / c:.6g}, impedance {body.spec.area * math.sqrt(material.modulus * material.rho):.6g}"
@@ -98,9 +90,7 @@ def _contacts(model: Model, parameters: dict[str, Any]) -> list[str]:
     lines = ["Contacts" if model.meetings else "No contact"]
     for meeting in model.meetings:
         spec = model.case.contacts[meeting.name]
-        ends = " and ".join(str(side) for side in spec.sides) + (
-            " and a rigid wall" if spec.wall is not None else ""
-        )
+        ends = " and ".join(str(side) for side in spec.sides) + (" and a rigid wall" if spec.wall is not None else "")
         gap = "touching" if meeting.gap == 0 else f"gap {meeting.gap:.9g}"
         lines.append(f"  {meeting.name}: {ends}, {gap}; {meeting.law.name}: {meeting.law.summary}")
         lines += [f"  {line}" for line in _formula(type(meeting.law))]
@@ -109,9 +99,7 @@ def _contacts(model: Model, parameters: dict[str, Any]) -> list[str]:
             lines.append("    " + ", ".join(f"{k} = {v:.6g}" for k, v in resolved.items()))
     for entry in model.laws:
         if not isinstance(entry["bound"], Rows):
-            lines.append(
-                f"  {entry['law'].name} is no row of the contact equation: its own kernel gives the force"
-            )
+            lines.append(f"  {entry['law'].name} is no row of the contact equation: its own kernel gives the force")
     return lines
 
 
@@ -148,9 +136,7 @@ def components_named(registry: Registry, name: str) -> list[tuple[str, str]]:
     found = [key for key in registry.components if key[1] == name]
     if not found:
         known = {key[1] for key in registry.components}
-        raise InputError(
-            [Problem("percuss plugins", "", f"unknown component '{name}'", suggestion(name, known))]
-        )
+        raise InputError([Problem("percuss plugins", "", f"unknown component '{name}'", suggestion(name, known))])
     return found
 
 

@@ -20,12 +20,12 @@ def _unbound() -> NoReturn:
     raise NotImplementedError("a slot is called before a kernel is bound to it")
 
 
-def stress(parameters: Floats, strain: float) -> float:  # noqa: ARG001
+def stress(parameters: Floats, strain: float) -> float:
     """Slot: the stress at `strain`; bound to the body's material."""
     _unbound()
 
 
-def energy_density(parameters: Floats, before: float, after: float) -> float:  # noqa: ARG001
+def energy_density(parameters: Floats, before: float, after: float) -> float:
     """Slot: the staggered strain-energy density; bound to the body's material."""
     _unbound()
 
@@ -36,23 +36,27 @@ def internal_force(
     first: int,
     dim: int,
     displacement: Floats,
-    force: Floats,  # noqa: ARG001
+    force: Floats,
 ) -> None:
     """Slot: set `force` to the internal force of a run of elements; bound to the body's element."""
     _unbound()
 
 
-def energy(  # noqa: PLR0917
+def energy(
     element: Any,
     parameters: Floats,
     first: int,
     dim: int,
     displacement: Floats,
     velocity: Floats,
-    dt: float,  # noqa: ARG001
+    dt: float,
 ) -> float:
     """Slot: the staggered strain energy of a run of elements; bound to the body's element."""
     _unbound()
+
+
+# a sum over elements: its terms may be added in any order
+energy.reduction = True  # type: ignore[attr-defined]
 
 
 class Group(NamedTuple):
@@ -108,9 +112,7 @@ def bulk_group(
             if dim == 1:
                 carried = force[0]
                 if m > 0:
-                    internal_force(
-                        group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1]
-                    )
+                    internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1])
                     force[0] += carried
                 update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], pull[body], dt)
                 if m > 0:
@@ -147,15 +149,11 @@ def advance_block(
 ) -> None:
     """Advance one block of nodes in two or three dimensions, in place."""
     force = bulk.force
-    spill = (
-        BLOCK * dim
-    )  # behind the block's own nodes: there the carried force waits while the slot sets the others
+    spill = BLOCK * dim  # behind the block's own nodes: there the carried force waits while the slot sets the others
     if m > 0:
         for d in range(dim):
             force[spill + dim + d] = force[d]
-        internal_force(
-            element, parameters, offset + lo, dim, u[lo * dim : (lo + m + 1) * dim], force[: (m + 1) * dim]
-        )
+        internal_force(element, parameters, offset + lo, dim, u[lo * dim : (lo + m + 1) * dim], force[: (m + 1) * dim])
         for d in range(dim):
             force[d] += force[spill + dim + d]
     for i in range(hi - lo):
@@ -199,7 +197,7 @@ def bulk_head(
     momentum: Floats,
     weigh: bool,
     dim: int,
-    dt: float,  # noqa: ARG001
+    dt: float,
 ) -> None:
     """Slot: advance the first group of bodies."""
     _unbound()
@@ -214,7 +212,7 @@ def bulk_tail(
     momentum: Floats,
     weigh: bool,
     dim: int,
-    dt: float,  # noqa: ARG001
+    dt: float,
 ) -> None:
     """Slot: advance the other groups."""
     _unbound()
@@ -246,12 +244,12 @@ def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> fl
     return total
 
 
-def elastic_head(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:  # noqa: ARG001
+def elastic_head(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Slot: strain energy of the first group of bodies."""
     _unbound()
 
 
-def elastic_tail(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:  # noqa: ARG001
+def elastic_tail(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Slot: strain energy of the other groups."""
     _unbound()
 

@@ -16,6 +16,8 @@ from percuss.kernels import Bulk, kinetic
 if TYPE_CHECKING:
     from percuss.contracts import Floats, Integers
 
+NOISE = 1e-8  # of what forces in balance would bring of energy in one step: works below are round-off
+
 # a degree of freedom of the few nodes at which more than the bulk acts
 SPECIAL = np.dtype(
     [
@@ -43,6 +45,7 @@ TOTAL = np.dtype(
         ("began_with", "f8"),  # energy
         ("growth", "f8"),  # contact work allowed, over all energy put in
         ("floor", "f8"),  # contact work that is noise
+        ("step_energy", "f8"),  # largest energy that a contact or a hold by itself would bring in one step
     ]
 )
 
@@ -88,7 +91,7 @@ class Record(NamedTuple):
     field_dof: Integers  # (nodes kept * dim,)
 
 
-def bulk(  # noqa: PLR0917
+def bulk(
     groups: Any,
     masses: Bulk,
     u: Floats,
@@ -97,13 +100,13 @@ def bulk(  # noqa: PLR0917
     momentum: Floats,
     weigh: bool,
     dim: int,
-    dt: float,  # noqa: ARG001
+    dt: float,
 ) -> None:
     """Slot: advance all bodies by a step without contact."""
     raise NotImplementedError
 
 
-def elastic(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:  # noqa: ARG001
+def elastic(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Slot: the strain energy of all bodies."""
     raise NotImplementedError
 
@@ -113,7 +116,7 @@ def strain_energy(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> flo
     return elastic(groups, u, v, dim, dt)
 
 
-def own_laws(bound: Any, points: Any, dt: float, time: float) -> None:  # noqa: ARG001
+def own_laws(bound: Any, points: Any, dt: float, time: float) -> None:
     """Slot: the multipliers of laws that are not rows; nothing to do where there is none."""
 
 
@@ -132,17 +135,14 @@ def advance(
     first: int,
     count: int,
 ) -> int:
-    """March `count` steps from step `first`; return how many were sound: `count`, or the place of the one that was not."""
+    """March `count` steps from step `first`; return how many were done when one was not sound, else `count`."""
     special, points, totals = few.special, few.points, few.totals
     holds, shares, pushes, axes = few.holds, few.shares, few.pushes, few.axes
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
-        for i in range(special.size):
-            q = special[i]
-            q.old_u = u[q.dof]
-            q.old_v = v[q.dof]
+        look(special, u, v)
         bulk(groups, masses, u, v, drive.pull[s], few.momentum, weigh, dim, dt)
         for i in range(special.size):
             q = special[i]
@@ -152,7 +152,7 @@ def advance(
             push(pushes, special, axes, drive.force, s, dim, dt)
         work = 0.0
         if holds.size > 0:
-            work += hold(holds, special, axes, drive.velocity, s, dim, dt)
+            work += hold(holds, special, axes, drive.velocity, totals, s, dim, dt)
         sound = True
         if points.size > 0:
             judge(points, few.entries, special, dt)
@@ -161,10 +161,7 @@ def advance(
             correct(points, few.entries, special, dt)
             if shares.size > 0:
                 work += bear(shares, holds, points, special, axes, drive.velocity, s, dim, dt)
-        for i in range(special.size):
-            q = special[i]
-            v[q.dof] = q.new_v
-            u[q.dof] = q.old_u + dt * q.new_v
+        settle(special, u, v, dt)
         if pushes.size > 0:
             work += pushed(pushes, special, axes, drive.force, s, dim, dt)
         if weigh:
@@ -172,14 +169,30 @@ def advance(
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
-        total.contact_work += account(points, few.entries, special, n, dt)
+        total.contact_work += account(points, few.entries, special, totals, n, dt)
         if n % record.every == 0 or n == record.last:
             keep(groups, masses, few, record, u, v, dim, dt, n)
-        limit = total.growth * (total.began_with + total.largest_work) + total.floor
+        limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
         # the comparison fails for a work that is no number, too
         if not (sound and total.contact_work <= limit):
             return s
     return count
+
+
+def look(special: Any, u: Floats, v: Floats) -> None:
+    """Note the state before the step."""
+    for i in range(special.size):
+        q = special[i]
+        q.old_u = u[q.dof]
+        q.old_v = v[q.dof]
+
+
+def settle(special: Any, u: Floats, v: Floats, dt: float) -> None:
+    """Write the corrected velocity, and the displacement that follows from it."""
+    for i in range(special.size):
+        q = special[i]
+        v[q.dof] = q.new_v
+        u[q.dof] = q.old_u + dt * q.new_v
 
 
 def push(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> None:
@@ -202,7 +215,9 @@ def pushed(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, d
     return 0.5 * dt * work
 
 
-def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: int, dt: float) -> float:
+def hold(
+    holds: Any, special: Any, axes: Floats, velocity: Floats, totals: Any, s: int, dim: int, dt: float
+) -> float:
     """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
     work = 0.0
     for i in range(holds.size):
@@ -217,6 +232,7 @@ def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, s: int, dim: 
             special[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
         reaction = h.mass * (wanted - now) / dt
         h.reaction += reaction
+        totals[0].step_energy = max(totals[0].step_energy, h.mass * (wanted - now) ** 2)
         work += reaction * (before + wanted)
     return 0.5 * dt * work
 
@@ -288,7 +304,7 @@ def lifted(special: Any, momentum: Floats, before: Floats, pull: Floats, s: int,
     return 0.5 * dt * work
 
 
-def account(points: Any, entries: Any, special: Any, n: int, dt: float) -> float:
+def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: float) -> float:
     """Sum what the contacts do in a step; return their work."""
     work = 0.0
     for i in range(points.size):
@@ -299,6 +315,7 @@ def account(points: Any, entries: Any, special: Any, n: int, dt: float) -> float
                 rate += entries[k].normal * special[entries[k].place].new_v
             work += p.multiplier * (p.rate + rate)
             p.impulse += dt * p.multiplier
+            totals[0].step_energy = max(totals[0].step_energy, (dt * p.multiplier) ** 2 * p.delassus)
             p.peak = max(p.peak, p.multiplier)
             p.closed += 1
             if p.first < 0:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +14,7 @@ from percuss import escape, kernels, loop
 from percuss.binding import Kernels, bind, bind_around
 from percuss.contact import point_records
 from percuss.contracts import Rows
+from percuss.interrupt import interruptible
 from percuss.specialise import compile_error
 
 if TYPE_CHECKING:
@@ -41,6 +40,7 @@ class Outcome:
     points: Any  # percuss.contact.POINT, summed over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     energy_before: float  # kinetic and elastic energy at -dt/2
+    step_energy: float  # largest energy that a contact or a hold by itself would bring in one step
     load_impulse: Floats
     kernels: Kernels
     seconds: dict[str, float]
@@ -93,7 +93,11 @@ class March:
         self._quiet = loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
         number = {n: model.body_of(n).number for n in self.special_nodes}
-        dofs = [(n * dim + d, model.mass[n], number[n] * dim + d, 0, 0, 0, 0) for n in self.special_nodes for d in range(dim)]
+        dofs = [
+            (n * dim + d, model.mass[n], number[n] * dim + d, 0, 0, 0, 0)
+            for n in self.special_nodes
+            for d in range(dim)
+        ]
         self.few = self._acting(0.5 * model.dt, records(dofs, loop.SPECIAL))
 
     def _probe_nodes(self) -> list[int]:
@@ -105,7 +109,9 @@ class March:
     def _momenta(self) -> Floats:
         mass = self.model.mass[:, None]
         v = self.v.reshape(-1, self.dim)
-        return np.concatenate([(mass[b.start : b.stop] * v[b.start : b.stop]).sum(axis=0) for b in self.model.bodies.values()])
+        return np.concatenate(
+            [(mass[b.start : b.stop] * v[b.start : b.stop]).sum(axis=0) for b in self.model.bodies.values()]
+        )
 
     def _groups(self) -> tuple[list[kernels.Group], list[tuple[Any, Any]]]:
         """Gather the bodies that share element and material classes, and bind their elements."""
@@ -144,18 +150,25 @@ class March:
         taken = steps // field_every + 1 if snapshots else 0
         ends = np.stack([self.field_elements, self.field_elements + 1], axis=1).ravel()
         field_dof = (ends[:, None] * dim + np.arange(dim)).ravel() if snapshots else np.zeros(0, dtype=np.int64)
+
+        def empty(rows: int, columns: int) -> Floats:
+            return np.full((rows, columns), np.nan)
+
         record = loop.Record(
-            every,
-            steps,
-            *(np.full((rows, count), np.nan) for _ in range(3)),
-            *(np.full((rows, len(self.probes) * dim), np.nan) for _ in range(2)),
-            np.array([self.place[p] + d for p in self.probes for d in range(dim)], dtype=np.int64),
-            np.full((rows, 4), np.nan),
-            field_every,
-            np.full((taken, field_dof.size), np.nan),
-            field_dof,
+            every=every,
+            last=steps,
+            multiplier=empty(rows, count),
+            gap=empty(rows, count),
+            end_force=empty(rows, count),
+            displacement=empty(rows, len(self.probes) * dim),
+            velocity=empty(rows, len(self.probes) * dim),
+            probe=np.array([self.place[p] + d for p in self.probes for d in range(dim)], dtype=np.int64),
+            energy=empty(rows, 4),
+            field_every=field_every,
+            field=empty(taken, field_dof.size),
+            field_dof=field_dof,
         )
-        return record, n * model.dt
+        return record, np.asarray(n * model.dt, dtype=np.float64)
 
     def _field_elements(self) -> np.ndarray[Any, np.dtype[np.int64]]:
         """Return the first nodes of the elements whose stress is kept for the space-time picture."""
@@ -197,7 +210,7 @@ class March:
             records(shares, loop.SHARE),
             records(pushes, loop.PUSH),
             np.array(axes, dtype=float).ravel(),
-            records([(0.0,) * 6], loop.TOTAL),
+            records([(0.0,) * 7], loop.TOTAL),
             np.zeros(len(model.bodies) * dim),
             self._momenta(),
         )
@@ -225,7 +238,7 @@ class March:
                 width = len(model.bodies) * dim
                 self._quiet = loop.Drive(np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, width)))
             return self._quiet
-        t = (first + np.arange(count)) * model.dt
+        t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
         force = np.zeros((count, len(loads) + 1))
         velocity = np.zeros((count, len(loads) + 1))
         for column, spec in enumerate(loads, start=1):
@@ -260,12 +273,13 @@ class March:
             points=self.few.points,
             starting_velocity=self.v.copy(),
             energy_before=self._energy(),
+            step_energy=0.0,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,
             seconds=self.seconds,
         )
         total = self.few.totals[0]
-        total.began_with = max(self._initial_energy(), out.energy_before)
+        total.began_with = max(self.initial_energy(), out.energy_before)
         total.growth, total.floor = GROWTH, self._noise()
         # plain Python warns of what compiled code passes over, and the watch sees to
         with interruptible() as interrupted, np.errstate(all="ignore"):
@@ -273,6 +287,7 @@ class March:
             self._bank()
             out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
             out.points = self.few.points.copy()
+            out.step_energy = float(self.few.totals[0].step_energy)
             if out.status != "unstable":
                 self._trial(out.done)
         every = self.record.every
@@ -325,14 +340,24 @@ class March:
 
     def _settle_kernels(self) -> None:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
-        try:
-            self._advance(self._drive(0, 0), 0, 0)
-            self._energy()
-        except Exception as error:
-            if not self.kernels.compiled or not isinstance(error, compile_error()):
-                raise
+        parts = (self.group_parts, self.groups, self.own_laws)
+        error = self._failure()
+        if error is not None:
+            self.kernels = bind(*parts, compiled=True, counting=True)
+            error = self._failure()
+        if error is not None:
             trial = (self.bulk, self.u.copy(), self.v.copy(), self.dim, self.model.dt)
-            self.kernels = bind_around(error, self.group_parts, self.groups, self.own_laws, trial)
+            self.kernels = bind_around(error, *parts, trial)
+
+    def _failure(self) -> Exception | None:
+        """Compile by marching no steps; return why that is not possible, or None."""
+        if self.kernels.compiled:
+            try:
+                self._advance(self._drive(0, 0), 0, 0)
+                self._energy()
+            except compile_error() as error:
+                return error
+        return None
 
     def _chunks(self, first: int, last: int) -> Iterator[tuple[int, int]]:
         cost = (1.2e-9 if self.kernels.compiled else 2e-6) * (self.u.size + 150)
@@ -346,11 +371,17 @@ class March:
 
     def _energy(self) -> float:
         """Return the staggered energy of u and v as they stand."""
-        kinetic = 0.5 * float(self.bulk.mass @ self.v**2)
-        return kinetic + float(self.kernels.elastic(self._nested, self.u, self.v, self.dim, self.model.dt))
+        return self._kinetic(self.v) + float(
+            self.kernels.elastic(self._nested, self.u, self.v, self.dim, self.model.dt)
+        )
 
-    def _initial_energy(self) -> float:
-        return 0.5 * float(self.bulk.mass @ self.model.initial_velocity.ravel() ** 2)
+    def initial_energy(self) -> float:
+        """Return the kinetic energy at t = 0."""
+        return self._kinetic(self.model.initial_velocity.ravel())
+
+    def _kinetic(self, v: Floats) -> float:
+        # not `@`: from some ten thousand entries on BLAS wakes threads, which costs more than the sum
+        return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
 
     def _noise(self) -> float:
         stiff = sum(float((b.stiffness * b.mesh.lengths**2).sum()) for b in self.model.bodies.values())
@@ -373,8 +404,7 @@ class March:
         """Return whether the state is finite and no more energetic than what was put in allows."""
         total = self.few.totals[0]
         put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
-        kinetic = 0.5 * float(self.bulk.mass @ self.v**2)
-        return bool(kinetic <= KINETIC_GROWTH * put_in + total.floor)
+        return bool(self._kinetic(self.v) <= KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy)
 
     def _changing(self) -> list[Any]:
         few = self.few
@@ -403,7 +433,7 @@ class March:
             if not solved or not self._sound():
                 break
         total = self.few.totals[0]
-        limit = total.growth * (total.began_with + total.largest_work) + total.floor
+        limit = total.growth * (total.began_with + total.largest_work) + total.floor + loop.NOISE * total.step_energy
         by_contact = not total.contact_work <= limit
         return first + s, likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
 
@@ -417,23 +447,3 @@ def _frozen(array: Any) -> Any:
     array = np.ascontiguousarray(array)
     array.flags.writeable = False
     return array
-
-
-@contextmanager
-def interruptible() -> Iterator[threading.Event]:
-    """Turn the first Ctrl-C into an event that is looked at between chunks; the second is the usual one."""
-    event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield event
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def note(number: int, frame: Any) -> None:  # noqa: ARG001
-        event.set()
-        signal.signal(signal.SIGINT, before)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -68,13 +68,7 @@ class Check:
 def describe(e: Expectation) -> str:
     """Return an expectation's quantity in words."""
     whose = e.contact or (str(e.probe) if e.probe else "")
-    when = (
-        f" during {e.during[0]:g} to {e.during[1]:g}"
-        if e.during
-        else f" at {e.at:g}"
-        if e.at is not None
-        else ""
-    )
+    when = f" during {e.during[0]:g} to {e.during[1]:g}" if e.during else f" at {e.at:g}" if e.at is not None else ""
     statistic = "" if e.statistic == "value" else f"{e.statistic} of "
     return f"{statistic}{e.quantity}{' of ' + whose if whose else ''}{when}"
 
@@ -149,11 +143,7 @@ def measure(
         raise CannotMeasure(f"{quantity} has no record between {during}")
     if statistic == "integral":
         if quantity in {"contact_force", "contact_force_end"}:  # each force acts for a whole step
-            return (
-                float(values[inside & (time < time[-1])].sum() * (time[1] - time[0]))
-                if time.size > 1
-                else 0.0
-            )
+            return float(values[inside & (time < time[-1])].sum() * (time[1] - time[0])) if time.size > 1 else 0.0
         return float(np.trapezoid(values[inside], time[inside]))
     reduce: dict[str, Any] = {"mean": np.mean, "max": np.max, "min": np.min}
     return float(reduce[statistic](values[inside]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -83,10 +84,10 @@ class Model:
 
     def _time(self) -> tuple[float, int]:
         time = self.case.time
-        dt = time.step if time.step is not None else time.courant * 2.0 / self.omega
+        dt = time.step if time.step is not None else (time.courant or 0.0) * 2.0 / self.omega
         if time.steps is not None:
             return dt, time.steps
-        steps = max(1, math.ceil(time.end / dt * (1.0 - 1e-12) - 1e-9))
+        steps = max(1, math.ceil((time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9))
         if steps > MOST_STEPS:
             self._problem(("time",), f"expected at most {MOST_STEPS} steps, found {steps:.3g}", "Lengthen the step.")
             self._raise()
@@ -132,7 +133,7 @@ class Model:
             if aside > 1e-6 * min(float(self.bodies[side.body].mesh.lengths.sum()) for side in spec.sides):
                 self._problem(
                     (*path, "between"),
-                    f"expected two ends on one line, found {spec.sides[1]} {aside:.6g} beside the axis of {spec.sides[0].body}",
+                    f"expected two ends on one line, found {spec.sides[1]} {aside:.6g} beside {spec.sides[0].body}",
                     "Move one of the bodies (`at`) or turn it (`direction`).",
                 )
                 return None
@@ -159,7 +160,9 @@ class Model:
             frequency=min(frequency),
             # rho A h / 2 = 2 (EA/h) / omega^2
             mass=2.0 * stiffness[softer] / frequency[softer] ** 2,
-            equal_sides=bool(np.ptp(stiffness) <= 1e-12 * max(stiffness) and np.ptp(frequency) <= 1e-12 * max(frequency)),
+            equal_sides=bool(
+                np.ptp(stiffness) <= 1e-12 * max(stiffness) and np.ptp(frequency) <= 1e-12 * max(frequency)
+            ),
         )
 
     def _wall_gap(self, spec: ContactSpec, here: Floats, normal: Floats, direction: Floats) -> float:
@@ -173,8 +176,8 @@ class Model:
     def points(self, meetings: Sequence[Meeting], delassus: Floats) -> ContactPoints:
         """Return what a law may know of some contact points."""
 
-        def column(values: Sequence[Any], kind: type = float) -> Any:
-            array = np.array(values, dtype=kind)
+        def column(values: Any, kind: type = float) -> Any:
+            array: Any = np.array(values, dtype=kind)
             array.flags.writeable = False
             return array
 
@@ -340,7 +343,7 @@ class Model:
                         step = math.floor(instant / self.dt - 0.5) + 1
                         cuts.add(min(max(step, 0), total))
         edges = sorted(cuts)
-        return list(zip(edges, edges[1:], strict=False))
+        return list(itertools.pairwise(edges))
 
     def amplitude(self, spec: LoadSpec, time: Floats, *, average: bool) -> Floats:
         """Return a load's amplitude at the times of consecutive steps.

@@ -159,9 +159,7 @@ def _reached(path: tuple[Any, ...], value: Any) -> KeyPath:
     """Return how far an error's path leads into the value; pydantic mixes names of union branches into it."""
     reached: list[str | int] = []
     for part in path:
-        known: Any = (
-            value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
-        )
+        known: Any = value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
         if part in known:
             value = value[part]
             reached.append(part)
@@ -197,15 +195,9 @@ def _checked(cls: type, option: Option, value: Any, folder: Path) -> tuple[Any, 
         return None, list(_mistakes(option, value, error))
     if isinstance(checked, float) and math.isnan(checked):
         return None, [
-            Fault(
-                (option.key,), f"expected {describe(option.annotation)}, found .nan", "nan is never a value."
-            )
+            Fault((option.key,), f"expected {describe(option.annotation)}, found .nan", "nan is never a value.")
         ]
-    if (
-        isinstance(checked, str)
-        and _takes_file(option.annotation)
-        and checked not in words(option.annotation)
-    ):
+    if isinstance(checked, str) and _takes_file(option.annotation) and checked not in words(option.annotation):
         try:
             return read_table(checked, folder), []
         except ValueError as error:
@@ -298,9 +290,7 @@ def described(schema: dict[str, Any], option: Option) -> dict[str, Any]:
     return {**schema, "description": option.doc + unit} if option.doc else schema
 
 
-def schema_of(
-    cls: type, schema_for: Callable[[Option], dict[str, Any] | None] | None = None
-) -> dict[str, Any]:
+def schema_of(cls: type, schema_for: Callable[[Option], dict[str, Any] | None] | None = None) -> dict[str, Any]:
     """Return the JSON schema of a dataclass's options: types, bounds, units, descriptions and defaults.
 
     Parameters

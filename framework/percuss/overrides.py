@@ -111,9 +111,7 @@ def _entry_exists(source: Source, path: str, value: Any) -> None:
         return
     label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
     advice = suggestion(parts[1], known, "name")
-    raise InputError(
-        [Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {each.what} '{parts[1]}'", advice)]
-    )
+    raise InputError([Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {each.what} '{parts[1]}'", advice)])
 
 
 def _load(source: Source, parts: KeyPath, registry: Registry) -> Source:

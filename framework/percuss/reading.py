@@ -114,9 +114,7 @@ class Reader:
             at = (*path, "name")
         if not isinstance(value, str):
             kind = SINGULAR.get(named.family, named.family)
-            self.wrong(
-                at, f"expected the name of a {kind}, found {found(value)}", self._known(named.family, "")
-            )
+            self.wrong(at, f"expected the name of a {kind}, found {found(value)}", self._known(named.family, ""))
             return None
         return self._make(at, path, named.family, value, options)
 
@@ -152,9 +150,7 @@ class Reader:
             self.wrong((*path, *inside), one.message, one.advice, key=one.key and inside == one.path)
         return made
 
-    def keyed(
-        self, path: KeyPath, given: Mapping[str, Any], family: str, quiet: bool
-    ) -> tuple[str, Component | None]:
+    def keyed(self, path: KeyPath, given: Mapping[str, Any], family: str, quiet: bool) -> tuple[str, Component | None]:
         """Return the one component whose name is a key of a section, and that name; else an empty one."""
         kind = "amplitude" if family == "loads" else SINGULAR.get(family, family)
         names = self.registry.names(family)
@@ -164,9 +160,7 @@ class Reader:
                 self.wrong(path, f"has no {kind}", f"Add one of: {', '.join(names)}.", key=True)
             return "", None
         if len(keys) > 1:
-            self.wrong(
-                (*path, keys[1]), f"expected one {kind}, found {' and '.join(keys)}", "Keep one.", key=True
-            )
+            self.wrong((*path, keys[1]), f"expected one {kind}, found {' and '.join(keys)}", "Keep one.", key=True)
             return "", None
         name, value = keys[0], given[keys[0]]
         at = (*path, name)
@@ -196,9 +190,7 @@ class Reader:
             if given is not None:
                 yield key, path, given
 
-    def _split(
-        self, path: KeyPath, given: Mapping[str, Any], cls: type[T], kind: str
-    ) -> tuple[T | None, str, Any]:
+    def _split(self, path: KeyPath, given: Mapping[str, Any], cls: type[T], kind: str) -> tuple[T | None, str, Any]:
         """Return section, name and component of a mapping whose one key is a component's name."""
         family = "shapes" if cls is BodySection else "loads"
         names = self.registry.names(family)
@@ -348,15 +340,8 @@ class Reader:
                 continue
             acts_as = section.as_ or load.acts_as
             texts = (section.on,) if isinstance(section.on, str) else (section.on or ())
-            places = (
-                [(*path, "on")]
-                if isinstance(section.on, str)
-                else [(*path, "on", i) for i in range(len(texts))]
-            )
-            on = [
-                self.address(place, one, end=acts_as == "velocity")
-                for place, one in zip(places, texts, strict=True)
-            ]
+            places = [(*path, "on")] if isinstance(section.on, str) else [(*path, "on", i) for i in range(len(texts))]
+            on = [self.address(place, one, end=acts_as == "velocity") for place, one in zip(places, texts, strict=True)]
             for i, one in enumerate(on):
                 if one is not None and one in on[:i]:
                     self.wrong(places[i], f"{one} is named twice", "Keep one.")
@@ -364,9 +349,7 @@ class Reader:
                     self._free(places[i], one, bodies)
             if not texts and (not load.everywhere or acts_as == "velocity"):
                 what = "an end" if acts_as == "velocity" else "an end or a body"
-                self.wrong(
-                    (*path, "on"), "missing (where the load acts)", f"Add `on:` with {what}.", key=True
-                )
+                self.wrong((*path, "on"), "missing (where the load acts)", f"Add `on:` with {what}.", key=True)
             direction = self._direction(path, key, section, load)
             start = -math.inf if section.from_ is None else section.from_
             stop = math.inf if section.until is None else section.until
@@ -376,13 +359,9 @@ class Reader:
 
     def _free(self, path: KeyPath, end: Address, bodies: Mapping[str, BodySpec]) -> None:
         if end.body in bodies and end.region in bodies[end.body].fixed:
-            self.wrong(
-                path, f"{end} is fixed and cannot have a velocity", f"Take it out of bodies.{end.body}.fixed."
-            )
+            self.wrong(path, f"{end} is fixed and cannot have a velocity", f"Take it out of bodies.{end.body}.fixed.")
 
-    def _direction(
-        self, path: KeyPath, key: str, section: LoadSection, load: Load
-    ) -> tuple[float, ...] | None:
+    def _direction(self, path: KeyPath, key: str, section: LoadSection, load: Load) -> tuple[float, ...] | None:
         """Return the direction of the case, else that of the load; None leaves it to the body."""
         own = load.vector()
         if own is not None and len(own) > 1:
@@ -409,9 +388,7 @@ class Reader:
 
     def method(self) -> MethodSpec | None:
         """Return the methods."""
-        given = self.mapping(
-            ("method",), self.source.get(("method",), {}), "a mapping as {contact: lagrange}"
-        )
+        given = self.mapping(("method",), self.source.get(("method",), {}), "a mapping as {contact: lagrange}")
         return self.section(MethodSpec, ("method",), given, "method") if given is not None else None
 
     def time(self) -> TimeSpec | None:

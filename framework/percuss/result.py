@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import json
 import os
 import platform
@@ -162,7 +162,9 @@ class Result:
 
     def __repr__(self) -> str:
         contacts = ", ".join(f"{k}: impulse {v['impulse']:.6g}" for k, v in self.summary["contacts"].items())
-        return f"<percuss.Result {self.title!r}: {self.status}, {self.summary['steps']} steps, {contacts or 'no contact'}>"
+        return (
+            f"<percuss.Result {self.title!r}: {self.status}, {self.summary['steps']} steps, {contacts or 'no contact'}>"
+        )
 
 
 class replacing:  # noqa: N801 - reads as a word in a with statement
@@ -180,18 +182,12 @@ class replacing:  # noqa: N801 - reads as a word in a with statement
             )
         if self.target.is_dir():
             raise InputError(
-                [
-                    Problem(
-                        str(self.target), "", "expected a file to write, found a folder", "Name a file in it."
-                    )
-                ]
+                [Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")]
             )
         try:
             handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
         except OSError as error:
-            problem = Problem(
-                str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder."
-            )
+            problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
             raise InputError([problem]) from error
         os.close(handle)
         self.beside = Path(name)
@@ -218,20 +214,14 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     import xarray as xr
 
     if not Path(path).is_file():
-        raise InputError(
-            [Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")]
-        )
+        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
     try:
         with xr.open_dataset(path, engine="netcdf4") as dataset:
             histories = dataset.load()
     except (OSError, ValueError) as error:
-        raise InputError(
-            [Problem(str(path), "", "expected a NetCDF-4 file, found something else")]
-        ) from error
+        raise InputError([Problem(str(path), "", "expected a NetCDF-4 file, found something else")]) from error
     if histories.attrs.get("format") != FORMAT:
-        raise InputError(
-            [Problem(str(path), "", f"expected a percuss result ({FORMAT}), found another NetCDF file")]
-        )
+        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found another NetCDF file")])
     arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
     arrays |= {name: histories[name].to_numpy() for name in ("time", "time_half")}
     field_arrays: dict[str, Any] = {}
@@ -259,5 +249,5 @@ def machine() -> dict[str, Any]:
             "processor": platform.machine(),
             "byteorder": sys.byteorder,
         },
-        "time": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     }

@@ -109,7 +109,8 @@ def _result(march: March, outcome: Outcome) -> Result:
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),
         "energy_growth": None,
-        "exact": {"reason": "no solution engine is registered", "contacts": None},
+        "exact": None,
+        "exact_reason": "no solution engine is registered",
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
         "notes": list(model.case.notes),
@@ -129,11 +130,7 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     record, model, dim = outcome.record, march.model, march.dim
     if record.field_every == 0:
         return {}
-    taken = (
-        outcome.done // record.field_every + 1
-        if outcome.status == "done"
-        else outcome.done // record.field_every
-    )
+    taken = outcome.done // record.field_every + 1 if outcome.status == "done" else outcome.done // record.field_every
     if taken == 0:  # stopped before the first snapshot
         return {}
     u = record.field[:taken].reshape(taken, -1, 2, dim)
@@ -144,9 +141,7 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
         element = first[mine] - body.start
         strain = (u[:, mine, 1] - u[:, mine, 0]) @ body.mesh.direction / body.mesh.lengths[element]
         law, parameters = body.spec.material, np.array(body.spec.material.parameters())
-        stress[:, mine] = np.vectorize(lambda e, law=law, p=parameters: law.stress(p, e), otypes=[float])(
-            strain
-        )
+        stress[:, mine] = np.vectorize(lambda e, law=law, p=parameters: law.stress(p, e), otypes=[float])(strain)
     return {
         "time": np.arange(taken) * record.field_every * model.dt,
         "body": [model.body_of(int(node)).name for node in first],

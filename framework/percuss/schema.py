@@ -101,14 +101,8 @@ def _named(named: Named, registry: Registry) -> dict[str, Any]:
         schema = schema_of(cls)
         schema["properties"] = {"name": {"const": name}, **schema["properties"]}
         needed = [] if name == named.default else ["name"]
-        whole.append(
-            {**schema, "description": cls.summary, "required": [*needed, *schema.get("required", ())]}
-        )
-    return (
-        {"anyOf": [*bare, *whole], "default": named.default}
-        if not named.optional
-        else {"anyOf": [*bare, *whole]}
-    )
+        whole.append({**schema, "description": cls.summary, "required": [*needed, *schema.get("required", ())]})
+    return {"anyOf": [*bare, *whole], "default": named.default} if not named.optional else {"anyOf": [*bare, *whole]}
 
 
 def _keyed(cls: type[Any]) -> dict[str, Any]:

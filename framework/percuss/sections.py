@@ -105,12 +105,10 @@ class TimeSpec:
 
     exactly_one: ClassVar = (("courant", "step"), ("end", "steps"))
 
-    end: Annotated[float, Gt(0), Unit("time"), Doc("the last step reaches it or just passes it")] | None = (
+    end: Annotated[float, Gt(0), Unit("time"), Doc("the last step reaches it or just passes it")] | None = None
+    courant: Annotated[float, Gt(0), Unit("1"), Doc("Courant number of the element with the smallest h/c")] | None = (
         None
     )
-    courant: (
-        Annotated[float, Gt(0), Unit("1"), Doc("Courant number of the element with the smallest h/c")] | None
-    ) = None
     step: Annotated[float, Gt(0), Unit("time"), Doc("time step; instead of courant")] | None = None
     steps: Annotated[int, Ge(1), Unit("1"), Doc("number of steps; instead of end")] | None = None
     on_unstable: Annotated[
@@ -124,9 +122,7 @@ class TimeSpec:
             if len(given) != 1:
                 wrong.append(f"{'both' if given else 'neither'} of `{group[0]}` and `{group[1]}`")
         if wrong:
-            raise ValueError(
-                f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}"
-            )
+            raise ValueError(f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}")
 
 
 @dataclass(frozen=True)
@@ -136,15 +132,11 @@ class BodySection:
     material: Annotated[Any, Named("materials", "elastic"), Doc("material: its options, or {name: ...}")]
     element: Annotated[Any, Named("elements", "bar"), Doc("element: a name, or {name: ...}")]
     area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section")]
-    at: Annotated[
-        float | Vector, Unit("length"), Doc("where the body starts: a number along x, or a point")
-    ] = 0.0
+    at: Annotated[float | Vector, Unit("length"), Doc("where the body starts: a number along x, or a point")] = 0.0
     velocity: Annotated[
         float | Vector, Unit("length/time"), Doc("initial velocity: a number along the body, or a vector")
     ] = 0.0
-    fixed: Annotated[
-        tuple[str, ...], Expects("a list of ends, as [right]"), Doc("ends that do not move")
-    ] = ()
+    fixed: Annotated[tuple[str, ...], Expects("a list of ends, as [right]"), Doc("ends that do not move")] = ()
 
 
 @dataclass(frozen=True)
@@ -157,17 +149,12 @@ class ContactSection:
         Doc("contact law of this contact; else method.contact"),
     ]
     between: (
-        Annotated[
-            tuple[str, str], Expects("two ends, as [short.right, long.left]"), Doc("the two ends in contact")
-        ]
+        Annotated[tuple[str, str], Expects("two ends, as [short.right, long.left]"), Doc("the two ends in contact")]
         | None
     ) = None
     body: Annotated[str, _ADDRESS, Doc("the end that meets the wall")] | None = None
     wall: (
-        Annotated[
-            float | Vector, Unit("length"), Doc("position of a rigid wall: a number along x, or a point")
-        ]
-        | None
+        Annotated[float | Vector, Unit("length"), Doc("position of a rigid wall: a number along x, or a point")] | None
     ) = None
 
     def __post_init__(self) -> None:
@@ -175,12 +162,8 @@ class ContactSection:
         if self.between is not None and (self.body is not None or self.wall is not None):
             raise ValueError("has both `between` and a wall: give `between`, or `body` and `wall`")
         if self.between is None and not wall:
-            missing = (
-                "`wall`" if self.body is not None else "`body`" if self.wall is not None else "`between`"
-            )
-            raise ValueError(
-                f"has no {missing}: give `between: [END, END]`, or `body: END` and `wall: POSITION`"
-            )
+            missing = "`wall`" if self.body is not None else "`body`" if self.wall is not None else "`between`"
+            raise ValueError(f"has no {missing}: give `between: [END, END]`, or `body: END` and `wall: POSITION`")
 
 
 @dataclass(frozen=True)
@@ -195,9 +178,7 @@ class LoadSection:
         ]
         | None
     ) = None
-    from_: (
-        Annotated[float, Unit("time"), Doc("when it is switched on; its amplitude counts from here")] | None
-    ) = None
+    from_: Annotated[float, Unit("time"), Doc("when it is switched on; its amplitude counts from here")] | None = None
     until: Annotated[float, Unit("time"), Doc("when it is switched off")] | None = None
     direction: (
         Annotated[
@@ -213,9 +194,7 @@ class LoadSection:
 
     def __post_init__(self) -> None:
         if self.until is not None and self.from_ is not None and self.until <= self.from_:
-            raise ValueError(
-                f"ends before it begins: `until` {self.until:g} is not after `from` {self.from_:g}"
-            )
+            raise ValueError(f"ends before it begins: `until` {self.until:g} is not after `from` {self.from_:g}")
 
 
 @dataclass(frozen=True)
@@ -224,12 +203,12 @@ class RecordSection:
 
     every: Annotated[int, Ge(1), Unit("1"), Doc("record every so many steps")] = 1
     probes: (
-        Annotated[
-            tuple[str, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")
-        ]
+        Annotated[tuple[str, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")]
         | None
     ) = None
-    fields: Annotated[int, Ge(0), Unit("1"), Doc("snapshots of stress along the bodies, for the space-time picture")] = 0
+    fields: Annotated[
+        int, Ge(0), Unit("1"), Doc("snapshots of stress along the bodies, for the space-time picture")
+    ] = 0
 
 
 @dataclass(frozen=True)

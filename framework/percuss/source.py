@@ -22,9 +22,7 @@ EXCERPT_WIDTH = 120
 def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     """Return a Python value as plain data; numpy numbers and arrays become Python's."""
     if len(path) > MAX_DEPTH:
-        raise InputError(
-            [Problem("case", dotted(path[:4]) + "...", f"nested more than {MAX_DEPTH} levels deep")]
-        )
+        raise InputError([Problem("case", dotted(path[:4]) + "...", f"nested more than {MAX_DEPTH} levels deep")])
     # there is no text: the order of the entries stands in for lines, so that problems come in that order
     marks[path] = Mark(None, (len(marks) + 1, 1))
     if isinstance(value, np.ndarray | np.generic):
@@ -104,9 +102,7 @@ class Source:
             ) from None
         except UnicodeDecodeError as error:
             line = error.object.count(b"\n", 0, error.start) + 1
-            raise InputError(
-                [Problem(f"{name}:{line}", "", "not UTF-8 text", "Save the file as UTF-8.")]
-            ) from None
+            raise InputError([Problem(f"{name}:{line}", "", "not UTF-8 text", "Save the file as UTF-8.")]) from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError([Problem(name, "", f"cannot be read: {reason}")]) from None
@@ -126,8 +122,7 @@ class Source:
         except NotPlainError as error:
             bare = Source(name, text, None)
             raise InputError(
-                bare._at(wrong.at, dotted(wrong.path), wrong.message, wrong.advice)
-                for wrong in error.mistakes
+                bare._at(wrong.at, dotted(wrong.path), wrong.message, wrong.advice) for wrong in error.mistakes
             ) from None
         return Source(name, text, data, marks, aliases, folder=folder)
 
@@ -147,9 +142,7 @@ class Source:
         """Return the value at `path`, or `default` where there is none."""
         value = self.data
         for part in path:
-            known: Any = (
-                value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
-            )
+            known: Any = value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
             if part not in known:
                 return default
             value = value[part]
@@ -174,9 +167,7 @@ class Source:
             try:
                 value = Source.parse(value, label).data
             except InputError as error:
-                raise InputError(
-                    [Problem(label, path, p.message, p.advice) for p in error.problems]
-                ) from None
+                raise InputError([Problem(label, path, p.message, p.advice) for p in error.problems]) from None
         parts: list[str | int] = []
         created: KeyPath | None = None
         here = self.data
@@ -198,11 +189,7 @@ class Source:
                 continue
             if not isinstance(here, Mapping):
                 raise InputError(
-                    [
-                        Problem(
-                            label, where, f"is {flow(here)} and has no part '{part}'", "Set the whole value."
-                        )
-                    ]
+                    [Problem(label, where, f"is {flow(here)} and has no part '{part}'", "Set the whole value.")]
                 )
             parts.append(part)
             if part not in here and created is None:
@@ -220,9 +207,7 @@ class Source:
     # ------------------------------------------------------------------------------------------- places
 
     def _label(self, path: KeyPath) -> str | None:
-        return next(
-            (self.labels[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.labels), None
-        )
+        return next((self.labels[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.labels), None)
 
     def _position(self, path: KeyPath, key: bool) -> tuple[int, int] | None:
         """Return line and column of `path`, or of the nearest thing above it that stands in the text."""

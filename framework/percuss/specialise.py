@@ -59,13 +59,23 @@ class Specialiser:
         Slot function to the kernel, plain or already bound, that takes its place.
     jit
         Whether to compile.
+    counting
+        Whether kernels of plug-ins may allocate arrays, which takes reference counts.
     salt
         What else the machine code on disk depends on: the classes of its arguments, which are loaded with it.
     """
 
-    def __init__(self, slots: Mapping[Kernel, Kernel] | None = None, *, jit: bool = True, salt: str = "") -> None:
+    def __init__(
+        self,
+        slots: Mapping[Kernel, Kernel] | None = None,
+        *,
+        jit: bool = True,
+        counting: bool = False,
+        salt: str = "",
+    ) -> None:
         self.slots = dict(slots or {})
         self.jit = jit
+        self.counting = counting
         self.salt = salt
         self.tags: dict[int, str] = {}
         self._bound: dict[int, Kernel] = {}
@@ -74,12 +84,12 @@ class Specialiser:
 
     def with_slots(self, slots: Mapping[Kernel, Kernel]) -> Specialiser:
         """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
-        other = Specialiser({**self.slots, **slots}, jit=self.jit, salt=self.salt)
+        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, salt=self.salt)
         other.tags = self.tags
         other._keep = self._keep
         return other
 
-    def bind(self, function: Kernel, *, cache: bool = False, plain: bool = False) -> Kernel:
+    def bind(self, function: Kernel, *, cache: bool = False, plain: bool = False, reduction: bool = False) -> Kernel:
         """Return `function` with its slots and helpers bound, compiled if this specialiser compiles.
 
         Parameters
@@ -90,6 +100,8 @@ class Specialiser:
             Whether its machine code is kept on disk: for what is called from Python, which holds all it calls.
         plain
             Leave this one as plain Python around the parts bound so far; so is whatever calls it.
+        reduction
+            Whether it adds up terms whose order does not matter.
         """
         if id(function) in self.tags:
             return function
@@ -115,7 +127,8 @@ class Specialiser:
         )
         callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
         plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
-        tag = self._tag(source, names, bound, closure, self.salt if cache else "")
+        options = _options(source, counting=self.counting, cache=cache, reduction=reduction)
+        tag = self._tag(source, names, bound, closure, f"{self.salt if cache else ''}{sorted(options.items())}")
         copy = types.FunctionType(
             source.__code__,
             {**source.__globals__, **bound},
@@ -127,7 +140,7 @@ class Specialiser:
         copy.__qualname__, copy.__doc__ = f"{source.__name__}_{tag}", source.__doc__
         out: Kernel = copy
         if self.jit and not plain:
-            out = _COMPILED.get((tag, cache)) or _compile(copy, _options(source), cache=cache)
+            out = _COMPILED.get((tag, cache)) or _compile(copy, options, cache=cache)
             _COMPILED[tag, cache] = out
         self._open.discard(id(function))
         self._bound[id(function)] = out
@@ -141,7 +154,7 @@ class Specialiser:
         except TypeError:  # not hashable: a constant
             return None
         if slot is not None:
-            return self.bind(slot)
+            return self.bind(slot, reduction=getattr(value, "reduction", False))
         if _plain(value) is not None and getattr(value, "py_func", None) is None:
             return self.bind(value)
         return None
@@ -155,7 +168,7 @@ class Specialiser:
         salt: str,
     ) -> str:
         digest = hashlib.sha256(f"{_versions()};{salt}".encode())
-        digest.update(repr(sorted(_options(source).items()) if self.jit else "plain").encode())
+        digest.update(repr(self.jit).encode())
         _feed_code(digest, source.__code__)
         digest.update(repr(source.__defaults__).encode())
         for name in sorted(names):
@@ -228,16 +241,19 @@ def compile_error() -> type[Exception]:
     """Return the error numba raises for what it cannot compile."""
     from numba.core.errors import NumbaError
 
-    return NumbaError  # type: ignore[no-any-return]
+    kind: type[Exception] = NumbaError
+    return kind
 
 
-def _options(source: types.FunctionType) -> dict[str, Any]:
+def _options(source: types.FunctionType, *, counting: bool, cache: bool, reduction: bool) -> dict[str, Any]:
     """Return how a function is compiled."""
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    if getattr(source, "reduction", False):
+    if not cache:
+        options["forceinline"] = True  # a call that is not inlined passes every array as a handful of numbers
+    if reduction or getattr(source, "reduction", False):
         options["fastmath"] = ("nsz", "reassoc")
-    if source.__module__ in _OWN and _counting_can_be_left_out():
-        options["_nrt"] = False
+    if _counting_can_be_left_out():
+        options["_nrt"] = counting and source.__module__ not in _OWN  # said always: else the caller's is taken
     return options
 
 
@@ -264,7 +280,7 @@ def _counting_can_be_left_out() -> bool:
     """Return whether this numba lets a function do without reference counts on the arrays it slices.
 
     The loop allocates nothing, and on small models the counts, two locked additions a slice, are half of its cost.
-    Plug-in kernels keep theirs: they may allocate.
+    Kernels of plug-ins do without too, unless one of them allocates: then all of theirs count.
     """
     import numba
 

@@ -123,13 +123,13 @@ def _cause(march: March, suspects: list[int]) -> str:
         bound = closed_contact_step(model, march.order, points, p)
         if model.dt > bound * (1.0 + 1e-9):
             name = model.meetings[march.order[p]].name
-            said = ", ".join(
-                f"{k} = {v:.6g}" for k, v in parameters[name].items() if k in {"beta_s", "ratio"}
-            )
+            said = ", ".join(f"{k} = {v:.6g}" for k, v in parameters[name].items() if k in {"beta_s", "ratio"})
             return (
                 f"the step {model.dt:.6g} is above {bound:.6g}, which the closed contact '{name}' allows at most "
                 f"({parameters[name]['law']}{': ' + said if said else ''}): lower the step or the penalty stiffness"
             )
+    if model.courant > 1.0 - 1e-9:
+        return "at a Courant number of 1 the highest frequency of a bar with free ends grows with time: lower it"
     if suspects:
         return "contact adds energy each time it closes or opens; this pair of methods gives no bound on it"
     return "unknown: the step is below the critical step of the bodies"

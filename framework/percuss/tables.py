@@ -37,9 +37,7 @@ def read_table(path: str, folder: Path) -> DataFile:
     except FileNotFoundError:
         raise ValueError(f"no such file: {folder / path}") from None
     except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise ValueError(
-            f"cannot read {folder / path}: {getattr(error, 'strerror', None) or error}"
-        ) from None
+        raise ValueError(f"cannot read {folder / path}: {getattr(error, 'strerror', None) or error}") from None
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
         cells = [cell.strip() for cell in line.replace(";", ",").split(",")] if line.strip() else []
@@ -54,9 +52,7 @@ def read_table(path: str, folder: Path) -> DataFile:
         if not all(map(math.isfinite, row)):
             raise ValueError(f"{path}, line {number}: expected finite numbers, found {line.strip()!r}")
         if rows and len(row) != len(rows[0]):
-            raise ValueError(
-                f"{path}, line {number}: expected {len(rows[0])} columns as above, found {len(row)}"
-            )
+            raise ValueError(f"{path}, line {number}: expected {len(rows[0])} columns as above, found {len(row)}")
         rows.append(row)
     if not rows:
         raise ValueError(f"{path} holds no numbers")

@@ -35,13 +35,11 @@ def tell_result(result: Result) -> None:
     console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {s['status']}")
     console.print(
         f"{resolved['integrator']}, {s['steps']} steps of {s['dt']:.6g} (Courant number {s['courant']:.4g}), "
-        f"{'compiled' if s['compiled'] else 'plain Python'}, {s['seconds']['march']:.3g} s of {s['seconds']['total']:.3g} s"
+        f"{'compiled' if s['compiled'] else 'plain Python'}, marched in {s['seconds']['march']:.3g} s"
     )
     for why in s["compiled_why"]:
         console.print(f"  not compiled: {escape(why)}")
-    table = Table(
-        "contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration"
-    )
+    table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
     for name, c in s["contacts"].items():
         law = resolved["contacts"][name]
         options = ", ".join(f"{k} {_number(law[k], 4)}" for k in ("beta_s", "ratio") if k in law)
@@ -77,9 +75,7 @@ def tell_rows(title: str, rows: list[Row]) -> None:
         "penetration",
         "energy kept",
     ]
-    table = Table(
-        *(escape(h) for h in [*heads, "largest energy", "ledger", "steps", "s"]), title=escape(title)
-    )
+    table = Table(*(escape(h) for h in [*heads, "largest energy", "ledger", "steps", "s"]), title=escape(title))
     for row in rows:
         m = metrics(row) if row.status in {"done", "interrupted"} else {}
         keys = (
@@ -93,16 +89,12 @@ def tell_rows(title: str, rows: list[Row]) -> None:
             "seconds",
         )
         cells = [_number(m.get(k), 2 if k in {"ledger_error", "seconds"} else 5) for k in keys]
-        table.add_row(
-            row.integrator, row.contact, *(_number(row.varied[p]) for p in varied), row.status, *cells
-        )
+        table.add_row(row.integrator, row.contact, *(_number(row.varied[p]) for p in varied), row.status, *cells)
     console.print(table)
     for row in rows:
         if row.reason:
             said = f" (says {row.said_by})" if row.said_by else ""
-            console.print(
-                f"[bold]{escape(row.label)}[/bold] {row.status}{escape(said)}: {escape(row.reason)}"
-            )
+            console.print(f"[bold]{escape(row.label)}[/bold] {row.status}{escape(said)}: {escape(row.reason)}")
 
 
 def tell_checks(told: list[dict[str, Any]]) -> None:
@@ -130,11 +122,7 @@ def tell_registry(registry: Registry) -> None:
     table = Table("family", "name", "what it is", "from", "file")
     for (family, name), component in registry.components.items():
         source = registry.sources[family, name]
-        origin = (
-            f"{source.distribution} {source.version}".strip()
-            if source.distribution
-            else f"file {source.version}"
-        )
+        origin = f"{source.distribution} {source.version}".strip() if source.distribution else f"file {source.version}"
         table.add_row(family, name, escape(component.summary), escape(origin), escape(source.file))
     console.print(table)
     for broken in registry.broken:

@@ -84,17 +84,11 @@ def _branches(annotation: Any, facts: tuple[Any, ...]) -> list[str]:
         inner, *rest = get_args(annotation)
         many = {"a number": "numbers", "a whole number": "whole numbers", "a text": "texts"}
         noun = many.get(describe(inner), "values")
-        return [
-            _bounded(f"a list of {noun}" if rest == [...] else f"a list of {1 + len(rest)} {noun}", facts)
-        ]
+        return [_bounded(f"a list of {noun}" if rest == [...] else f"a list of {1 + len(rest)} {noun}", facts)]
     simple = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
     if annotation in simple:
         return [_bounded(simple[annotation], facts)]
-    return [
-        "the path of a CSV file"
-        if annotation is DataFile
-        else str(getattr(annotation, "__name__", annotation))
-    ]
+    return ["the path of a CSV file" if annotation is DataFile else str(getattr(annotation, "__name__", annotation))]
 
 
 def found(value: Any) -> str:
@@ -115,22 +109,14 @@ def words(annotation: Any) -> list[str]:
         return words(annotation.__origin__)
     if is_union(annotation):
         return [word for branch in get_args(annotation) for word in words(branch)]
-    return (
-        [one for one in get_args(annotation) if isinstance(one, str)]
-        if get_origin(annotation) is Literal
-        else []
-    )
+    return [one for one in get_args(annotation) if isinstance(one, str)] if get_origin(annotation) is Literal else []
 
 
 def has_type(annotation: Any, wanted: type) -> bool:
     """Return whether a type is `wanted`, or a union with it."""
     if get_origin(annotation) is Annotated:
         return has_type(annotation.__origin__, wanted)
-    return (
-        any(has_type(one, wanted) for one in get_args(annotation))
-        if is_union(annotation)
-        else annotation is wanted
-    )
+    return any(has_type(one, wanted) for one in get_args(annotation)) if is_union(annotation) else annotation is wanted
 
 
 def item_type(annotation: Any) -> Any:

@@ -73,10 +73,7 @@ def dotted(path: KeyPath) -> str:
 
 def _word(value: str) -> str:
     plain = (
-        value
-        and value == value.strip()
-        and isinstance(_scalar(value), str)
-        and not re.search(r"[\[\]{},:#'\"]", value)
+        value and value == value.strip() and isinstance(_scalar(value), str) and not re.search(r"[\[\]{},:#'\"]", value)
     )
     return value if plain else "'" + value.replace("'", "''") + "'"
 
@@ -158,9 +155,7 @@ class _Composer:
     def at(event: Any) -> tuple[int, int]:
         return event.start_mark.line + 1, event.start_mark.column + 1
 
-    def node(
-        self, event: Any, path: KeyPath, key: tuple[int, int] | None, depth: int
-    ) -> tuple[Any, int, int]:
+    def node(self, event: Any, path: KeyPath, key: tuple[int, int] | None, depth: int) -> tuple[Any, int, int]:
         """Return data, number of nodes and height of what starts with `event`."""
         at = self.at(event)
         self.marks[path] = Mark(key, at)
@@ -189,9 +184,7 @@ class _Composer:
 
     def counted(self, count: int, event: Any) -> int:
         if count > MAX_NODES:
-            raise _stop(
-                self.at(event), f"more than {MAX_NODES} values, aliases written out", "Keep tables in a file."
-            )
+            raise _stop(self.at(event), f"more than {MAX_NODES} values, aliases written out", "Keep tables in a file.")
         return count
 
     def sequence(self, path: KeyPath, depth: int) -> tuple[Any, int, int]:
@@ -226,9 +219,7 @@ class _Composer:
     def key(self, event: Any, path: KeyPath) -> str:
         at = self.at(event)
         if not isinstance(event, yaml.ScalarEvent):
-            raise _stop(
-                at, "expected a word as key, found a list, a mapping or an alias", "Write `key: value`."
-            )
+            raise _stop(at, "expected a word as key, found a list, a mapping or an alias", "Write `key: value`.")
         value = self.scalar(event, path)
         if isinstance(value, str) and value == "<<" and event.implicit[0]:
             self.faults.append(
@@ -275,13 +266,9 @@ def _syntax(error: yaml.YAMLError, text: str) -> Mistake:
         if "\t" in line[: at[1]]:
             return Mistake(at, (), f"not YAML: {message}", "Indent with spaces: YAML takes no tabs there.")
         if error.context_mark is not None and "flow" in str(error.context):
-            advice = (
-                f"Close the bracket of line {error.context_mark.line + 1}, or put a comma between the values."
-            )
+            advice = f"Close the bracket of line {error.context_mark.line + 1}, or put a comma between the values."
             return Mistake(at, (), f"not YAML: {message}", advice)
-        return Mistake(
-            at, (), f"not YAML: {message}", "Values with ': ', '#', '[' or '{' in them need quotes."
-        )
+        return Mistake(at, (), f"not YAML: {message}", "Values with ': ', '#', '[' or '{' in them need quotes.")
     position = getattr(error, "position", 0)
     before = text[:position]
     at = before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1

@@ -54,9 +54,7 @@ Run = Callable[[int, int], tuple[float, Any]]  # (steps, record every) -> (secon
 class Contact(ctypes.Structure):
     """``struct contact`` of march.c."""
 
-    _fields_ = [
-        (name, ctypes.c_double) for name in ("dt", "stiffness", "mass", "inverse_mass_a", "inverse_mass_b")
-    ]
+    _fields_ = [(name, ctypes.c_double) for name in ("dt", "stiffness", "mass", "inverse_mass_a", "inverse_mass_b")]
 
 
 @dataclass(frozen=True)
@@ -249,9 +247,7 @@ def with_percuss(bars: Bars, integrator: str, law: str, others: dict[str, float]
         if not result.summary["compiled"]:
             raise SystemExit(f"percuss did not compile: {result.summary['compiled_why']}")
         seconds = result.summary["seconds"]
-        others.update(
-            {key: min(others.get(key, np.inf), value) for key, value in seconds.items() if key != "march"}
-        )
+        others.update({key: min(others.get(key, np.inf), value) for key, value in seconds.items() if key != "march"})
         return seconds["march"], result.arrays["contact_force"][: -(-steps // every), 0]
 
     return march
@@ -310,6 +306,7 @@ def compare(
         names = list(contestants)
         for name in names if turn % 2 == 0 else reversed(names):
             run, count = contestants[name]
+            time.sleep(0.1)  # threads of the linear algebra library, once woken, spin a while on the other cores
             took, forces[name] = run(count, every)
             seconds[name].append(took / count)
     differ = same_forces(forces, f"{integrator} x {law}, {elements} elements")
@@ -396,9 +393,7 @@ def spawn(command: list[str], repeats: int) -> tuple[list[float], subprocess.Com
 
 def import_times(command: list[str]) -> dict[str, float]:
     """Return seconds spent importing, each module by itself, summed up by package."""
-    done = subprocess.run(
-        [command[0], "-X", "importtime", *command[1:]], check=True, capture_output=True, text=True
-    )
+    done = subprocess.run([command[0], "-X", "importtime", *command[1:]], check=True, capture_output=True, text=True)
     packages: dict[str, float] = defaultdict(float)
     for entry in done.stderr.splitlines():
         if entry.startswith("import time:") and entry.count("|") == 2 and "self [us]" not in entry:

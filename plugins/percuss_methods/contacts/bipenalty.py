@@ -46,9 +46,7 @@ class Bipenalty(ContactLaw):
     )
 
     beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h of the softer side")] | None = None
-    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = (
-        None
-    )
+    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = None
     ratio: (
         Annotated[float, AllowInf(), Gt(0), Unit("1"), Doc("beta_s / (2 beta_m); .inf is the penalty method")]
         | Literal["matched", "free-step"]
@@ -75,9 +73,7 @@ class Bipenalty(ContactLaw):
         if self.beta_m is not None:
             if not points.equal_sides.all():
                 unequal = points.names[int(np.argmin(points.equal_sides))]
-                raise ValueError(
-                    f"beta_m is for equal sides, and contact '{unequal}' joins unlike ones: give `ratio`"
-                )
+                raise ValueError(f"beta_m is for equal sides, and contact '{unequal}' joins unlike ones: give `ratio`")
             return stiffness, self.beta_m * points.mass
         ratio = DEFAULT_RATIO if self.ratio is None else self.ratio
         if isinstance(ratio, str):

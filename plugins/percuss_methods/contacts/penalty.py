@@ -27,9 +27,7 @@ class Penalty(ContactLaw):
     examples = ({}, {"beta_s": 1.0}, {"epsilon_s": 5.0})
 
     beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h of the softer side")] | None = None
-    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = (
-        None
-    )
+    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = None
 
     def __post_init__(self) -> None:
         if self.beta_s is not None and self.epsilon_s is not None:

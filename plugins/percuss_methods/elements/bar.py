@@ -67,9 +67,7 @@ class BarElement(Element):
                     stress(parameters, sign * (displacement[i + 1] - displacement[i]) * inverse[i])
                     - stress(parameters, sign * (displacement[i] - displacement[i - 1]) * inverse[i - 1])
                 )
-            force[m] = -area * stress(
-                parameters, sign * (displacement[m] - displacement[m - 1]) * inverse[m - 1]
-            )
+            force[m] = -area * stress(parameters, sign * (displacement[m] - displacement[m - 1]) * inverse[m - 1])
             return
         direction = element.direction[first]
         previous = 0.0
@@ -98,6 +96,14 @@ class BarElement(Element):
         m = displacement.size // dim - 1
         total = 0.0
         direction = element.direction[first]
+        if dim == 1:
+            inverses = element.inverse_length[first : first + m]
+            sign = direction[0]
+            for i in range(m):
+                after = sign * (displacement[i + 1] - displacement[i])
+                before = after - dt * sign * (velocity[i + 1] - velocity[i])
+                total += energy_density(parameters, before * inverses[i], after * inverses[i]) / inverses[i]
+            return element.area[first] * total
         for i in range(m):
             after = 0.0
             rate = 0.0

@@ -30,6 +30,4 @@ class WuPredictorCorrector(Integrator):
 
     def bind(self, dt: float) -> LeapFrog:
         """Return the table of the scheme: explicit laws see u*, and no gap acceleration."""
-        return LeapFrog(
-            explicit=Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end=end_of_step(dt)
-        )
+        return LeapFrog(explicit=Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end=end_of_step(dt))

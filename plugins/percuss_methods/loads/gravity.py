@@ -24,9 +24,7 @@ class Gravity(Load):
     everywhere = True
     examples = ({"value": -9.81}, {"value": (0.0, -9.81)})
 
-    value: Annotated[
-        float | tuple[float, ...], Unit("length/time^2"), Doc("acceleration along x, or a vector")
-    ]
+    value: Annotated[float | tuple[float, ...], Unit("length/time^2"), Doc("acceleration along x, or a vector")]
 
     def vector(self) -> tuple[float, ...]:
         """Return the direction, x where a number was given."""

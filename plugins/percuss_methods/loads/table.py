@@ -36,9 +36,7 @@ class Table(Load):
             raise ValueError("a table has both `time` and `value`")
         points, values = self.points()
         if len(points) != len(values):
-            raise ValueError(
-                f"`time` has {len(points)} numbers and `value` has {len(values)}: give one value a time"
-            )
+            raise ValueError(f"`time` has {len(points)} numbers and `value` has {len(values)}: give one value a time")
         if len(points) == 0:
             raise ValueError("a table has at least one point")
         if not (np.diff(points) > 0).all():

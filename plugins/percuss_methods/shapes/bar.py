@@ -27,9 +27,7 @@ class Bar(Shape):
 
     length: Annotated[float, Gt(0), Unit("length"), Doc("length of the bar")]
     elements: Annotated[int, Ge(1), Unit("1"), Doc("number of elements, before `refine`")]
-    direction: (
-        Annotated[tuple[float, ...], Unit("1"), Doc("any vector along the bar; x by default")] | None
-    ) = None
+    direction: Annotated[tuple[float, ...], Unit("1"), Doc("any vector along the bar; x by default")] | None = None
     grading: Annotated[float, Gt(0), Unit("1"), Doc("last element's length over the first one's")] = 1.0
 
     def __post_init__(self) -> None:
