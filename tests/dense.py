@@ -122,7 +122,8 @@ def constrained(A, b, N, g, S):
                 x[active] = np.linalg.solve(left, right)
             a = np.linalg.solve(A, b + N @ x)
             gaps = g + S.T @ a
-            miss = max(-x.min(initial=0.0) * np.abs(S.T @ np.linalg.solve(A, N)).max(initial=0.0), -gaps.min(initial=0.0))
+            pulls = -x.min(initial=0.0) * np.abs(S.T @ np.linalg.solve(A, N)).max(initial=0.0)
+            miss = max(pulls, -gaps.min(initial=0.0))
             if best is None or miss < best[0] - 1e-14 * scale:
                 best = (miss, a, x)
     assert best[0] <= 1e-10 * scale, "no active set satisfies the conditions"

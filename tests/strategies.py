@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 
 import numpy as np
@@ -93,6 +94,9 @@ LAWS = [
 LOADS = [
     {name: dict(options)} for name in REGISTRY.names("loads") for options in REGISTRY.get("loads", name).examples
 ]
+ALONG = [one for one in LOADS if not any(isinstance(o.get("value"), tuple) and "gravity" in one for o in one.values())]
+ON_ENDS = [one for one in ALONG if "gravity" not in one]
+FORCES = [one for one in ON_ENDS if "prescribed-velocity" not in one]
 PAIRS = [(integrator, law) for integrator in INTEGRATORS for law in LAWS]
 
 
@@ -128,7 +132,7 @@ def rows(draw, moving=True, loads=True, bars=4, gaps=True):
             "velocity": draw(number(-1, 1)) if moving else 0.0,
         }
         at = round(at + bar["length"] + (draw(number(0, 0.2)) if gaps and draw(st.booleans()) else 0.0), 6)
-    for left, right in zip(names, names[1:], strict=False):
+    for left, right in itertools.pairwise(names):
         contacts[f"{left}{right}"] = {"between": [f"{left}.right", f"{right}.left"]}
     last = bodies[names[-1]]
     ends = {"left": f"{names[0]}.left", "right": f"{names[-1]}.right"}
@@ -145,14 +149,13 @@ def rows(draw, moving=True, loads=True, bars=4, gaps=True):
         elif what == "fixed":
             bodies[name]["fixed"] = [side]
         elif what == "driven" and loads:
-            driven[side] = {**draw(st.sampled_from([one for one in LOADS if "gravity" not in one])), "on": end,
-                            "as": "velocity"}  # fmt: skip
+            driven[side] = {**draw(st.sampled_from(ON_ENDS)), "on": end, "as": "velocity"}
         elif what == "loaded" and loads:
-            kind = draw(st.sampled_from([one for one in LOADS if "prescribed-velocity" not in one and "gravity" not in one]))
+            kind = draw(st.sampled_from(FORCES))
             found[f"push-{side}"] = {**kind, "on": end, "as": "force"}
     found |= {f"drive-{side}": one for side, one in driven.items()}
     if loads and draw(st.booleans()):
-        kind = draw(st.sampled_from([one for one in LOADS if not any(isinstance(o.get("value"), tuple) and len(o["value"]) > 1 and k == "gravity" for k, o in one.items())]))
+        kind = draw(st.sampled_from(ALONG))
         on = draw(st.sampled_from([*names, None]))
         acts = draw(st.sampled_from(["force", "acceleration"]))
         if "gravity" in kind:

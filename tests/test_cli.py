@@ -86,9 +86,7 @@ def test_swapping_a_law_reports_the_options_it_lacks() -> None:
 
 def test_an_unstable_run_is_stopped_and_named(tmp_path: Path) -> None:
     args = ["--set", "method.integrator=central-difference", "--set", "method.contact=penalty"]
-    done = percuss(
-        "run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--json", "-o", "bad.nc", cwd=tmp_path
-    )
+    done = percuss("run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--json", "-o", "bad.nc", cwd=tmp_path)
     assert done.returncode == 1
     told = json.loads(done.stdout)
     assert told["status"] == "unstable"
@@ -207,9 +205,7 @@ def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
 
 
 def test_compare_varies_values() -> None:
-    done = percuss(
-        "compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json"
-    )
+    done = percuss("compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json")
     rows = json.loads(done.stdout)["rows"]
     assert [(r["refine"], r["method.contact.beta_s"]) for r in rows] == [
         (1, 0.1),
@@ -221,7 +217,11 @@ def test_compare_varies_values() -> None:
 
 
 def test_compare_replaces_a_contacts_own_law_and_says_so(tmp_path: Path) -> None:
-    text = Path(HUNEK).read_text().replace("long.left]}", "long.left], method: lagrange}")
+    text = (
+        Path(HUNEK)
+        .read_text()
+        .replace("{between: [short.right, long.left]}", "{between: [short.right, long.left], method: lagrange}")
+    )
     (tmp_path / "own.yaml").write_text(text)
     done = percuss("compare", "own.yaml", "--contact", "penalty,lagrange", "--json", cwd=tmp_path)
     assert "the own method of tip is replaced" in done.stderr
@@ -273,7 +273,5 @@ def test_schema_is_json() -> None:
 
 
 def test_the_module_runs_too() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "percuss", "--help"], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-m", "percuss", "--help"], capture_output=True, text=True, check=True)
     assert "compare" in done.stdout

@@ -1,16 +1,18 @@
 """Single-file plug-ins in the loop: compiled where they can be, in Python with the reason where they cannot."""
 
 import itertools
+import json
 import os
 import subprocess
 import sys
-import textwrap
 
 import numpy as np
 import pytest
 
 import percuss
-from strategies import INTEGRATORS, apart, hunek, round_off, run
+from strategies import apart, hunek, round_off, run
+
+DEEP = os.environ.get("HYPOTHESIS_PROFILE") == "deep"  # compiling the loop takes seconds each time
 
 IMPORTS = """
 from dataclasses import dataclass
@@ -21,6 +23,7 @@ from percuss.contracts import ContactLaw, Element, Material, Load
 
 class Bound(NamedTuple):
     stiffness: np.ndarray
+    ahead: float
 
 
 @dataclass(frozen=True)
@@ -30,38 +33,42 @@ class Spring(ContactLaw):
     name = "spring"
     summary = "Penalty as a kernel"
     beta_s: float = 0.25
+    ahead: float = 1.0
 
     def bind(self, points, dt):
-        return Bound(self.beta_s * points.stiffness)
+        return Bound(self.beta_s * points.stiffness, self.ahead)
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
+        gap = trial.gap + bound.ahead * (trial.predicted_gap - trial.gap)
         BODY
 """
 
 PLAIN_BODY = """for p in range(multiplier.size):
-            multiplier[p] = bound.stiffness[p] * max(-GAP[p], 0.0)"""
+            multiplier[p] = bound.stiffness[p] * max(-gap[p], 0.0)"""
 
 # what each kernel does beside the same spring: the first ones compile, the others do not
 BODIES = {
     "loop": PLAIN_BODY,
-    "vectors": "multiplier[:] = bound.stiffness * np.maximum(-GAP, 0.0)",
+    "vectors": "multiplier[:] = bound.stiffness * np.maximum(-gap, 0.0)",
     "allocates": """work = np.zeros(multiplier.size)
         for p in range(multiplier.size):
-            work[p] = bound.stiffness[p] * max(-GAP[p], 0.0)
+            work[p] = bound.stiffness[p] * max(-gap[p], 0.0)
         multiplier[:] = work.copy()""",
-    "helper": "helped(bound.stiffness, GAP, multiplier)",
-    "dict of lists": """table = {"gap": [float(g) for g in GAP], "stiffness": list(bound.stiffness), "note": "mixed"}
+    "helper": "helped(bound.stiffness, gap, multiplier)",
+    "dict of lists": """table = {"gap": [float(g) for g in gap]}
+        table["stiffness"] = list(bound.stiffness)
+        table[1] = "a key of another type"
         for p in range(multiplier.size):
             multiplier[p] = table["stiffness"][p] * max(-table["gap"][p], 0.0)""",
-    "try": """for p in range(multiplier.size):
+    "f-string": """for p in range(multiplier.size):
             try:
-                multiplier[p] = bound.stiffness[p] * max(-GAP[p], 0.0)
+                multiplier[p] = bound.stiffness[p] * max(-gap[p], 0.0)
             except (KeyError, ArithmeticError) as error:
                 print(f"{error!r}")
                 raise""",
     "sparse": """from scipy.sparse import diags
-        multiplier[:] = diags(bound.stiffness) @ np.maximum(-GAP, 0.0)""",
+        multiplier[:] = diags(bound.stiffness) @ np.maximum(-gap, 0.0)""",
 }
 COMPILES = ("loop", "vectors", "allocates", "helper")
 
@@ -82,9 +89,8 @@ def write(folder, text, name="mine.py"):
     return file
 
 
-def spring(folder, body="loop", integrator="wu-predictor-corrector", name="mine.py"):
-    gap = "trial.predicted_gap" if integrator == "wu-predictor-corrector" else "trial.gap"
-    return write(folder, IMPORTS.replace("BODY", BODIES[body]).replace("GAP", gap) + HELPER, name)
+def spring(folder, body="loop"):
+    return write(folder, IMPORTS.replace("BODY", BODIES[body]) + HELPER)
 
 
 def run_with(file, case, **kwargs):
@@ -105,23 +111,24 @@ def struck(law, integrator="wu-predictor-corrector"):
     return case
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("body", BODIES)
-def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body, integrator):
-    file = spring(tmp_path, body, integrator)
-    truth_case = struck({"name": "penalty", "beta_s": 0.25}, integrator)
-    truth = run(truth_case)
-    assert truth.summary["contacts"]["foot"]["impulse"] > 0
-    result = run_with(file, struck("spring", integrator))
-    nearly_equal(truth_case, truth, result)
-    assert result.summary["compiled"] is (body in COMPILES), result.summary["compiled_why"]
-    if body not in COMPILES:
-        assert len(result.summary["compiled_why"]) == 1
-        assert "spring" in result.summary["compiled_why"][0]
-    plain = run_with(file, struck("spring", integrator), compiled=False)
-    nearly_equal(truth_case, result, plain)
-    assert plain.summary["compiled"] is False
-    assert result.summary["energy"]["ledger_error"] < 1e-12
+@pytest.mark.parametrize("body", BODIES if DEEP else ["allocates", "dict of lists", "sparse"])
+def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body):
+    file = spring(tmp_path, body)
+    for integrator, ahead in (("wu-predictor-corrector", 1.0), ("central-difference", 0.0)):
+        truth_case = struck({"name": "penalty", "beta_s": 0.25}, integrator)
+        truth = run(truth_case)
+        assert truth.summary["contacts"]["foot"]["impulse"] > 0
+        case = struck({"name": "spring", "ahead": ahead}, integrator)
+        result = run_with(file, case)
+        nearly_equal(truth_case, truth, result)
+        assert result.summary["compiled"] is (body in COMPILES), result.summary["compiled_why"]
+        if body not in COMPILES:
+            assert len(result.summary["compiled_why"]) == 1
+            assert "spring" in result.summary["compiled_why"][0]
+        plain = run_with(file, case, compiled=False)
+        nearly_equal(truth_case, result, plain)
+        assert plain.summary["compiled"] is False
+        assert result.summary["energy"]["ledger_error"] < 1e-12
 
 
 def test_laws_of_both_kinds_work_side_by_side(tmp_path):
@@ -140,7 +147,8 @@ def test_laws_of_both_kinds_work_side_by_side(tmp_path):
 
 def test_two_laws_of_ones_own_at_once(tmp_path):
     text = spring(tmp_path).read_text(encoding="utf-8")
-    second = text[text.index("@dataclass") : text.index("def helped")].replace("Spring", "Coil").replace('"spring"', '"coil"')
+    second = text[text.index("@dataclass") : text.index("def helped")]
+    second = second.replace("Spring", "Coil").replace('"spring"', '"coil"')
     file = write(tmp_path, text + "\n\n" + second)
     truth_case = struck({"name": "penalty", "beta_s": 0.25})
     case = struck("spring")
@@ -205,31 +213,39 @@ def soft(knee, young=100.0, density=0.01):
     return {"name": "softening", "young": young, "density": density, "knee": knee}
 
 
-@pytest.mark.parametrize("extra", ["pass", UNCOMPILED], ids=["compiled", "plain"])
-def test_a_material_that_is_nearly_linear_is_nearly_the_elastic_one(tmp_path, extra):
-    file = write(tmp_path, MATERIAL.replace("EXTRA", extra))
+@pytest.fixture(scope="module", params=["pass", UNCOMPILED], ids=["compiled", "plain"])
+def softening(request, tmp_path_factory):
+    """A file with a material, and whether it can be compiled."""
+    file = write(tmp_path_factory.mktemp("material"), MATERIAL.replace("EXTRA", request.param))
+    return file, request.param == "pass"
+
+
+def test_a_material_that_is_nearly_linear_is_nearly_the_elastic_one(softening):
+    file, compiles = softening
     case = hunek(20)
     truth = run(hunek(20))
     # tanh x = x (1 - x^2 / 3): the strains are at most 5e-4
-    for knee, within in ((1.0, 1e-5), (1e-3, 0.1)):
+    for knee, within in ((1.0, 1e-6), (1e-3, 0.3)):
         for body in case["bodies"].values():
             body["material"] = soft(knee)
         result = run_with(file, case)
-        assert result.summary["compiled"] is (extra == "pass")
-        if extra != "pass":
+        assert result.summary["compiled"] is compiles
+        if not compiles:
             (why,) = result.summary["compiled_why"]
             assert "softening" in why
-        off = np.abs(result.arrays["contact_force"] - truth.arrays["contact_force"]).max() / 0.05
+        off = np.abs(result.arrays["contact_force"] - truth.arrays["contact_force"]).mean() / 0.05
         assert off < within
         assert result.summary["momentum"]["error"] < 1e-12
     assert off > 1e-3, "the knee is not felt: the material is not used"
 
 
-@pytest.mark.parametrize("kinds", list(itertools.product(["elastic", "soft"], repeat=3)), ids="-".join)
-@pytest.mark.parametrize("extra", ["pass", UNCOMPILED], ids=["compiled", "plain"])
-def test_bodies_of_unlike_materials_in_any_order(tmp_path, kinds, extra):
+KINDS = list(itertools.product(["elastic", "soft"], repeat=3))
+
+
+@pytest.mark.parametrize("kinds", KINDS if DEEP else [KINDS[2]], ids="-".join)
+def test_bodies_of_unlike_materials_in_any_order(softening, kinds):
     """Groups of bodies run through code of their own; a group is not a run of neighbours."""
-    file = write(tmp_path, MATERIAL.replace("EXTRA", extra))
+    file, compiles = softening
     case = hunek(20, end=0.3)
     case["bodies"]["third"] = {
         "bar": {"length": 5.0, "elements": 11}, "at": -5.0, "area": 1.3, "material": None, "velocity": 0.2,
@@ -242,107 +258,91 @@ def test_bodies_of_unlike_materials_in_any_order(tmp_path, kinds, extra):
     plain = run_with(file, case, compiled=False)
     for name, value in apart(result, plain).items():
         assert value < 1e-11, name
-    assert result.summary["compiled"] is (extra == "pass" or "soft" not in kinds)
+    assert result.summary["compiled"] is (compiles or "soft" not in kinds)
     assert result.summary["momentum"]["error"] < 1e-12
     assert result.summary["contacts"]["behind"]["impulse"] > 0
     # the same bodies in another order are other groups
-    swapped = {**case, "bodies": dict(reversed(case["bodies"].items()))}
-    for name, value in apart(result, run_with(file, swapped)).items():
+    first, *others = case["bodies"].items()
+    swapped = {**case, "bodies": dict([*others, first])}
+    for name, value in apart(result, run_with(file, swapped, compiled=DEEP)).items():
         assert value < 1e-11, name
 
 
 # ------------------------------------------------------------------------------------------- edited plug-ins
 
 
-def impulse(file):
+EDITS = {
+    "constant": ("FACTOR = 1.0", "FACTOR = 2.0"),
+    "helper": ("FACTOR * stiffness[p]", "2.0 * FACTOR * stiffness[p]"),
+    "kernel": ("helped(bound.stiffness,", "helped(2.0 * bound.stiffness,"),
+}
+
+
+def peak(file):
     result = run_with(file, hunek(10, contact="spring"))
     assert result.summary["compiled"] is True
     return result.arrays["contact_force"].max()
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("FACTOR = 1.0", "FACTOR = 2.0"),
-        ("FACTOR * stiffness[p]", "2.0 * FACTOR * stiffness[p]"),
-        ("helped(bound.stiffness,", "helped(2.0 * bound.stiffness,"),
-    ],
-    ids=["constant", "helper", "kernel"],
-)
-def test_an_edit_is_seen_by_the_next_run(tmp_path, old, new):
+@pytest.mark.parametrize("what", EDITS if DEEP else ["constant"])
+def test_an_edit_is_seen_by_the_next_run(tmp_path, what):
     file = spring(tmp_path, "helper")
-    before = impulse(file)
+    before = peak(file)
     text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace(old, new), encoding="utf-8")
-    assert text.count(old) == 1
-    after = impulse(file)
+    assert text.count(EDITS[what][0]) == 1
+    file.write_text(text.replace(*EDITS[what]), encoding="utf-8")
+    after = peak(file)
     assert after != before
     # twice the stiffness is the built-in penalty at twice the stiffness
     truth = run(hunek(10, contact={"name": "penalty", "beta_s": 0.5})).arrays["contact_force"].max()
     assert after == pytest.approx(truth, rel=1e-12)
     file.write_text(text, encoding="utf-8")
-    assert impulse(file) == before
+    assert peak(file) == before
 
 
-def test_machine_code_on_disk_is_no_trap_after_an_edit_that_changes_nothing(tmp_path):
-    """It is kept with the classes of its arguments, which are those of the file as it was."""
-    file = spring(tmp_path)
-    before = impulse(file)
-    file.write_text(file.read_text(encoding="utf-8") + "# a remark\n", encoding="utf-8")
-    code = (
-        "import sys; from pathlib import Path; import percuss; from strategies import hunek;"
-        "case = percuss.load(hunek(10, contact='spring'), plugins=[sys.argv[1]]);"
-        "print(repr(float(percuss.run(case).arrays['contact_force'].max())))"
-    )
-    here = os.path.dirname(os.path.abspath(__file__))
-    command = [sys.executable, "-c", code, str(file)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=here, check=False)
-    assert done.returncode == 0, done.stderr
-    assert float(done.stdout) == before
+IN_ANOTHER_PROCESS = """
+import sys, json, percuss
+case = json.loads(sys.argv[2])
+result = percuss.run(percuss.load(case, plugins=[sys.argv[1]]))
+print(json.dumps([result.summary["compiled"], result.arrays["contact_force"].max()]))
+"""
 
 
-@pytest.mark.parametrize("kind", ["law", "material"])
-def test_an_edit_is_seen_by_another_process(tmp_path, kind):
-    """Machine code is kept on disk between processes: it must not outlive the source it is from."""
-    if kind == "law":
-        text = spring(tmp_path, "helper").read_text(encoding="utf-8")
-        edits = ("FACTOR = 1.0", "FACTOR = 2.0")
-        case = hunek(10, contact="spring")
-    else:
-        text, edits = MATERIAL.replace("EXTRA", "pass"), ("SCALE = 1.0", "SCALE = 2.0")
-        case = hunek(10)
-        for body in case["bodies"].values():
-            body["material"] = soft(1e-3)
-    code = textwrap.dedent(
-        """
-        import sys, json, percuss
-        case = json.loads(sys.argv[2])
-        result = percuss.run(percuss.load(case, plugins=[sys.argv[1]]))
-        print(json.dumps([result.summary["compiled"], result.arrays["contact_force"].max()]))
-        """
-    )
-    file = write(tmp_path, text, "mine.py")
-    cache = tmp_path / "cache"
-    cache.mkdir()
-    import json
+def test_an_edit_is_seen_by_another_process(tmp_path):
+    """Machine code is kept on disk between processes: it must not outlive the source, nor be a trap after an edit.
+
+    It is loaded with the modules of what it calls, which are those of the file as it was.
+    """
+    law = IMPORTS.replace("BODY", BODIES["helper"]) + HELPER
+    text = law + MATERIAL.replace("EXTRA", "pass")
+    file, cache = write(tmp_path, text), tmp_path / "cache"
+    case = hunek(10, contact="spring")
+    for body in case["bodies"].values():
+        body["material"] = soft(1e-3)
 
     def fresh():
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
-        command = [sys.executable, "-c", code, str(file), json.dumps(case)]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-        compiled, peak = json.loads(done.stdout)
+        command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(file), json.dumps(case)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        assert done.returncode == 0, done.stderr
+        compiled, value = json.loads(done.stdout)
         assert compiled is True
-        return peak
+        # the file as it is now, in plain Python
+        assert value == pytest.approx(run_with(file, case, compiled=False).arrays["contact_force"].max(), rel=1e-11)
+        return value
 
     first = fresh()
-    kept = list(cache.rglob("*.nbc"))
+    kept = set(cache.rglob("*.nbc"))
     assert kept, "nothing was kept on disk: there is nothing to test"
-    assert run_with(file, case).arrays["contact_force"].max() == first
-    file.write_text(text.replace(*edits), encoding="utf-8")
-    second = fresh()
-    assert second != first
-    assert run_with(file, case).arrays["contact_force"].max() == second
-    assert set(kept) < set(cache.rglob("*.nbc"))
+    edits = [EDITS["constant"], ("SCALE = 1.0", "SCALE = 2.0")] if DEEP else [("SCALE = 1.0", "SCALE = 2.0")]
+    for old, new in edits:
+        assert text.count(old) == 1
+        file.write_text(text.replace(old, new), encoding="utf-8")
+        assert abs(fresh() - first) > 1e-6 * first
+    if DEEP:
+        file.write_text(text + "# a remark\n", encoding="utf-8")
+        assert fresh() == first
+    assert kept < set(cache.rglob("*.nbc"))
 
 
 def test_a_kernel_that_fails_in_python_too_says_so(tmp_path):

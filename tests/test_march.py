@@ -2,6 +2,7 @@
 
 import copy
 import itertools
+import json
 import math
 import os
 import signal
@@ -78,7 +79,8 @@ def test_the_shape_of_the_histories():
     assert histories.velocity.dims == ("time", "probe", "component")
     np.testing.assert_allclose(histories.time_half - histories.time, 0.5 * result.summary["dt"], rtol=1e-12)
     force = histories.contact_force.sel(contact="tip").to_numpy()
-    assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(result.summary["dt"] * force[:-1].sum(), rel=1e-13)
+    impulse = result.summary["dt"] * force[:-1].sum()
+    assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(impulse, rel=1e-13)
 
 
 def test_the_last_step_reaches_the_end_or_just_passes_it():
@@ -106,14 +108,18 @@ def test_chunks_change_nothing(monkeypatch, chunk):
     equal(whole, parts)
     np.testing.assert_array_equal(whole.field_arrays["stress"], parts.field_arrays["stress"])
     assert whole.summary["contacts"] == parts.summary["contacts"]
-    assert whole.summary["momentum"]["impulse_of_loads"] == pytest.approx(parts.summary["momentum"]["impulse_of_loads"], rel=1e-12)
+    impulses = [one.summary["momentum"]["impulse_of_loads"] for one in (whole, parts)]
+    assert impulses[0] == pytest.approx(impulses[1], rel=1e-12)
     assert parts.summary["momentum"]["error"] < 1e-12
 
 
 # ------------------------------------------------------------------------------------- loads switched in time
 
 
-@pytest.mark.parametrize(("start", "stop"), [(0.0, 0.05), (0.013, 0.0457), (0.01249, 0.01251), (0.02, 0.021), (-1.0, 0.03)])
+@pytest.mark.parametrize(
+    ("start", "stop"),
+    [(0.0, 0.05), (0.013, 0.0457), (0.01249, 0.01251), (0.02, 0.021), (-1.0, 0.03), (0.0, 1e-5), (-1.0, 0.0), (1e-5, 2e-5)],
+)
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 def test_a_constant_load_switched_between_steps_brings_its_exact_impulse(start, stop, kind):
     load = {"constant": 2.0, "on": "a", "as": kind, "from": start, "until": stop}
@@ -121,7 +127,7 @@ def test_a_constant_load_switched_between_steps_brings_its_exact_impulse(start, 
     share = 2.0 if kind == "force" else 2.0 * 0.01
     impulse = share * (stop - max(start, 0.0))
     momentum = result.summary["momentum"]
-    assert momentum["final"][0] == pytest.approx(impulse, rel=1e-12)
+    assert momentum["final"][0] == pytest.approx(impulse, rel=1e-12, abs=1e-20)
     assert momentum["error"] < 1e-12
 
 
@@ -322,7 +328,9 @@ def test_a_load_that_is_no_number_stops_the_run(tmp_path, acts):
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("load", [{"ramp": {"value": 2.0, "duration": 0.1}}, {"half-sine": {"peak": 2.0, "duration": 0.1}}])
+@pytest.mark.parametrize(
+    "load", [{"ramp": {"value": 2.0, "duration": 0.1}}, {"half-sine": {"peak": 2.0, "duration": 0.1}}], ids=str
+)
 def test_forces_in_balance_are_no_instability(integrator, load):
     """A node between a support and a wall, pressed on the wall: nothing moves, all works are round-off."""
     wall = {"w": {"body": "a.right", "wall": 1.0}}
@@ -432,7 +440,7 @@ def test_bars_that_graze_without_approaching_feel_no_force(integrator, contact):
 def test_a_contact_that_nobody_can_move_is_refused(held):
     loads = {} if held else {"drive": {"prescribed-velocity": 0.1, "on": "a.right"}}
     case = one_bar({"steps": 10, "courant": 0.5}, loads, contacts={"w": {"body": "a.right", "wall": 1.0}}, **held)
-    with pytest.raises(percuss.InputError, match="contacts.w"):
+    with pytest.raises(percuss.InputError, match=r"contacts\.w"):
         run(case)
 
 
@@ -471,7 +479,7 @@ def test_a_second_process_gives_the_same_numbers():
     )
     here = os.path.dirname(os.path.abspath(__file__))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=here)
-    assert np.array_equal(np.array(__import__("json").loads(done.stdout)), run(hunek(20)).arrays["contact_force"][:, 0])
+    assert np.array_equal(np.array(json.loads(done.stdout)), run(hunek(20)).arrays["contact_force"][:, 0])
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
@@ -495,7 +503,8 @@ def test_works_and_momenta_are_right_where_everything_acts_at_once():
     case["bodies"]["long"]["at"] = [6.0, 8.0]
     case["loads"] = {
         "weight": {"gravity": [0.02, -0.05]},
-        "push": {"half-sine": {"peak": 0.05, "duration": 0.3}, "on": ["short.left", "long.left"], "direction": [1.0, 0.2]},
+        "push": {"half-sine": {"peak": 0.05, "duration": 0.3}, "on": ["short.left", "long.left"],
+                 "direction": [1.0, 0.2]},
         "drive": {"harmonic": {"value": 0.05, "frequency": 4.0}, "on": "short.left", "as": "velocity",
                   "direction": [0.0, 1.0], "from": 0.1, "until": 0.5},
     }  # fmt: skip

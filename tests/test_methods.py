@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from dense import march
-from strategies import HANGS, hunek, round_off, run
 
 import percuss
+from dense import march
+from strategies import HANGS, hunek, round_off, run
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 STEEL = {"young": 100.0, "density": 0.01}
@@ -285,7 +285,8 @@ def test_a_start_under_load_is_of_second_order():
 
     def error(courant):
         body = bar(1.0, 1, fixed=["left"])
-        case = case_of({"a": body}, {}, {"end": 0.012, "courant": courant}, {"pull": {"constant": 1.0, "on": "a.right"}})
+        pull = {"pull": {"constant": 1.0, "on": "a.right"}}
+        case = case_of({"a": body}, {}, {"end": 0.012, "courant": courant}, pull)
         result = run({**case, "method": {"integrator": CD}})
         omega = math.sqrt(100.0 / (0.5 * 0.01))
         exact = (1.0 - np.cos(omega * result.arrays["time"])) / 100.0
@@ -369,7 +370,7 @@ def test_a_step_beyond_the_limit_of_a_closed_contact_is_stopped_and_explained():
     assert stop["node"] in {100, 101}
     assert f"node {stop['node']} " in message
     # the bound of the closed contact of two equal bars: that of a wall at twice the penalty; 2/omega of the mesh
-    allowed = float(message.split("is above ")[1].split(",")[0])
+    allowed = float(message.split("is above ")[1].split(",", maxsplit=1)[0])
     limit = math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + 200.0**2))) * 1e-3
     assert limit <= allowed <= 1.01 * limit
     assert caught.value.result.status == "unstable"

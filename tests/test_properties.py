@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
-from strategies import INTEGRATORS, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
 
 import percuss
+from strategies import INTEGRATORS, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
 
 INVARIANT = ("contact_force", "gap", "kinetic_energy", "elastic_energy", "contact_work", "external_work")
 EACH_PAIR = pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
@@ -96,7 +96,11 @@ def test_energy_of_the_lagrange_method_never_grows(integrator, case):
     assert np.diff(energy).max() <= 1e-13 * energy.max()
 
 
-@given(case=rows(bars=2), law=st.sampled_from([("penalty", {}), ("bipenalty", {"ratio": "matched"})]), stiff=number(0.1, 3))
+@given(
+    case=rows(bars=2),
+    law=st.sampled_from([("penalty", {}), ("bipenalty", {"ratio": "matched"})]),
+    stiff=number(0.1, 3),
+)
 def test_the_modified_energy_of_wu_never_grows(case, law, stiff):
     """E + kappa/4 (<-g_n+1>^2 + <-g_n>^2) - W of one contact with theta < 1."""
     case = copy.deepcopy(case)

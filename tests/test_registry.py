@@ -713,10 +713,11 @@ def test_two_files_of_one_stem_are_two_plugins(write, tmp_path):
 @pytest.mark.parametrize("case", NOT_IMPORTABLE)
 def test_a_file_that_fails_is_raised_with_its_line(write, case):
     text, error, line = NOT_IMPORTABLE[case]
+    before = set(sys.modules)
     with pytest.raises(PluginError) as raised:
         Registry.load([write(text)])
     assert str(raised.value) == f"my_law.py:{line}: {error}"
-    assert not [name for name in sys.modules if name.startswith("percuss_file_")]
+    assert not [name for name in set(sys.modules) - before if name.startswith("percuss_file_")]
 
 
 def test_a_file_that_fails_deeper_shows_its_own_line(write):

@@ -73,7 +73,7 @@ def lines(path):
 
 FRAMEWORK_FILES = python_files(FRAMEWORK)
 PLUGIN_FILES = python_files(PLUGINS)
-METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and path.name != "__init__.py"]
+METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and not path.name.startswith("_")]
 
 
 # ------------------------------------------------------------------------------------------- who knows whom

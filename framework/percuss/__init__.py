@@ -25,6 +25,7 @@ _HOME = {
     "Result": "result",
     "RunError": "errors",
     "Shape": "contracts",
+    "Solution": "contracts",
     "compare": "comparison",
     "hookimpl": "hookspecs",
     "load": "case",
@@ -47,6 +48,7 @@ __all__ = [
     "Result",
     "RunError",
     "Shape",
+    "Solution",
     "compare",
     "hookimpl",
     "load",
@@ -57,7 +59,7 @@ __all__ = [
 if TYPE_CHECKING:
     from percuss.case import Case, load
     from percuss.comparison import compare
-    from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Shape
+    from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Shape, Solution
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.hookspecs import hookimpl
     from percuss.result import Result, open_result

@@ -23,8 +23,8 @@ class Kernels(NamedTuple):
     reasons: tuple[str, ...]
 
 
-def bind(parts: Parts, groups: Sequence[Any], laws: Laws, *, compiled: bool, counting: bool = False) -> Kernels:
-    """Return the loop over `parts`, with the arrays of each group, and `laws`.
+def bind(parts: Parts, laws: Laws, *, compiled: bool, counting: bool = False) -> Kernels:
+    """Return the loop over `parts` and `laws`.
 
     It is compiled if asked for and possible at all, and with `counting` in such a way that kernels may allocate.
     """
@@ -33,7 +33,7 @@ def bind(parts: Parts, groups: Sequence[Any], laws: Laws, *, compiled: bool, cou
         reason = "compilation was switched off for this run"
     elif jit_disabled():
         reason = "compilation is switched off by NUMBA_DISABLE_JIT"
-    maker = Specialiser(jit=not reason, counting=counting, salt=_classes(groups, laws))
+    maker = Specialiser(jit=not reason, counting=counting)
     advance, elastic = _loop(maker, parts, laws, frozenset())
     return Kernels(advance, elastic, compiled=not reason, reasons=(reason,) if reason else ())
 
@@ -66,7 +66,7 @@ def bind_around(error: Exception, parts: Parts, groups: Sequence[Any], laws: Law
             reasons[f"contact law {entry['law'].name}"] = why_not
     if not reasons:
         raise error
-    maker = Specialiser(counting=True, salt=_classes(groups, laws))
+    maker = Specialiser(counting=True)
     advance, elastic = _loop(maker, parts, laws, frozenset(reasons))
     said = tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
     return Kernels(advance, elastic, compiled=False, reasons=said)
@@ -105,12 +105,6 @@ def _slots(element: Any, material: Any) -> dict[Any, Any]:
         kernels.internal_force: element.internal_force,
         kernels.energy: element.energy,
     }
-
-
-def _classes(groups: Sequence[Any], laws: Laws) -> str:
-    """Return the classes of bound arrays: machine code is kept with its signature, and that imports them again."""
-    kinds = [type(group.element) for group in groups] + [type(entry["bound"]) for entry in laws]
-    return ";".join(f"{kind.__module__}.{kind.__qualname__}" for kind in kinds)
 
 
 def _name(element: Any, material: Any) -> str:

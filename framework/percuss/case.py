@@ -110,7 +110,7 @@ class Case:
 
 
 def load(
-    source: str | Path | Mapping[str, Any],
+    source: str | Path | Mapping[str, Any] | Source,
     overrides: Mapping[str, Any] | None = None,
     *,
     registry: Registry | None = None,
@@ -136,7 +136,10 @@ def load(
     PluginError
         If one of `plugins` cannot be used.
     """
-    origin = Source.of(source) if isinstance(source, Mapping) else Source.read(source)
+    if isinstance(source, Source):
+        origin = source
+    else:
+        origin = Source.of(source) if isinstance(source, Mapping) else Source.read(source)
     return _load(origin, overrides or {}, registry, tuple(Path(file) for file in plugins), ())
 
 

@@ -60,15 +60,22 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw the result: png, svg or pdf by suffix."),
     ] = None,
+    exact_only: Annotated[
+        bool, typer.Option("--exact-only", help="The exact solution alone; needs no method, step or elements.")
+    ] = False,
+    nudge: Annotated[
+        bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer hang on round-off?")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a case; print what came out, save it, draw it."""
     with reporting(as_json):
+        from percuss.exact_only import load_for_exact, run_exact
         from percuss.runner import run as run_case
 
         if plot is not None:
             _drawable(plot)
-        loaded = _load(case, set_, plugin)
+        loaded = _load(case, set_, plugin, read=load_for_exact if exact_only else None)
         if plot is not None and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         for note in loaded.notes:
@@ -79,7 +86,7 @@ def run(
         failure: RunError | None = None
         with progress_bar() as progress:
             try:
-                result = run_case(loaded, progress=progress)
+                result = run_exact(loaded) if exact_only else run_case(loaded, nudge=nudge, progress=progress)
             except RunError as error:
                 failure, result = error, error.result
         _outputs(result, out, plot)
@@ -120,12 +127,18 @@ def compare(
     ] = None,
     set_: Sets = None,
     plugin: Plugins = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Overlay the contact forces.")] = None,
+    tied: Annotated[
+        bool, typer.Option("--tied", help="Also run with interfaces tied while the exact contact is closed.")
+    ] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Overlay the forces; with several `refine`, errors against it."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Run pairs of methods on one case and put them side by side."""
     with reporting(as_json):
-        from percuss import comparison
+        from percuss import comparison, convergence
         from percuss.vary import varied
 
         if plot is not None:
@@ -137,17 +150,23 @@ def compare(
         own = comparison.own_laws(loaded) if contacts else []
         if own:
             print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
-        rows = comparison.compare(loaded, _names(integrator), contacts, varied(vary or []))
+        rows = comparison.compare(loaded, _names(integrator), contacts, varied(vary or []), tied=tied)
+        orders = convergence.orders(rows) if any(len(o["refine"]) > 1 for o in convergence.orders(rows)) else []
         if plot is not None:
             from percuss.plot import plot_comparison
 
-            plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
+            if orders:
+                convergence.plot_convergence(rows, loaded.title, plot)
+            else:
+                plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
         if as_json:
-            _print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows]})
+            _print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
         else:
-            from percuss.tell import tell_rows
+            from percuss.tell import tell_orders, tell_rows
 
             tell_rows(loaded.title, rows)
+            if orders:
+                tell_orders(orders)
         if not any(row.status == "done" for row in rows):
             raise typer.Exit(1)
 
@@ -266,7 +285,9 @@ def progress_bar() -> Iterator[Callable[[int, int], None]]:
             shown[0].stop()
 
 
-def _load(path: Path, sets: list[str] | None, files: list[Path] | None) -> Case:
+def _load(
+    path: Path, sets: list[str] | None, files: list[Path] | None, read: Callable[..., Case] | None = None
+) -> Case:
     from percuss.case import load
 
     overrides = {}
@@ -278,7 +299,7 @@ def _load(path: Path, sets: list[str] | None, files: list[Path] | None) -> Case:
         overrides[key] = value
     if problems:
         raise InputError(problems)
-    return load(path, overrides, plugins=files or [])
+    return (read or load)(path, overrides, plugins=files or [])
 
 
 def _names(text: str) -> list[str]:

@@ -71,6 +71,8 @@ def compare(
     integrators: Sequence[str] = (),
     contacts: Sequence[str] = (),
     vary: Mapping[str, Sequence[Any]] | None = None,
+    *,
+    tied: bool = False,
 ) -> list[Row]:
     """Run every pair of the named integrators and contact laws on one case.
 
@@ -83,6 +85,9 @@ def compare(
         own.
     vary
         Values of dotted paths; every combination is run.
+    tied
+        Whether each integrator also runs with its interfaces tied while the exact contact is closed: the error of the
+        bulk alone.
 
     Returns
     -------
@@ -117,7 +122,7 @@ def compare(
             errors += [error] if error is not None else []
     if len(errors) == len(rows) and errors:
         raise errors[0]
-    return rows
+    return rows + (_twins(case, rows) if tied else [])
 
 
 def own_laws(case: Case) -> list[str]:
@@ -126,13 +131,20 @@ def own_laws(case: Case) -> list[str]:
 
 
 def _row(
-    case: Case, integrator: str | None, contact: str | None, point: dict[str, Any]
+    case: Case,
+    integrator: str | None,
+    contact: str | None,
+    values: Mapping[str, Any],
+    *,
+    point: Mapping[str, Any] | None = None,
+    label: str = "",
 ) -> tuple[Row, InputError | None]:
+    point = values if point is None else point
     changes = {"method.integrator.name": integrator, "method.contact.name": contact}
     changes = {path: name for path, name in changes.items() if name is not None}
-    names = (integrator or case.method.integrator.name, contact or case.method.contact.name)
+    names = (integrator or case.method.integrator.name, label or contact or case.method.contact.name)
     try:
-        result = run(case, {**changes, **point})
+        result = run(case, {**changes, **values})
     except RefusedPair as error:
         return Row(*names, point, "refused", error.reason, error.said_by), None
     except RunError as error:
@@ -145,6 +157,19 @@ def _row(
     return Row(*names, point, result.status, reason, result=result), None
 
 
+def _twins(case: Case, rows: list[Row]) -> list[Row]:
+    """Return, for each integrator and varied point, the run with interfaces tied while the exact contact is closed."""
+    twins: dict[tuple[str, str], Row] = {}
+    for row in rows:
+        key = (row.integrator, repr(sorted(row.varied.items())))
+        if key in twins or row.result is None or row.result.exact is None:
+            continue
+        during = {name: contact.closed for name, contact in row.result.exact.contacts.items()}
+        methods = {f"contacts.{name}.method": {"name": "tied", "during": spans} for name, spans in during.items()}
+        twins[key] = _row(case, row.integrator, None, {**row.varied, **methods}, point=row.varied, label="tied")[0]
+    return list(twins.values())
+
+
 def metrics(row: Row) -> dict[str, Any]:
     """Return what the table of a comparison shows of a row; empty where there is no result."""
     if row.result is None:
@@ -153,6 +178,7 @@ def metrics(row: Row) -> dict[str, Any]:
     contacts = summary["contacts"].values()
     energy = summary["energy"]
     put_in = max(energy["initial"], energy["initial"] + energy["external_work"])
+    exact = summary["exact"]
     return {
         "impulse": sum(c["impulse"] for c in contacts),
         "peak_force": max((c["peak_force"] for c in contacts), default=0.0),
@@ -160,6 +186,20 @@ def metrics(row: Row) -> dict[str, Any]:
         "energy_kept": energy["final"] / put_in if put_in > 0 else None,
         "energy_max": energy["max"] / put_in if put_in > 0 else None,
         "ledger_error": energy["ledger_error"],
+        **{name: worst(exact, name) for name in ERRORS},
         "steps": summary["steps"],
         "seconds": summary["seconds"]["march"],
     }
+
+
+ERRORS = ("force_error_l1", "force_error_l2", "impulse_error", "displacement_error")
+
+
+def worst(exact: dict[str, Any] | None, name: str) -> float | None:
+    """Return an error of a run, that of its worst contact where each contact has one; None where it is not known."""
+    if exact is None:
+        return None
+    if name in exact:
+        return exact[name]  # type: ignore[no-any-return]
+    known = [c[name] for c in exact["contacts"].values() if c[name] is not None]
+    return max(known, default=None)

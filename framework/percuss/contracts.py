@@ -32,6 +32,8 @@ __all__ = [
     "DataFile",
     "Doc",
     "Element",
+    "Exact",
+    "ExactContact",
     "Floats",
     "Ge",
     "Gt",
@@ -48,6 +50,7 @@ __all__ = [
     "Region",
     "Rows",
     "Shape",
+    "Solution",
     "Trial",
     "Unit",
 ]
@@ -378,6 +381,13 @@ class Load(Component, contract="loads"):
             Amplitude [force, acceleration or velocity, as the case says].
         """
 
+    def kinks(self) -> tuple[float, ...] | None:
+        """Return the times, from its start, at which the amplitude is not smooth; None where that is not known.
+
+        A load that says so can be part of an exact solution.
+        """
+        return None
+
     def vector(self) -> tuple[float, ...] | None:
         """Return the direction the load itself gives, or None where the case or the body gives it."""
         return None
@@ -545,6 +555,95 @@ class Mass(Component, contract="masses"):
         """Return the (n + 1,) nodal masses of a line of (n,) element masses [mass]."""
 
 
+# ------------------------------------------------------------------------------------------ exact solutions
+
+
+class ExactContact(ABC):
+    """The exact history of one contact; times are (T,) arrays or numbers."""
+
+    @abstractmethod
+    def force(self, time: Floats) -> Floats:
+        """Return the contact force, compression positive [force]."""
+
+    @abstractmethod
+    def impulse(self, time: Floats) -> Floats:
+        """Return the impulse of the contact force from 0 to `time`; 0 before [force time]."""
+
+    @abstractmethod
+    def gap(self, time: Floats) -> Floats:
+        """Return the gap, open positive [length]."""
+
+    @property
+    @abstractmethod
+    def closed(self) -> tuple[tuple[float, float], ...]:
+        """Intervals (start, stop) in which the contact presses."""
+
+    def mean_force(self, start: Floats, stop: Floats) -> Floats:
+        """Return the force averaged from `start` to `stop` [force]; zero force before t = 0."""
+        return (self.impulse(stop) - self.impulse(start)) / (np.asarray(stop) - np.asarray(start))
+
+
+class Exact(ABC):
+    """The exact solution of a case, evaluated at any time up to `reached`.
+
+    Attributes
+    ----------
+    reached
+        Time up to which it holds.
+    fronts
+        How many fronts it took.
+    contacts
+        `ExactContact` of each contact by name.
+    """
+
+    reached: float
+    fronts: int
+    contacts: Mapping[str, ExactContact]
+
+    @abstractmethod
+    def displacement(self, body: str, x: Floats, time: Floats) -> Floats:
+        """Return the displacement along the body at distance `x` from its start [length]."""
+
+    @abstractmethod
+    def velocity(self, body: str, x: Floats, time: Floats) -> Floats:
+        """Return the velocity along the body [length/time]."""
+
+    @abstractmethod
+    def stress(self, body: str, x: Floats, time: Floats) -> Floats:
+        """Return the stress, tension positive [force/length^2]."""
+
+    @abstractmethod
+    def energy(self, time: float) -> tuple[float, float]:
+        """Return kinetic and elastic energy."""
+
+    @abstractmethod
+    def work(self, time: float) -> float:
+        """Return the work of loads, supports and drives from 0 to `time` [energy]."""
+
+    @abstractmethod
+    def momentum(self, time: float) -> float:
+        """Return the momentum along the direction of the first body [mass length/time]."""
+
+    @abstractmethod
+    def impulse(self, time: float) -> float:
+        """Return the impulse of loads, supports, drives and walls along the same direction [force time]."""
+
+
+class Solution(Component, contract="solutions"):
+    """An exact solution of a class of cases.
+
+    It is handed a `percuss.model.Model`, of which it must not use the mesh beyond the ends of its bodies.
+    """
+
+    @abstractmethod
+    def covers(self, model: Any) -> str | None:
+        """Return why the case is not covered, or None where it is."""
+
+    @abstractmethod
+    def solve(self, model: Any, end: float) -> Exact:
+        """Return the exact solution up to `end`, or up to an earlier time that it states."""
+
+
 FAMILIES: dict[str, type[Component]] = {
-    contract.family: contract for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass)
+    contract.family: contract for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass, Solution)
 }

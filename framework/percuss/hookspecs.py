@@ -1,7 +1,5 @@
 """The hooks a plug-in may implement: one a family, without arguments, each returns an iterable of classes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import pluggy
@@ -43,3 +41,8 @@ def percuss_materials() -> Iterable[type]:
 @hookspec
 def percuss_masses() -> Iterable[type]:
     """Return the ways to make nodal masses: subclasses of `percuss.Mass`."""
+
+
+@hookspec
+def percuss_solutions() -> Iterable[type]:
+    """Return the exact solutions: subclasses of `percuss.Solution`."""

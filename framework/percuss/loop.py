@@ -215,9 +215,7 @@ def pushed(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, d
     return 0.5 * dt * work
 
 
-def hold(
-    holds: Any, special: Any, axes: Floats, velocity: Floats, totals: Any, s: int, dim: int, dt: float
-) -> float:
+def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, totals: Any, s: int, dim: int, dt: float) -> float:
     """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
     work = 0.0
     for i in range(holds.size):

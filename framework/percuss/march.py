@@ -48,6 +48,7 @@ class Outcome:
     done: int = 0  # steps marched, without the trial step
     reactions: Any = None  # sums over the steps, one a hold of the model
     final_velocity: Any = None  # at t_N - dt/2
+    final_displacement: Any = None  # at t_N
     stop: dict[str, Any] = field(default_factory=dict)
 
 
@@ -68,18 +69,16 @@ class March:
         self.dim = model.dim
         self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
         self._arrays()
-        self.kernels = bind(self.group_parts, self.groups, self.own_laws, compiled=compiled)
+        self.kernels = bind(self.group_parts, self.own_laws, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
-
-    # -- arrays ------------------------------------------------------------------------------------------
 
     def _arrays(self) -> None:
         model, dim = self.model, self.dim
         self.probes = self._probe_nodes()
         meeting = [node for m in model.meetings for node in m.nodes]
-        nodes = [*meeting, *(h.node for h in model.holds), *(p.node for p in model.pushes), *self.probes]
+        acted = [part.node for part in (*model.holds, *model.pushes)]
         self.reactions = np.zeros(len(model.holds))
-        self.special_nodes = list(dict.fromkeys(nodes))
+        self.special_nodes = list(dict.fromkeys([*meeting, *acted, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.special_nodes)}
         self.v = model.starting_velocity().ravel()
         self.u = np.zeros_like(self.v)
@@ -286,6 +285,7 @@ class March:
             self._march(out, progress, interrupted)
             self._bank()
             out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
+            out.final_displacement = self.u.copy()
             out.points = self.few.points.copy()
             out.step_energy = float(self.few.totals[0].step_energy)
             if out.status != "unstable":
@@ -340,14 +340,13 @@ class March:
 
     def _settle_kernels(self) -> None:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
-        parts = (self.group_parts, self.groups, self.own_laws)
         error = self._failure()
         if error is not None:
-            self.kernels = bind(*parts, compiled=True, counting=True)
+            self.kernels = bind(self.group_parts, self.own_laws, compiled=True, counting=True)
             error = self._failure()
         if error is not None:
             trial = (self.bulk, self.u.copy(), self.v.copy(), self.dim, self.model.dt)
-            self.kernels = bind_around(error, *parts, trial)
+            self.kernels = bind_around(error, self.group_parts, self.groups, self.own_laws, trial)
 
     def _failure(self) -> Exception | None:
         """Compile by marching no steps; return why that is not possible, or None."""

@@ -78,7 +78,7 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
     path
         File ending in .png, .svg or .pdf; written beside and then renamed. Errors are those of `check_suffix`.
     """
-    _write(path, lambda: figure_of(result))
+    write(path, lambda: figure_of(result))
 
 
 def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> None:
@@ -93,7 +93,7 @@ def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[s
     """
     from percuss.report import comparison_figure
 
-    _write(path, lambda: comparison_figure(rows))
+    write(path, lambda: comparison_figure(rows))
 
 
 def check_suffix(path: str | os.PathLike[str]) -> None:
@@ -175,7 +175,7 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def _write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
+def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
     check_suffix(path)
     suffix = Path(path).suffix
     content = picture(draw(), suffix.lower()[1:])

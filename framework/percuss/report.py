@@ -67,13 +67,10 @@ def details(result: Result) -> list[str]:
         laws.setdefault(f"{law} ({values})" if values else law, []).append(contact)
     said = [law if len(laws) == 1 else f"{', '.join(which)}: {law}" for law, which in laws.items()]
     methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *said]
-    steps = [
-        f"Courant number {number(summary.get('courant'))}",
-        f"Δt = {number(summary['dt'])}",
-        f"{summary['steps']} steps",
-        result.status,
-        "consistent units",
-    ]
+    steps = [result.status, "consistent units"]
+    if summary["dt"] is not None:  # an exact solution has no steps
+        dt = f"Δt = {number(summary['dt'])}"
+        steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", *steps]
     return ["  ·  ".join(methods if said else [*methods, "no contact"]), "  ·  ".join(steps)]
 
 
@@ -85,7 +82,8 @@ def _symbol(name: str) -> str:
 
 def stopped_at(result: Result) -> float:
     """Return the time up to which a run came."""
-    return float(result.summary["steps"] * result.summary["dt"])
+    steps, dt = result.summary["steps"], result.summary["dt"]
+    return float(result.summary["end"] if dt is None else steps * dt)
 
 
 def alarm(result: Result) -> list[str]:

@@ -19,12 +19,16 @@ from percuss.errors import InputError, Problem
 if TYPE_CHECKING:
     import xarray as xr
 
+    from percuss.contracts import Exact
+
 FORMAT = "percuss-result-1"
 
 LONG_NAMES = {
     "contact_force": "contact force that moves the mass, compression positive",
     "contact_force_end": "penalty force at the end of the step, judged at t_n+1",
+    "contact_force_exact": "exact contact force, averaged over the step around t_n",
     "gap": "gap at t_n, open positive",
+    "gap_exact": "exact gap at t_n",
     "displacement": "displacement at t_n",
     "velocity": "velocity at t_n, mean of n-1/2 and n+1/2",
     "kinetic_energy": "kinetic energy at t_n+1/2",
@@ -69,6 +73,7 @@ class Result:
         self.field_arrays = field_arrays
         self.summary = summary
         self.provenance = provenance
+        self.solution: Exact | None = None
 
     @property
     def status(self) -> str:
@@ -80,13 +85,37 @@ class Result:
         """Title of the case."""
         return str(self.provenance["case"].get("title", ""))
 
+    @property
+    def exact(self) -> Exact | None:
+        """The exact solution of the case, evaluated at any time and place; None where none covers it.
+
+        Of a result read from a file it is worked out anew from the case in the provenance.
+        """
+        if self.solution is None and self.summary["exact"] is not None:
+            from percuss.case import load
+            from percuss.model import Model
+            from percuss.truth import exact_solution
+
+            self.solution = exact_solution(Model(load(self.provenance["case"])), self.summary["exact"]["reached"])[0]
+        return self.solution
+
+    @property
+    def exact_histories(self) -> dict[str, tuple[Any, Any]] | None:
+        """Times and exact forces of each contact, as the pictures lay them over; None where there are none."""
+        if "contact_force_exact" not in self.arrays:
+            return None
+        forces = self.arrays["contact_force_exact"]
+        return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
+
     @cached_property
     def histories(self) -> xr.Dataset:
         """Histories on one axis ``time``; energies carry the coordinate ``time_half(time)``."""
         import xarray as xr
 
         dims = {
-            **dict.fromkeys(("contact_force", "gap", "contact_force_end"), ("time", "contact")),
+            **dict.fromkeys(
+                ("contact_force", "gap", "contact_force_end", "contact_force_exact", "gap_exact"), ("time", "contact")
+            ),
             **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
         }
         data = {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import ledger, stability
+from percuss import ledger, stability, truth
 from percuss.errors import RunError
 from percuss.march import March, Outcome, Progress
 from percuss.model import Model, resolved_methods
@@ -24,6 +24,7 @@ def run(
     overrides: Mapping[str, Any] | None = None,
     *,
     compiled: bool = True,
+    nudge: bool = False,
     progress: Progress | None = None,
 ) -> Result:
     """Run a case and return its result.
@@ -36,6 +37,9 @@ def run(
         Dotted path to value; the same paths and checks as ``--set``.
     compiled
         Whether to compile the time loop; without, the same loop runs as plain Python.
+    nudge
+        Whether to run a twin whose first body is a hair thicker, to see if the answer hangs on round-off
+        (``summary["exact"]["fragile"]``).
     progress
         Called with (steps done, steps in all) now and then.
 
@@ -62,6 +66,9 @@ def run(
     result = _result(march, outcome)
     if outcome.status == "unstable":
         raise RunError(stop_message(outcome.stop), result)
+    if nudge and result.summary["exact"] is not None:
+        twin = run(truth.nudged(case), compiled=compiled)
+        result.summary["exact"]["fragile"] = truth.is_fragile(result, twin)
     return result
 
 
@@ -79,24 +86,27 @@ def _result(march: March, outcome: Outcome) -> Result:
     rows = outcome.records
     back = np.argsort(np.array(march.order, dtype=np.int64))  # from the order of the loop to that of the case
     dim = march.dim
-    arrays: dict[str, Any] = {
-        "time": outcome.time[:rows],
-        "time_half": outcome.time[:rows] + 0.5 * model.dt,
-        "contact_force": outcome.record.multiplier[:rows][:, back],
-        "gap": outcome.record.gap[:rows][:, back],
-        "displacement": outcome.record.displacement[:rows].reshape(rows, -1, dim),
-        "velocity": outcome.record.velocity[:rows].reshape(rows, -1, dim),
-        **ledger.energies(outcome),
-    }
-    end = outcome.record.end_force[:rows][:, back]
-    if end.size and not np.isnan(outcome.points.end_stiffness).all():
-        arrays["contact_force_end"] = end
     probes = model.case.record.probes
     names = (
         [str(a) for a in probes]
         if probes is not None
         else list(dict.fromkeys(str(a) for c in model.case.contacts.values() for a in c.sides))
     )
+    arrays: dict[str, Any] = {
+        "time": outcome.time[:rows],
+        "time_half": outcome.time[:rows] + 0.5 * model.dt,
+        "contact_force": outcome.record.multiplier[:rows][:, back],
+        "gap": outcome.record.gap[:rows][:, back],
+        "displacement": outcome.record.displacement[:rows].reshape(rows, len(names), dim),
+        "velocity": outcome.record.velocity[:rows].reshape(rows, len(names), dim),
+        **ledger.energies(outcome),
+    }
+    end = outcome.record.end_force[:rows][:, back]
+    if end.size and not np.isnan(outcome.points.end_stiffness).all():
+        arrays["contact_force_end"] = end
+    started = time.perf_counter()
+    solution, judged, reason = _judge(march, outcome, arrays)
+    outcome.seconds["exact"] = time.perf_counter() - started
     summary = {
         "status": outcome.status,
         "stop": outcome.stop or None,
@@ -109,8 +119,8 @@ def _result(march: March, outcome: Outcome) -> Result:
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),
         "energy_growth": None,
-        "exact": None,
-        "exact_reason": "no solution engine is registered",
+        "exact": judged,
+        "exact_reason": reason or None,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
         "notes": list(model.case.notes),
@@ -123,7 +133,43 @@ def _result(march: March, outcome: Outcome) -> Result:
         "plugins": plugins_used(model.case),
     }
     coordinates = {"contact": [m.name for m in model.meetings], "probe": names}
-    return Result(arrays, coordinates, _fields(march, outcome), plain(summary), plain(provenance))
+    result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), plain(provenance))
+    result.solution = solution
+    return result
+
+
+def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any, dict[str, Any] | None, str]:
+    """Hold a run against the exact solution of its case; its histories join `arrays`."""
+    model, record = march.model, outcome.record
+    if outcome.done == 0:
+        return None, None, "the run did not get beyond its first step"
+    solution, name, reason = truth.exact_solution(model, (outcome.done + 1) * model.dt)
+    if solution is None:
+        return None, None, reason
+    names = [meeting.name for meeting in model.meetings]
+    arrays |= truth.sampled(solution, names, arrays["time"], model.dt)
+    contacts = {
+        name: truth.contact_errors(
+            solution.contacts[name],
+            arrays["time"],
+            arrays["contact_force"][:, k],
+            arrays["contact_force_exact"][:, k],
+            model.dt,
+            solution.reached,
+            every=record.every,
+        )
+        for k, name in enumerate(names)
+    }
+    displacement = outcome.final_displacement.reshape(-1, march.dim)
+    judged = {
+        "solution": name,
+        "reached": solution.reached,
+        "fronts": solution.fronts,
+        "contacts": contacts,
+        "displacement_error": truth.displacement_error(model, solution, displacement, outcome.done * model.dt),
+        "fragile": None,
+    }
+    return solution, judged, reason
 
 
 def _fields(march: March, outcome: Outcome) -> dict[str, Any]:

@@ -61,8 +61,6 @@ class Specialiser:
         Whether to compile.
     counting
         Whether kernels of plug-ins may allocate arrays, which takes reference counts.
-    salt
-        What else the machine code on disk depends on: the classes of its arguments, which are loaded with it.
     """
 
     def __init__(
@@ -71,12 +69,10 @@ class Specialiser:
         *,
         jit: bool = True,
         counting: bool = False,
-        salt: str = "",
     ) -> None:
         self.slots = dict(slots or {})
         self.jit = jit
         self.counting = counting
-        self.salt = salt
         self.tags: dict[int, str] = {}
         self._bound: dict[int, Kernel] = {}
         self._open: set[int] = set()
@@ -84,7 +80,7 @@ class Specialiser:
 
     def with_slots(self, slots: Mapping[Kernel, Kernel]) -> Specialiser:
         """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
-        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, salt=self.salt)
+        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting)
         other.tags = self.tags
         other._keep = self._keep
         return other
@@ -128,7 +124,7 @@ class Specialiser:
         callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
         plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
         options = _options(source, counting=self.counting, cache=cache, reduction=reduction)
-        tag = self._tag(source, names, bound, closure, f"{self.salt if cache else ''}{sorted(options.items())}")
+        tag = self._tag(source, names, bound, closure, options)
         copy = types.FunctionType(
             source.__code__,
             {**source.__globals__, **bound},
@@ -165,9 +161,10 @@ class Specialiser:
         names: set[str],
         bound: Mapping[str, Kernel],
         closure: tuple[Any, ...],
-        salt: str,
+        options: Mapping[str, Any],
     ) -> str:
-        digest = hashlib.sha256(f"{_versions()};{salt}".encode())
+        # the module too: machine code on disk imports those of the kernels in it, and that of a file is new after an edit
+        digest = hashlib.sha256(f"{_versions()};{source.__module__};{sorted(options.items())}".encode())
         digest.update(repr(self.jit).encode())
         _feed_code(digest, source.__code__)
         digest.update(repr(source.__defaults__).encode())
@@ -237,12 +234,12 @@ def jit_disabled() -> bool:
     return bool(numba.config.DISABLE_JIT)
 
 
-def compile_error() -> type[Exception]:
-    """Return the error numba raises for what it cannot compile."""
-    from numba.core.errors import NumbaError
+def compile_error() -> tuple[type[Exception], ...]:
+    """Return the errors numba raises for what it cannot compile."""
+    from numba.core import errors
 
-    kind: type[Exception] = NumbaError
-    return kind
+    # the second is no NumbaError, the third is what several of its own passes raise
+    return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
 
 
 def _options(source: types.FunctionType, *, counting: bool, cache: bool, reduction: bool) -> dict[str, Any]:

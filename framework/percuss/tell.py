@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from percuss.comparison import Row, metrics
+from percuss.comparison import ERRORS, Row, metrics
+from percuss.convergence import WORDS
 
 if TYPE_CHECKING:
     from percuss.registry import Registry
@@ -33,10 +34,15 @@ def tell_result(result: Result) -> None:
     resolved = result.provenance["resolved"]
     console = _console()
     console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {s['status']}")
-    console.print(
-        f"{resolved['integrator']}, {s['steps']} steps of {s['dt']:.6g} (Courant number {s['courant']:.4g}), "
-        f"{'compiled' if s['compiled'] else 'plain Python'}, marched in {s['seconds']['march']:.3g} s"
+    step = (
+        ""
+        if s["dt"] is None
+        else (
+            f"{s['steps']} steps of {s['dt']:.6g} (Courant number {s['courant']:.4g}), "
+            f"{'compiled' if s['compiled'] else 'plain Python'}, marched in {s['seconds']['march']:.3g} s"
+        )
     )
+    console.print(f"{resolved['integrator']}{', ' if step else ''}{step}")
     for why in s["compiled_why"]:
         console.print(f"  not compiled: {escape(why)}")
     table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
@@ -51,6 +57,21 @@ def tell_result(result: Result) -> None:
         )
     if s["contacts"]:
         console.print(table)
+    if s["exact"] is not None:
+        for name, error in s["exact"]["contacts"].items():
+            told = ", ".join(
+                f"{word} {_number(error[key], 3)}"
+                for word, key in (
+                    ("L1", "force_error_l1"),
+                    ("L2", "force_error_l2"),
+                    ("impulse", "impulse_error"),
+                    ("noise", "noise"),
+                    ("overshoot", "overshoot"),
+                )
+            )
+            console.print(f"true error of {escape(name)}: {told}")
+    if s["exact_reason"]:
+        console.print(f"exact solution: {escape(s['exact_reason'])}")
     e = s["energy"]
     console.print(
         f"energy {_number(e['initial'])} at first, {_number(e['final'])} at last, {_number(e['max'])} at most; "
@@ -65,36 +86,32 @@ def tell_rows(title: str, rows: list[Row]) -> None:
     """Print a comparison: a line a row, and below it why rows have no numbers."""
     console = _console()
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
-    heads = [
-        "integrator",
-        "contact",
-        *varied,
-        "status",
-        "impulse",
-        "peak force",
-        "penetration",
-        "energy kept",
-    ]
-    table = Table(*(escape(h) for h in [*heads, "largest energy", "ledger", "steps", "s"]), title=escape(title))
+    heads = ["integrator", "contact", *varied, "status", "force L1", "force L2", "impulse", "displ."]
+    heads += ["peak force", "penetration", "energy kept", "largest energy", "steps", "s"]
+    table = Table(*(escape(h) for h in heads), title=escape(title), caption="force, impulse, displ.: true errors")
     for row in rows:
         m = metrics(row) if row.status in {"done", "interrupted"} else {}
-        keys = (
-            "impulse",
-            "peak_force",
-            "penetration",
-            "energy_kept",
-            "energy_max",
-            "ledger_error",
-            "steps",
-            "seconds",
-        )
-        cells = [_number(m.get(k), 2 if k in {"ledger_error", "seconds"} else 5) for k in keys]
-        table.add_row(row.integrator, row.contact, *(_number(row.varied[p]) for p in varied), row.status, *cells)
+        keys = (*ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps", "seconds")
+        cells = [_number(m.get(k), 3 if k in {*ERRORS, "seconds", "penetration"} else 5) for k in keys]
+        table.add_row(row.integrator, row.contact, *(_number(row.varied.get(p)) for p in varied), row.status, *cells)
     console.print(table)
     for row in rows:
         if row.reason:
             said = f" (says {row.said_by})" if row.said_by else ""
             console.print(f"[bold]{escape(row.label)}[/bold] {row.status}{escape(said)}: {escape(row.reason)}")
+
+
+def tell_orders(orders: list[dict[str, Any]]) -> None:
+    """Print the observed order of each error for each method."""
+    console = _console()
+    others = list(dict.fromkeys(path for one in orders for path in one if "." in path))
+    heads = ["integrator", "contact", *others, "refine", *WORDS.values()]
+    table = Table(*(escape(h) for h in heads), title="observed orders of convergence")
+    for one in orders:
+        cells = [_number(one[f"{name}_order"], 3) for name in WORDS]
+        refined = ", ".join(str(value) for value in one["refine"])
+        table.add_row(one["integrator"], one["contact"], *(_number(one.get(p)) for p in others), refined, *cells)
+    console.print(table)
 
 
 def tell_checks(told: list[dict[str, Any]]) -> None:

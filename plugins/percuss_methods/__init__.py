@@ -4,6 +4,7 @@ from percuss.hookspecs import hookimpl
 from percuss_methods.contacts.bipenalty import Bipenalty
 from percuss_methods.contacts.lagrange import Lagrange
 from percuss_methods.contacts.penalty import Penalty
+from percuss_methods.contacts.tied import Tied
 from percuss_methods.elements.bar import BarElement
 from percuss_methods.integrators.central_difference import CentralDifference
 from percuss_methods.integrators.wu_predictor_corrector import WuPredictorCorrector
@@ -17,6 +18,7 @@ from percuss_methods.loads.table import Table
 from percuss_methods.masses.lumped import Lumped
 from percuss_methods.materials.elastic import Elastic
 from percuss_methods.shapes.bar import Bar
+from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
 
 @hookimpl
@@ -28,7 +30,7 @@ def percuss_integrators() -> list[type]:
 @hookimpl
 def percuss_contacts() -> list[type]:
     """Return the built-in contact laws."""
-    return [Penalty, Bipenalty, Lagrange]
+    return [Penalty, Bipenalty, Lagrange, Tied]
 
 
 @hookimpl
@@ -59,3 +61,9 @@ def percuss_materials() -> list[type]:
 def percuss_masses() -> list[type]:
     """Return the built-in mass matrices."""
     return [Lumped]
+
+
+@hookimpl
+def percuss_solutions() -> list[type]:
+    """Return the built-in exact solutions."""
+    return [BarsInARow]

@@ -34,3 +34,7 @@ class Gravity(Load):
         """Return the magnitude at each time."""
         size = float(np.linalg.norm(self.value)) if isinstance(self.value, tuple) else self.value
         return np.full(time.shape, size)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Return the times at which the amplitude is not smooth."""
+        return ()

@@ -27,3 +27,7 @@ class HalfSine(Load):
     def amplitude(self, time: Floats) -> Floats:
         """Return the pulse at each time."""
         return np.where(time < self.duration, self.peak * np.sin(np.pi * time / self.duration), 0.0)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Return the times at which the amplitude is not smooth."""
+        return (self.duration,)

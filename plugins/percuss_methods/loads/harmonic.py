@@ -29,3 +29,7 @@ class Harmonic(Load):
     def amplitude(self, time: Floats) -> Floats:
         """Return the sine at each time."""
         return self.mean + self.value * np.sin(2.0 * np.pi * self.frequency * time + self.phase)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Return the times at which the amplitude is not smooth."""
+        return ()

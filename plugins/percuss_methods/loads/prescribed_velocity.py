@@ -28,3 +28,7 @@ class PrescribedVelocity(Load):
     def amplitude(self, time: Floats) -> Floats:
         """Return `value` at each time."""
         return np.full(time.shape, self.value)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Return the times at which the amplitude is not smooth."""
+        return ()

@@ -27,3 +27,7 @@ class Ramp(Load):
     def amplitude(self, time: Floats) -> Floats:
         """Return the ramp at each time."""
         return self.value * np.minimum(time / self.duration, 1.0)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Return the times at which the amplitude is not smooth."""
+        return (self.duration,)

@@ -53,3 +53,7 @@ class Table(Load):
         """Return the interpolated value at each time."""
         points, values = self.points()
         return np.interp(time, points, values)
+
+    def kinks(self) -> tuple[float, ...]:
+        """Return the times at which the amplitude is not smooth."""
+        return tuple(float(t) for t in self.points()[0])

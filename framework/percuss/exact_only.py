@@ -1,0 +1,184 @@
+"""The exact solution of a case as a result of its own: no method, no step, no elements."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss import truth
+from percuss.errors import InputError, Problem
+from percuss.model import Model
+from percuss.result import Result, machine
+from percuss.runner import plain, plugins_used
+
+if TYPE_CHECKING:
+    from percuss.case import Case
+    from percuss.contracts import Exact
+
+SAMPLES = 2001
+FIELD_POINTS = 200  # a bar
+
+
+def load_for_exact(
+    path: str | Path, overrides: Mapping[str, Any] | None = None, *, plugins: Sequence[str | Path] = ()
+) -> Case:
+    """Return a case of which neither elements nor a time step need be given; see `percuss.load`."""
+    from percuss.case import load
+    from percuss.source import Source
+
+    source = Source.read(path)
+    bodies = source.get(("bodies",))
+    for name in bodies if isinstance(bodies, Mapping) else ():
+        bar = source.get(("bodies", name, "bar"))
+        if isinstance(bar, Mapping) and "elements" not in bar:
+            source = source.replaced(("bodies", name, "bar"), {**bar, "elements": 1})
+    given = source.get(("time",))
+    if isinstance(given, Mapping) and not {"courant", "step"} & set(given):
+        source = source.replaced(("time",), {**given, "courant": 1})
+    return load(source, overrides, plugins=plugins)
+
+
+def run_exact(case: Case) -> Result:
+    """Return the exact solution of a case as a `Result`, with the same contacts and energy in its summary.
+
+    Raises
+    ------
+    InputError
+        If no registered solution covers the case.
+    """
+    started = time.perf_counter()
+    model = Model(case)
+    end = case.time.end if case.time.end is not None else model.steps * model.dt
+    solution, name, reason = truth.exact_solution(model, end)
+    if solution is None:
+        raise InputError([Problem(case.origin.name, "", f"no exact solution covers this case: {reason}")])
+    solved = time.perf_counter() - started
+    names = [meeting.name for meeting in model.meetings]
+    arrays, probes = _histories(model, solution, names)
+    summary = {
+        "status": "interrupted" if reason else "done",
+        "stop": None,
+        "steps": None,
+        "dt": None,
+        "end": solution.reached,
+        "courant": None,
+        "certificate": {"stable": "yes", "energy": "conserved", "dt_critical": None, "theta": None, "why": "exact"},
+        "contacts": {contact: _contact(solution, contact) for contact in names},
+        "energy": _energy(solution, arrays),
+        "momentum": _momentum(model, solution),
+        "energy_growth": None,
+        "exact": {"solution": name, "reached": solution.reached, "fronts": solution.fronts, "contacts": {}},
+        "exact_reason": reason or None,
+        "compiled": True,
+        "compiled_why": [],
+        "notes": list(case.notes),
+        "seconds": {"total": time.perf_counter() - started, "march": 0.0, "exact": solved},
+    }
+    laws = {contact: {"law": "exact"} for contact in names}
+    resolved = {"integrator": name, "contact": "exact", "mass": "exact", "contacts": laws}
+    provenance = {**machine(), "case": case.data, "resolved": resolved, "plugins": plugins_used(case)}
+    coordinates = {"contact": names, "probe": probes}
+    result = Result(arrays, coordinates, _field(model, solution), plain(summary), plain(provenance))
+    result.solution = solution
+    return result
+
+
+def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return the histories that a run would record, sampled, and the names of the probes."""
+    t = np.linspace(0.0, solution.reached, SAMPLES)
+    given = model.case.record.probes
+    ends = list(dict.fromkeys([a for c in model.case.contacts.values() for a in c.sides] if given is None else given))
+    motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
+    for k, address in enumerate(ends):
+        body = model.bodies[address.body]
+        x = 0.0 if model.node(address) == body.start else float(body.mesh.lengths.sum())
+        for quantity, values in motion.items():
+            along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)
+            values[:, k] = along[:, None] * body.mesh.direction
+    energies = np.array([solution.energy(float(s)) for s in t])
+    worked = model.pushes or model.pulls or any(hold.load is not None for hold in model.holds)
+    work = np.array([solution.work(float(s)) for s in t]) if worked else np.zeros(t.size)
+    total = energies.sum(axis=1)
+    closure = total - total[0] - work
+    largest = np.maximum.accumulate(np.maximum(np.abs(total), np.abs(work)))
+    contacts = {
+        "contact_force": [solution.contacts[name].force(t) for name in names],
+        "gap": [solution.contacts[name].gap(t) for name in names],
+    }
+    return {
+        "time": t,
+        "time_half": t,
+        **{quantity: np.array(columns).reshape(len(names), t.size).T for quantity, columns in contacts.items()},
+        **motion,
+        "kinetic_energy": energies[:, 0],
+        "elastic_energy": energies[:, 1],
+        "external_work": work,
+        "contact_work": np.zeros(t.size),
+        "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
+    }, [str(address) for address in ends]
+
+
+def _contact(solution: Exact, name: str) -> dict[str, Any]:
+    contact = solution.contacts[name]
+    closed = contact.closed
+    inside = [np.linspace(start, stop, 257)[1:-1] for start, stop in closed]
+    return {
+        "impulse": float(contact.impulse(np.array(solution.reached))),
+        "peak_force": max((float(contact.force(t).max()) for t in inside), default=0.0),
+        "first_closed": closed[0][0] if closed else None,
+        "last_open": closed[-1][1] if closed else None,
+        "closed_time": float(sum(stop - start for start, stop in closed)),
+        "penetration": {"largest": 0.0, "time_mean": 0.0, "energy": 0.0},
+        "closed": [list(interval) for interval in closed[:100]],
+    }
+
+
+def _energy(solution: Exact, arrays: dict[str, Any]) -> dict[str, Any]:
+    total = arrays["kinetic_energy"] + arrays["elastic_energy"]
+    return {
+        "initial": float(total[0]),
+        "final": float(total[-1]),
+        "max": float(total.max()),
+        "external_work": float(solution.work(solution.reached)),
+        "contact_work": 0.0,
+        "ledger_error": float(np.abs(arrays["energy_error"]).max()),
+    }
+
+
+def _momentum(model: Model, solution: Exact) -> dict[str, Any]:
+    """Return momentum along the first body's direction, and the impulse of all that acts from outside."""
+    axis = next(iter(model.bodies.values())).mesh.direction
+    before, after = solution.momentum(0.0), solution.momentum(solution.reached)
+    impulse = solution.impulse(solution.reached)
+    scale = max(abs(before), abs(after), abs(impulse))
+    return {
+        "initial": (before * axis).tolist(),
+        "final": (after * axis).tolist(),
+        "impulse_from_outside": (impulse * axis).tolist(),
+        "error": abs(after - before - impulse) / scale if scale > 0 else 0.0,
+    }
+
+
+def _field(model: Model, solution: Exact) -> dict[str, Any]:
+    """Return the stress field as the snapshots of a run would have it."""
+    taken = model.case.record.fields
+    if not taken:
+        return {}
+    t = np.linspace(0.0, solution.reached, taken)
+    bodies: list[str] = []
+    positions, stresses = [], []
+    for name, body in model.bodies.items():
+        x = (np.arange(FIELD_POINTS) + 0.5) / FIELD_POINTS * float(body.mesh.lengths.sum())
+        bodies += [name] * x.size
+        positions.append(body.mesh.nodes[0] + x[:, None] * body.mesh.direction)
+        stresses.append(solution.stress(name, *np.broadcast_arrays(x[None, :], t[:, None])))
+    return {
+        "time": t,
+        "body": bodies,
+        "position": np.concatenate(positions),
+        "stress": np.concatenate(stresses, axis=1),
+    }

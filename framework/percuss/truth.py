@@ -1,0 +1,165 @@
+"""The true error of a run: its histories held against the exact solution of its case, where there is one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.case import Case
+    from percuss.contracts import Exact, ExactContact, Floats
+    from percuss.model import Model
+    from percuss.result import Result
+
+NUDGE = 1e-12
+FRAGILE = 1e-4
+
+
+def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
+    """Return the exact solution of a model up to `end`.
+
+    Parameters
+    ----------
+    model
+        The case as arrays.
+    end
+        Time up to which it is wanted.
+
+    Returns
+    -------
+    solution
+        None where no registered solution covers the case.
+    name
+        Of the solution.
+    reason
+        Why there is none, or why it stops before `end`; empty otherwise.
+    """
+    registry = model.case.registry
+    reasons = []
+    for name in registry.names("solutions"):
+        engine: Any = registry.get("solutions", name)()
+        why = engine.covers(model)
+        if why is not None:
+            reasons.append(f"{name}: {why}")
+            continue
+        solution = engine.solve(model, end)
+        short = solution.reached < end * (1.0 - 1e-12)
+        said = f"{name} stopped at {solution.reached:.9g} after {solution.fronts} fronts" if short else ""
+        return solution, name, said
+    return None, "", "; ".join(reasons) or "no solution engine is registered"
+
+
+def sampled(solution: Exact, names: list[str], time: Floats, dt: float) -> dict[str, Floats]:
+    """Return the exact histories on the time axis of a run; nan behind the time the solution reached.
+
+    Returns
+    -------
+    dict
+        ``contact_force_exact``, averaged over each step as the impulse lambda dt is, and ``gap_exact``; (T, contacts).
+    """
+    known = time + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
+    force = np.full((time.size, len(names)), np.nan)
+    gap = np.full((time.size, len(names)), np.nan)
+    for k, name in enumerate(names):
+        contact = solution.contacts[name]
+        force[known, k] = contact.mean_force(time[known] - 0.5 * dt, time[known] + 0.5 * dt)
+        gap[known, k] = contact.gap(time[known])
+    return {"contact_force_exact": force, "gap_exact": gap}
+
+
+def contact_errors(
+    contact: ExactContact, time: Floats, force: Floats, exact: Floats, dt: float, reached: float, *, every: int
+) -> dict[str, Any]:
+    """Return the errors of one contact's force history.
+
+    Parameters
+    ----------
+    contact
+        The exact contact.
+    time, force
+        The run's records.
+    exact
+        The exact force averaged over the step around each record.
+    dt
+        Time step.
+    reached
+        Time up to which the exact solution holds.
+    every
+        Steps between two records; the impulse needs every step.
+    """
+    known = np.isfinite(exact)
+    time, force, exact = time[known], force[known], exact[known]
+    difference = force - exact
+    scale_1, scale_2 = float(np.abs(exact).sum()), float(np.sqrt((exact**2).sum()))
+    variation = float(np.abs(np.diff(exact, prepend=0.0)).sum())
+    impulse = None
+    if every == 1 and time.size:
+        summed = np.cumsum(force) * dt
+        true = contact.impulse(time + 0.5 * dt)
+        impulse = _over(float(np.abs(summed - true).max()), float(np.abs(true).max()))
+    closed = [interval for interval in contact.closed if interval[0] < reached]
+    pressed = np.flatnonzero(force > 0.0)
+    return {
+        "force_error_l1": _over(float(np.abs(difference).sum()), scale_1),
+        "force_error_l2": _over(float(np.sqrt((difference**2).sum())), scale_2),
+        "impulse_error": impulse,
+        "noise": _over(float(np.abs(np.diff(force, prepend=0.0)).sum()), variation),
+        "overshoot": _over(float(force.max(initial=0.0)), float(exact.max(initial=0.0)), minus=1.0),
+        "closing_error": float(time[pressed[0]] - closed[0][0]) if closed and pressed.size else None,
+        "opening_error": _opening(time, pressed, closed, dt, every),
+        "closed": [list(interval) for interval in closed[:100]],
+    }
+
+
+def _over(value: float, scale: float, minus: float = 0.0) -> float | None:
+    """Return value over scale; None where the exact quantity is zero, unless the value is too."""
+    if scale > 0.0:
+        return value / scale - minus
+    return 0.0 if value == 0.0 else None
+
+
+def _opening(time: Floats, pressed: Any, closed: list[tuple[float, float]], dt: float, every: int) -> float | None:
+    if not closed or not pressed.size or pressed[-1] == time.size - 1:
+        return None  # still closed at the end
+    return float(time[pressed[-1]] + 0.5 * dt * every - closed[-1][1])
+
+
+def displacement_error(model: Model, solution: Exact, displacement: Floats, time: float) -> float | None:
+    """Return the error of the displacement along the bars at `time`, in L2 over all bars, relative.
+
+    Parameters
+    ----------
+    model, solution
+        The case and its exact solution.
+    displacement : (nodes, dim) array
+        Of the run at `time`.
+    time
+        At most what the solution reached.
+    """
+    if time > solution.reached * (1.0 + 1e-12):
+        return None
+    error = size = 0.0
+    for body in model.bodies.values():
+        along = np.concatenate([[0.0], np.cumsum(body.mesh.lengths)])
+        weight = np.zeros(along.size)
+        weight[:-1] += 0.5 * body.mesh.lengths
+        weight[1:] += 0.5 * body.mesh.lengths
+        true = solution.displacement(body.name, along, np.full(along.shape, time))
+        found = displacement[body.start : body.stop] @ body.mesh.direction
+        error += float(weight @ (found - true) ** 2)
+        size += float(weight @ true**2)
+    return _over(float(np.sqrt(error)), float(np.sqrt(size)))
+
+
+def nudged(case: Case) -> Case:
+    """Return the case with its first body a hair thicker, `NUDGE` of its area."""
+    name, body = next(iter(case.bodies.items()))
+    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE)})
+
+
+def is_fragile(result: Result, twin: Result) -> bool:
+    """Return whether the forces of a run and its nudged twin differ by more than `FRAGILE`, relative, in L2."""
+    forces, others = result.arrays["contact_force"], twin.arrays["contact_force"]
+    size = float(np.linalg.norm(forces))
+    return bool(forces.shape != others.shape or np.linalg.norm(forces - others) > FRAGILE * size)

@@ -1,0 +1,1 @@
+"""The exact solutions that come with percuss."""
