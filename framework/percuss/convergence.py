@@ -71,34 +71,39 @@ def convergence_figure(rows: list[Row], title: str) -> Figure:
     from percuss.plot import COLOURS, DASHES, drawing
 
     fitted = orders(rows)
+    colours = (*COLOURS, "#000000", "#8c8c8c")
     with drawing():
         from matplotlib.figure import Figure
+        from matplotlib.ticker import NullFormatter
 
-        figure = Figure(figsize=(12.8, 7.4), facecolor="white", layout="constrained")
+        figure = Figure(figsize=(12.8, 7.8), facecolor="white", layout="constrained")
         figure.suptitle(title, x=0.02, ha="left", weight="bold", size=15, parse_math=False)
         panels = figure.subplots(2, 2, sharex=True)
         for axes, name in zip(panels.flat, ERRORS, strict=True):
             for k, one in enumerate(fitted):
                 points = [(r, e) for r, e in zip(one["refine"], one[name], strict=True) if e is not None and e > 0]
-                if not points:
-                    continue
-                order = one[f"{name}_order"]
-                others = [
-                    f"{p.split('.')[-1]}={v}" for p, v in one.items() if p.count(".") and not p.endswith("_order")
-                ]
-                words = " ".join([f"{one['integrator']} + {one['contact']}", *others])
-                label = f"{words}: {order:.2f}" if order is not None else words
-                style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)], "marker": "o"}
-                axes.loglog(*zip(*points, strict=True), label=label, markersize=4, **style)
+                style = {"color": colours[k % len(colours)], "linestyle": DASHES[k % len(DASHES)], "marker": "o"}
+                x, y = zip(*points, strict=True) if points else ((), ())
+                axes.plot(x, y, markersize=4, label=_label(one), **style)
+            axes.set(xscale="log", yscale="log", ylabel="relative error")
+            axes.set_xticks(sorted({r for one in fitted for r in one["refine"]}), minor=False)
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_title(WORDS[name], loc="left", size=11)
-            axes.set_ylabel("relative error")
-            axes.set_xscale("log", base=2)
-            handles, labels = axes.get_legend_handles_labels()
-            if handles:
-                axes.legend(handles, labels, fontsize=8, title="order", title_fontsize=8)
         for axes in panels[-1]:
             axes.set_xlabel("refine: elements over those of the case")
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        heading = f"observed orders: {'  |  '.join(WORDS.values())}"
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=9, title=heading, title_fontsize=9)
         return figure
+
+
+def _label(one: dict[str, Any]) -> str:
+    """Return a method, what else is varied, and its observed orders in the order of the panels."""
+    others = [f"{path.split('.')[-1]}={value}" for path, value in one.items() if "." in path]
+    found = [one[f"{name}_order"] for name in ERRORS]
+    told = "  |  ".join("-" if order is None else f"{order:.2f}" for order in found)
+    return f"{' '.join([one['integrator'], '+', one['contact'], *others])}:  {told}"
 
 
 def plot_convergence(rows: list[Row], title: str, path: str | os.PathLike[str]) -> None:

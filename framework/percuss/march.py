@@ -76,7 +76,7 @@ class March:
         model, dim = self.model, self.dim
         self.probes = self._probe_nodes()
         meeting = [node for m in model.meetings for node in m.nodes]
-        acted = [part.node for part in (*model.holds, *model.pushes)]
+        acted = [hold.node for hold in model.holds] + [push.node for push in model.pushes]
         self.reactions = np.zeros(len(model.holds))
         self.special_nodes = list(dict.fromkeys([*meeting, *acted, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.special_nodes)}
