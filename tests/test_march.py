@@ -202,8 +202,16 @@ def test_a_wall_meets_a_driven_end_only_while_it_is_free():
 # ------------------------------------------------------------------------------------------------ interruption
 
 
-@pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread")
+@pytest.fixture
+def usual_ctrl_c():
+    """A job in the background of a shell ignores Ctrl-C: here it is what it is at a terminal."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("every", [1, 3])
+@pytest.mark.usefixtures("usual_ctrl_c")
 def test_ctrl_c_ends_a_run_early_with_what_was_done(monkeypatch, every):
     monkeypatch.setattr(march, "CHUNK_STEPS", 10)
     case = hunek(20)
@@ -228,6 +236,7 @@ def test_ctrl_c_ends_a_run_early_with_what_was_done(monkeypatch, every):
     assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(result.summary["dt"] * force.sum(), rel=1e-12)
 
 
+@pytest.mark.usefixtures("usual_ctrl_c")
 def test_the_second_ctrl_c_is_the_usual_one(monkeypatch):
     monkeypatch.setattr(march, "CHUNK_STEPS", 10)
 

@@ -78,8 +78,9 @@ def run(
         loaded = _load(case, set_, plugin, read=load_for_exact if exact_only else None)
         if plot is not None and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
-        for note in loaded.notes:
-            print(f"note: {note}", file=sys.stderr)
+        if as_json:
+            for note in loaded.notes:
+                print(f"note: {note}", file=sys.stderr)
         for path in (out, plot):
             if path is not None:
                 _writable(path)

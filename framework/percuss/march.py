@@ -279,7 +279,7 @@ class March:
         )
         total = self.few.totals[0]
         total.began_with = max(self.initial_energy(), out.energy_before)
-        total.growth, total.floor = GROWTH, self._noise()
+        total.growth, total.floor = GROWTH, self.noise() if self.model.case.time.on_unstable == "stop" else np.inf
         # plain Python warns of what compiled code passes over, and the watch sees to
         with interruptible() as interrupted, np.errstate(all="ignore"):
             self._march(out, progress, interrupted)
@@ -382,7 +382,8 @@ class March:
         # not `@`: from some ten thousand entries on BLAS wakes threads, which costs more than the sum
         return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
 
-    def _noise(self) -> float:
+    def noise(self) -> float:
+        """Return an energy that is nothing: that of a strain of `SILENT_STRAIN` everywhere."""
         stiff = sum(float((b.stiffness * b.mesh.lengths**2).sum()) for b in self.model.bodies.values())
         return 0.5 * stiff * SILENT_STRAIN**2
 

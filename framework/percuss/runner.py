@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss import ledger, stability, truth
 from percuss.errors import RunError
-from percuss.march import March, Outcome, Progress
+from percuss.march import GROWTH, March, Outcome, Progress
 from percuss.model import Model, resolved_methods
 from percuss.result import Result, machine
 
@@ -123,7 +123,7 @@ def _result(march: March, outcome: Outcome) -> Result:
         "exact_reason": reason or None,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
-        "notes": list(model.case.notes),
+        "notes": [*model.case.notes, *_warnings(march, outcome)],
         "seconds": outcome.seconds,
     }
     provenance = {
@@ -136,6 +136,15 @@ def _result(march: March, outcome: Outcome) -> Result:
     result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), plain(provenance))
     result.solution = solution
     return result
+
+
+def _warnings(march: March, outcome: Outcome) -> list[str]:
+    """Return what would have stopped a run whose case only warns (``on_unstable: warn``)."""
+    total = march.few.totals[0]
+    allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
+    if outcome.status == "unstable" or total.contact_work <= allowed:
+        return []
+    return [f"not a valid result: contact added an energy of {total.contact_work:.6g}, far above all that was put in"]
 
 
 def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any, dict[str, Any] | None, str]:

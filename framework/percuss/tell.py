@@ -43,6 +43,8 @@ def tell_result(result: Result) -> None:
         )
     )
     console.print(f"{resolved['integrator']}{', ' if step else ''}{step}")
+    for note in s["notes"]:
+        console.print(f"  note: {escape(note)}")
     for why in s["compiled_why"]:
         console.print(f"  not compiled: {escape(why)}")
     table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 FIT = 1e-12  # error of a load's cubic pieces over its largest value
-FINEST = 2**14  # most pieces between two kinks
+FINEST = 2**18  # most pieces between two kinks
 
 
 class Cubics:
@@ -59,9 +59,10 @@ def load_pieces(factor: float, spec: Any, end: float) -> tuple[Any, Any]:
     return np.array(times), np.array(cubics)
 
 
-NODES = np.array([0.04, 0.35, 0.65, 0.96])  # inside: a jump at an end of the interval belongs to the neighbour
+# inside: a jump at an end of the interval belongs to the neighbour; irrational: no period of a load falls on all of them
+NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
 INVERSE = np.linalg.inv(np.vander(NODES, 4, increasing=True))
-CHECKS = np.array([0.1, 0.25, 0.5, 0.75, 0.9])
+CHECKS = np.sort(np.arange(1, 9) * 0.5 * (np.sqrt(5.0) - 1.0) % 1.0)
 
 
 def _fit(function: Any, a: float, b: float, times: list[float], cubics: list[Any], factor: float) -> None:

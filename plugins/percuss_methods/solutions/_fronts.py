@@ -186,8 +186,8 @@ def zeros(c: Any, span: float, work: Any, roots: Any) -> int:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def first_contact(gap: float, c: Any, span: float, work: Any, roots: Any) -> float:
-    """Return when a gap that shrinks at the speed `c` is used up, or inf."""
+def first_contact(gap: float, c: Any, span: float, tolerance: float, work: Any, roots: Any) -> float:
+    """Return when a gap that shrinks at the speed `c` is used up, or inf; at `tolerance` on average it does not."""
     if c[2] == 0.0 and c[3] == 0.0:
         found = used_up(gap, c[0], 0.5 * c[1])
         return found if found < span else np.inf
@@ -196,7 +196,7 @@ def first_contact(gap: float, c: Any, span: float, work: Any, roots: Any) -> flo
     lo = 0.0
     for k in range(count):
         hi = roots[k]
-        if gap - area(c, hi) < 0.0 and value(c, 0.5 * (lo + hi)) > 0.0:
+        if gap - area(c, hi) < -tolerance * hi and value(c, 0.5 * (lo + hi)) > 0.0:
             while True:
                 mid = 0.5 * (lo + hi)
                 if mid <= lo or mid >= hi:
@@ -316,7 +316,7 @@ def settle(row: Row, j: int, reach: float, span: float, tolerance: float, c: Any
         row.closed[j] = 1
         row.gap[j] = 0.0
     if row.closed[j] == 0:
-        return first_contact(row.gap[j], c[CLOSING], reach, c[SPARE], roots)
+        return first_contact(row.gap[j], c[CLOSING], reach, tolerance, c[SPARE], roots)
     if abs(c[CLOSING, 0]) <= tolerance:
         c[CLOSING, 0] = max(c[CLOSING, 0], 0.0)
     return first_negative(c[CLOSING], reach, tolerance, c[SPARE])
