@@ -114,7 +114,7 @@ def _result(march: March, outcome: Outcome) -> Result:
         "dt": model.dt,
         "end": outcome.done * model.dt,
         "courant": model.courant,
-        "certificate": stability.certificate(model, march.order, outcome.points),
+        "certificate": stability.certificate(model),
         "contacts": ledger.contact_summary(march, outcome),
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),

@@ -1,0 +1,138 @@
+"""Stability of the closed linear step from the rows of the laws: matrices of the bars, never a dense one.
+
+Bars stretch along their axes only, so their stiffness is one symmetric tridiagonal matrix a body, in the axial
+displacements of its nodes. Central difference is stable at a step dt where ``(4/dt^2)(M + M_p) - (K + K_p)`` is
+positive definite, by Sylvester's law of inertia for the worst combination of closed contacts: exactly those whose
+``4 eps_m / dt^2 - eps_s`` is negative. Bodies are factorised by themselves, and the contacts enter by the small matrix
+``N^T ((4/dt^2) M - K)^-1 N``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+    from percuss.model import Model
+
+EDGE = 1e-9  # margins this close to the limit are marginal
+STEPS_OF_SEARCH = 60
+
+
+class Pencil:
+    """Mass and stiffness of the bodies of a model along their axes, and how contacts join them.
+
+    Parameters
+    ----------
+    model
+        The case as arrays; what holds in its first step holds always.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        held: dict[int, list[Floats]] = {}
+        for hold in model.holds:
+            if hold.active(0.5 * model.dt):
+                held.setdefault(hold.node, []).append(hold.direction)
+        self.bodies: list[tuple[int, Floats, Floats, Floats]] = []  # first free node, masses, diagonal, off-diagonal
+        for body in model.bodies.values():
+            diagonal = np.zeros(body.mass.size)
+            diagonal[:-1] += body.stiffness
+            diagonal[1:] += body.stiffness
+            axis = body.mesh.direction
+            free = [self._free(held.get(node, []), axis) for node in (body.start, body.stop - 1)]
+            lo, hi = int(not free[0]), body.mass.size - int(not free[1])
+            if hi > lo:
+                self.bodies.append((body.start + lo, body.mass[lo:hi], diagonal[lo:hi], -body.stiffness[lo : hi - 1]))
+
+    @staticmethod
+    def _free(directions: list[Floats], axis: Floats) -> bool:
+        return all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
+
+    def factors(self, dt: float) -> list[Any] | None:
+        """Return banded Cholesky factors of ``(4/dt^2) M - K`` of each body, or None where one is not definite."""
+        from scipy.linalg import LinAlgError, cholesky_banded
+
+        out = []
+        for _, mass, diagonal, off in self.bodies:
+            banded = np.zeros((2, mass.size))
+            banded[0, 1:] = -off
+            banded[1] = 4.0 / dt**2 * mass - diagonal
+            try:
+                out.append(cholesky_banded(banded, check_finite=False))
+            except LinAlgError:
+                return None
+        return out
+
+    def compliance(self, factors: list[Any]) -> Floats:
+        """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
+        from scipy.linalg import cho_solve_banded
+
+        meetings = self.model.meetings
+        out = np.zeros((len(meetings), len(meetings)))
+        for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
+            columns = np.zeros((mass.size, len(meetings)))
+            for p, meeting in enumerate(meetings):
+                for node, normal in meeting.rows():
+                    if first <= node < first + mass.size:
+                        axis = self.model.body_of(node).mesh.direction
+                        columns[node - first, p] += float(normal @ axis)
+            touched = np.flatnonzero(columns.any(axis=0))
+            if touched.size:
+                solved = cho_solve_banded((factor, False), columns[:, touched], check_finite=False)
+                out[np.ix_(touched, touched)] += columns[:, touched].T @ solved
+        return out
+
+    def definite(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[bool, list[int]]:
+        """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is definite in the worst combination of closed contacts.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+        stiffness, inertia : (P,) arrays
+            eps_s and eps_m of the contacts judged at the current state, 0 for the others.
+
+        Returns
+        -------
+        definite
+            Whether it is.
+        worst
+            The contacts closed in that combination; empty where all are open.
+        """
+        factors = self.factors(dt)
+        if factors is None:
+            return False, []
+        excess = stiffness - 4.0 * inertia / dt**2
+        worst = np.flatnonzero(excess > 0)
+        if worst.size == 0:
+            return True, []
+        root = np.sqrt(excess[worst])
+        small = root[:, None] * self.compliance(factors)[np.ix_(worst, worst)] * root
+        return bool(np.linalg.eigvalsh(small)[-1] < 1.0), [int(p) for p in worst]
+
+
+def largest(holds: Any, start: float) -> float:
+    """Return the largest step, within a relative 1e-11, up to which `holds` is true, searching from `start`."""
+    lo = hi = start
+    while not holds(lo):
+        hi, lo = lo, 0.5 * lo
+        if lo < 1e-12 * start:
+            return 0.0
+    while hi == lo or holds(hi):
+        lo, hi = hi, 2.0 * hi
+        if hi > 1e3 * start:
+            return np.inf
+        if lo == start and not holds(hi):
+            break
+    for _ in range(STEPS_OF_SEARCH):
+        middle = 0.5 * (lo + hi)
+        if middle in (lo, hi) or hi - lo < 1e-11 * hi:
+            break
+        if holds(middle):
+            lo = middle
+        else:
+            hi = middle
+    return lo
