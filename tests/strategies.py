@@ -153,6 +153,12 @@ def rows(draw, moving=True, loads=True, bars=4, gaps=True):
         elif what == "loaded" and loads:
             kind = draw(st.sampled_from(FORCES))
             found[f"push-{side}"] = {**kind, "on": end, "as": "force"}
+    if count > 1:  # an end that is held while others strike it
+        inner = draw(st.sampled_from(["free", "free", "fixed", "driven"]))
+        if inner == "fixed":
+            bodies["a"]["fixed"] = [*bodies["a"].get("fixed", []), "right"]
+        elif inner == "driven" and loads:
+            driven["inner"] = {**draw(st.sampled_from(ON_ENDS)), "on": "a.right", "as": "velocity"}
     found |= {f"drive-{side}": one for side, one in driven.items()}
     if loads and draw(st.booleans()):
         kind = draw(st.sampled_from(ALONG))

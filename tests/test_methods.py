@@ -70,6 +70,12 @@ CASES = {
         {"steps": 400, "courant": 0.5},
         {"drive": {"prescribed-velocity": 0.2, "on": "a.left"}},
     ),
+    "struck ends that are held": case_of(
+        {"a": bar(1.0, 6, 0.0, 0.1), "b": bar(1.0, 4, 1.02, -0.1, BRASS), "c": bar(0.8, 5, 2.05, 0.0, fixed=["left"])},
+        {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}},
+        {"steps": 400, "courant": 0.5},
+        {"drive": {"prescribed-velocity": 0.3, "on": "a.right"}},
+    ),
     # one end that meets a wall and another bar at once: S has entries off its diagonal
     "end against wall and bar": case_of(
         {"a": bar(1.0, 6, 0.0, 0.2), "b": bar(1.5, 6, 1.0, 0.05, BRASS), "c": bar(1.0, 3, 1.0, -0.1, STEEL, 3.0)},
@@ -112,6 +118,8 @@ def exactly_as_dense(case, integrator, law):
     }
     for name, (mine, theirs) in found.items():
         assert np.abs(mine - theirs).max() <= allowed[name] * np.abs(theirs).max(), name
+    assert result.summary["momentum"]["error"] <= 1e-12
+    assert result.summary["energy"]["ledger_error"] <= 1e-12
     energy = arrays["kinetic_energy"] + arrays["elastic_energy"]
     assert np.abs(energy - truth.energy).max() <= allowed["velocity"] * 4 * np.abs(truth.energy).max()
     assert np.isnan(truth.end_force).all() or np.nanmax(np.abs(arrays["contact_force_end"] - truth.end_force)) <= (

@@ -44,11 +44,15 @@ def project_files():
         command = [git, "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
         listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
         return [ROOT / name for name in listed if name and (ROOT / name).is_file()]
-    return [
-        path
-        for path in ROOT.rglob("*")
-        if path.is_file() and not DROPPINGS & set(path.parts) and ".egg-info" not in str(path)
-    ]
+    return [path for path in ROOT.rglob("*") if path.is_file() and not is_dropping(path.relative_to(ROOT))]
+
+
+def is_dropping(path):
+    """Whether a file is what building, testing or the commands of the README leave behind."""
+    made = path.suffix in {".png", ".svg", ".pdf", ".nc", ".html"} and len(path.parts) == 1
+    return (
+        made or bool(DROPPINGS & set(path.parts)) or any(p.startswith(".venv") or "egg-info" in p for p in path.parts)
+    )
 
 
 def imported(path):
@@ -62,9 +66,7 @@ def imported(path):
             if node.module in {"percuss", "percuss_methods"}:
                 yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Call) and "import" in ast.unparse(node.func):
-            yield from (
-                one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)
-            )
+            yield from (one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str))
 
 
 def lines(path):

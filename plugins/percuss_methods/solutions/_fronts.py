@@ -25,6 +25,7 @@ TRANSIT, IMPEDANCE, GRAVITY = 0, 1, 2
 WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 
 DONE, FULL, STUCK = 0, 1, 2
+INSTANT = 4.0  # quanta: a shorter time is none
 MOST_AT_ONCE = 1000  # events of no length in a row at one junction
 
 
@@ -302,12 +303,13 @@ def closing(row: Row, j: int, c: Any) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def settle(row: Row, j: int, reach: float, span: float, tolerance: float, c: Any, roots: Any) -> float:
+def settle(row: Row, j: int, reach: float, span: float, limits: Limits, c: Any, roots: Any) -> float:
     """Close or open a contact that must be now; return how long it will stay so, or inf if past `reach`.
 
-    A closing speed within `tolerance` of zero is zero: what follows decides, and where nothing does the contact stays
-    as it is. So a grazing contact, gap and force both zero, does not chatter.
+    A closing speed within the tolerance of zero is zero: what follows decides, and where nothing does the contact
+    stays as it is. So a grazing contact, gap and force both zero, does not chatter.
     """
+    tolerance = limits.tolerance
     lean = leaning(c[CLOSING], tolerance, reach)
     if row.closed[j] == 1 and lean < 0 and c[CLOSING, 0] <= tolerance:
         row.closed[j] = 0
@@ -315,11 +317,20 @@ def settle(row: Row, j: int, reach: float, span: float, tolerance: float, c: Any
     elif row.closed[j] == 0 and row.gap[j] <= tolerance * span and lean > 0:
         row.closed[j] = 1
         row.gap[j] = 0.0
-    if row.closed[j] == 0:
-        return first_contact(row.gap[j], c[CLOSING], reach, tolerance, c[SPARE], roots)
-    if abs(c[CLOSING, 0]) <= tolerance:
-        c[CLOSING, 0] = max(c[CLOSING, 0], 0.0)
-    return first_negative(c[CLOSING], reach, tolerance, c[SPARE])
+    speed = c[CLOSING, 0]
+    for _ in range(2):
+        closed = row.closed[j] == 1
+        if abs(speed) <= tolerance:
+            c[CLOSING, 0] = max(speed, 0.0) if closed else min(speed, 0.0)
+        if closed:
+            switch = first_negative(c[CLOSING], reach, tolerance, c[SPARE])
+        else:
+            switch = first_contact(row.gap[j], c[CLOSING], reach, tolerance, c[SPARE], roots)
+        if switch > INSTANT * limits.quantum:
+            return switch
+        row.closed[j] = 1 - row.closed[j]  # it would not stay so for any time
+        row.gap[j] = 0.0
+    return np.inf
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -375,7 +386,7 @@ def event(
     give = closing(row, j, c)
     switch = np.inf
     if row.contact[j] == 1:
-        switch = settle(row, j, next_ - t, span, limits.tolerance, c, c[SPARE + 1])
+        switch = settle(row, j, next_ - t, span, limits, c, c[SPARE + 1])
         if switch < next_ - t:
             ticks = max(np.rint((t + switch) / limits.quantum), np.rint(t / limits.quantum) + 1.0)
             next_ = min(ticks * limits.quantum, next_)
@@ -416,6 +427,6 @@ def march(row: Row, waves: Histories, loads: Histories, forces: Forces, limits: 
             if not room(row, waves, forces, j):
                 return FULL
             took = event(row, waves, loads, forces, j, limit, span, limits, c)
-            stuck = stuck + 1 if took <= 4.0 * limits.quantum else 0
+            stuck = stuck + 1 if took <= INSTANT * limits.quantum else 0
             if stuck > MOST_AT_ONCE:
                 return STUCK

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from percuss_methods.solutions import _fronts as fronts
-from percuss_methods.solutions._cubics import Cubics, load_pieces, sum_of_pieces
+from percuss_methods.solutions._cubics import FIT, Cubics, load_pieces, sum_of_pieces
 from percuss_methods.solutions._fronts import ABSENT, DRIVEN, FREE, WALL
 
 
@@ -39,7 +39,6 @@ class RowOfBars:
             [float(b.velocity @ b.mesh.direction) * f for b, f in zip(self.bodies, self.flip, strict=True)]
         )
         self._junctions()
-        self._scale()
 
     def end_of(self, node: int) -> tuple[int, int]:
         """Return (bar, which end): 1 for its end to the right, 0 for that to the left, on the common line."""
@@ -112,30 +111,34 @@ class RowOfBars:
         self.is_contact = np.array(contact, dtype=np.int64)
         self.gaps = np.array(gaps)
 
-    def _scale(self) -> None:
+    def _scale(self, end: float) -> float:
+        """Return the size of a velocity."""
         sizes = [float(np.abs(self.velocity).max(initial=0.0))]
         softest = float(self.impedance.min())
-        for terms in self.functions:
-            for factor, spec in terms:
-                probe = np.linspace(0.0, max(self.model.dt * self.model.steps, 1e-300), 257)
-                peak = abs(factor) * float(np.abs(spec.load.amplitude(probe)).max())
-                sizes.append(peak if spec.acts_as == "velocity" else peak / softest)
+        for k, terms in enumerate(self.functions):
+            n = self.loads.count[k]
+            spans = np.diff(np.append(self.loads.times[k, :n], end))
+            peak = float((np.abs(self.loads.pieces[k, :n]) * spans[:, None] ** np.arange(4)).sum(axis=1).max())
+            sizes.append(peak if terms[0][1].acts_as == "velocity" else peak / softest)
         sizes.append(float(np.abs(self.gravity).max(initial=0.0)) * float(self.transit.max()))
-        self.scale = max(sizes) or 1.0
+        return max(sizes) or 1.0
 
-    def _load_histories(self, end: float) -> tuple[Any, Any, Any]:
-        """Return times, cubic pieces and counts of what acts on the ends."""
-        made = [sum_of_pieces([load_pieces(factor, spec, end) for factor, spec in terms]) for terms in self.functions]
+    def _load_histories(self, end: float) -> tuple[Any, Any, Any, float]:
+        """Return times, cubic pieces and counts of what acts on the ends, and up to when they hold."""
+        parts = [[load_pieces(factor, spec, end) for factor, spec in terms] for terms in self.functions]
+        known = min([one[2] for part in parts for one in part], default=end)
+        made = [sum_of_pieces([one[:2] for one in part]) for part in parts]
         width = max([len(times) for times, _ in made], default=1)
         times = np.full((max(len(made), 1), width), np.inf)
         pieces = np.zeros((max(len(made), 1), width, 4))
         count = np.zeros(max(len(made), 1), dtype=np.int64)
         for k, (t, c) in enumerate(made):
             times[k, : len(t)], pieces[k, : len(t)], count[k] = t, c, len(t)
-        return times, pieces, count
+        return times, pieces, count, known
 
     def march(self, end: float, most: int) -> None:
         """Work the events off."""
+        times, pieces, count, end = self._load_histories(end)
         quantum = 2.0 ** (np.ceil(np.log2(end)) - 52)
         self.transit = np.maximum(np.rint(self.transit / quantum), 1.0) * quantum
         self.speed = self.length / self.transit
@@ -169,10 +172,13 @@ class RowOfBars:
             np.zeros(junctions),
             np.zeros((junctions, 4), dtype=np.int64),
         )
-        times, pieces, count = self._load_histories(end)
         times = np.where(np.isfinite(times), np.rint(times / quantum) * quantum, np.inf)
         self.loads = fronts.Histories(times, pieces, count)
-        limits = fronts.Limits(end, self.scale, 1e-13 * self.scale, quantum)
+        scale = self._scale(end)
+        curved = bool(self.loads.pieces[:, :, 2:].any())  # then the loads are followed to FIT only
+        limits = fronts.Limits(end, scale, (10.0 * FIT if curved else 1e-13) * scale, quantum)
+        give = np.where(self.side[:, :, fronts.KIND] == FREE, 1.0 / self.impedance[safe], 0.0).sum(axis=1)
+        self.slight = limits.tolerance / np.where(give > 0.0, give, np.inf)  # a smaller force is none
         while fronts.march(row, waves, self.loads, forces, limits) == fronts.FULL and waves.count.sum() <= most:
             waves = fronts.Histories(_grown(waves.times, np.inf), _grown(waves.pieces), waves.count)
             forces = fronts.Forces(

@@ -61,7 +61,10 @@ class BarsInARow(Solution):
 
 def _of_bodies(model: Any) -> Iterator[str]:
     """Yield what about the bodies is not covered."""
+    line = next(iter(model.bodies.values())).mesh.direction
     for name, body in model.bodies.items():
+        if _aside(body.mesh.direction, line):
+            yield f"body '{name}' lies across the first one"
         if body.spec.material.name != "elastic":
             yield f"body '{name}' is of {body.spec.material.name}, which is not linear elastic"
         if body.spec.shape.name != "bar":
@@ -73,6 +76,9 @@ def _of_bodies(model: Any) -> Iterator[str]:
 def _of_loads(model: Any) -> Iterator[str]:
     """Yield what about the loads is not covered."""
     bodies = list(model.bodies.values())
+    for push in model.pushes:
+        if push.load.acts_as == "acceleration":
+            yield f"load '{push.load.name}' accelerates an end, which has no mass but that of its mesh"
     drives = [hold for hold in model.holds if hold.load is not None]
     acting = [(push.load, push.force, model.body_of(push.node)) for push in model.pushes]
     acting += [(hold.load, hold.direction, model.body_of(hold.node)) for hold in drives]
@@ -101,10 +107,12 @@ class RowContact(ExactContact):
     def __init__(self, row: RowOfBars, junction: int, displacement: Any) -> None:
         self._force = row.force(junction)
         self._displacement = displacement
-        times, pieces = self._force.times, self._force.pieces
-        pushing = (row.forces.closed[junction, : times.size] == 1) & (np.abs(pieces).max(axis=1) > 0)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], pushing.astype(int), [0]])))
+        known = np.searchsorted(self._force.times, row.reached)  # of an end that was worked out further, no more
+        times, pieces = self._force.times[:known], self._force.pieces[:known]
         ends = np.append(times, row.reached)
+        size = (np.abs(pieces) * np.diff(ends)[:, None] ** np.arange(4)).max(axis=1)
+        pushing = (row.forces.closed[junction, : times.size] == 1) & (size > row.slight[junction])
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], pushing.astype(int), [0]])))
         self._intervals = tuple((float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
     def force(self, time: Floats) -> Floats:

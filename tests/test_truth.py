@@ -1,0 +1,328 @@
+"""The errors that a run reports: what they mean, on histories made up and on methods whose order is known."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss import truth
+from percuss.contracts import ExactContact
+from percuss.model import Model
+from percuss_methods.solutions._row import RowOfBars
+from strategies import hunek, run
+
+CASES = Path(__file__).parent.parent / "cases"
+ERRORS = ("force_error_l1", "force_error_l2", "impulse_error")
+
+
+def errors(result, contact="tip"):
+    return result.summary["exact"]["contacts"][contact]
+
+
+class Pulse(ExactContact):
+    """A force of 2 on (1, 3) and a linear rise from 0 to 4 on (5, 6)."""
+
+    closed = ((1.0, 3.0), (5.0, 6.0))
+
+    def force(self, time):
+        time = np.asarray(time, dtype=float)
+        return np.where((time > 1) & (time < 3), 2.0, np.where((time > 5) & (time < 6), 4 * (time - 5), 0.0))
+
+    def impulse(self, time):
+        time = np.asarray(time, dtype=float)
+        return 2 * np.clip(time - 1, 0, 2) + 2 * np.clip(time - 5, 0, 1) ** 2
+
+    def gap(self, time):
+        return np.zeros(np.shape(time))
+
+
+TIME = np.arange(0.0, 8.0)  # steps of 1, each record the mean of half a step to either side
+MEANS = np.array([0.0, 1.0, 2.0, 1.0, 0.0, 0.5, 1.5, 0.0])
+
+
+def judged(force, time=TIME, dt=1.0, reached=8.0, every=1):
+    contact = Pulse()
+    exact = contact.mean_force(time - 0.5 * dt, time + 0.5 * dt)
+    return truth.contact_errors(contact, time, np.asarray(force, dtype=float), exact, dt, reached, every=every)
+
+
+# ------------------------------------------------------------------------------------------------ made-up histories
+
+
+def test_the_mean_force_of_a_step_is_its_impulse_over_its_length():
+    assert Pulse().mean_force(TIME - 0.5, TIME + 0.5) == pytest.approx(MEANS, abs=1e-15)
+    assert Pulse().mean_force(5.25, 5.75) == pytest.approx(2.0)
+    assert Pulse().mean_force(0.5, 1.5) == pytest.approx(1.0)
+
+
+def test_the_mean_force_of_a_run_is_that_of_the_exact_solution():
+    result = run(hunek(n=10, courant=1.0))
+    force = result.arrays["contact_force_exact"][:, 0]
+    expected = np.where((steps_of(result) < 19.5) | (abs(steps_of(result) - 50) < 9.5), 0.05, 0.0)
+    expected[[0, 20, 40, 60]] = 0.025  # half of the first step lies before the start, where nothing presses
+    assert np.abs(force - expected).max() < 1e-15
+    assert np.abs(result.arrays["gap_exact"][:61, 0]).max() < 1e-16
+    assert result.arrays["gap_exact"][80, 0] == pytest.approx(0.02, rel=1e-12)
+
+
+def steps_of(result):
+    return np.rint(result.arrays["time"] / result.summary["dt"])
+
+
+def test_the_exact_history_has_no_error_and_a_noise_of_one():
+    found = judged(MEANS)
+    assert found["force_error_l1"] == found["force_error_l2"] == 0.0
+    assert found["impulse_error"] < 1e-15
+    assert found["noise"] == 1.0
+    assert found["overshoot"] == 0.0
+    assert found["closed"] == [[1.0, 3.0], [5.0, 6.0]]
+
+
+def test_errors_are_relative_to_the_exact_history():
+    off = np.array([0.0, 0.0, 1.0, 0.0, -0.5, 0.0, 0.0, 0.0])
+    found = judged(MEANS + off)
+    assert found["force_error_l1"] == pytest.approx(1.5 / 6.0)
+    assert found["force_error_l2"] == pytest.approx(math.sqrt(1.25 / (1 + 4 + 1 + 0.25 + 2.25)))
+    assert found["impulse_error"] == pytest.approx(1.0 / 6.0)  # the largest that was ever missing, not the last
+    assert found["overshoot"] == pytest.approx(3.0 / 2.0 - 1.0)
+    # 0 1 3 1 -.5 .5 1.5 0 against 0 1 2 1 0 .5 1.5 0
+    assert found["noise"] == pytest.approx((1 + 2 + 2 + 1.5 + 1 + 1 + 1.5) / (1 + 1 + 1 + 1 + 0.5 + 1 + 1.5))
+
+
+def test_the_impulse_is_judged_at_the_ends_of_the_steps_and_needs_every_step():
+    late = np.roll(MEANS, 1)
+    assert judged(late)["impulse_error"] == pytest.approx(2.0 / 6.0)  # a step late: by at most the peak
+    assert judged(late, dt=0.5)["impulse_error"] is not None
+    assert judged(late, every=2)["impulse_error"] is None
+
+
+def test_closing_and_opening_are_late_by_the_first_and_last_force():
+    force = np.array([0.0, 0.0, 2.0, 1.0, 0.0, 0.0, 2.0, 0.0])
+    assert judged(force)["closing_error"] == pytest.approx(1.0)
+    assert judged(force)["opening_error"] == pytest.approx(0.5)  # the step around 6 ends at 6.5
+    round_off = force + 1e-17 * (TIME == 0) + 1e-17 * (TIME == 7)
+    assert judged(round_off)["closing_error"] == pytest.approx(1.0)
+    assert judged(round_off)["opening_error"] == pytest.approx(0.5)
+    assert judged(np.zeros(8))["closing_error"] is None
+    assert judged(np.zeros(8))["opening_error"] is None
+    assert judged(np.ones(8))["opening_error"] is None  # still closed at the end
+
+
+def test_where_nothing_presses_errors_are_zero_or_none():
+    contact = Pulse()
+    time = np.array([0.0, 0.25])
+    exact = np.zeros(2)
+    silent = truth.contact_errors(contact, time, np.zeros(2), exact, 0.25, 0.5, every=1)
+    assert [silent[name] for name in (*ERRORS, "noise")] == [0.0, 0.0, 0.0, 0.0]
+    assert silent["closed"] == []
+    loud = truth.contact_errors(contact, time, np.array([0.0, 1.0]), exact, 0.25, 0.5, every=1)
+    assert [loud[name] for name in (*ERRORS, "noise", "overshoot")] == [None] * 5
+
+
+def test_what_lies_behind_the_time_reached_does_not_count():
+    force = MEANS.copy()
+    force[5:] = 1e6
+    contact = Pulse()
+    exact = np.where(TIME < 4.5, MEANS, np.nan)
+    found = truth.contact_errors(contact, TIME, force, exact, 1.0, 4.5, every=1)
+    assert found["force_error_l2"] == 0.0
+    assert found["impulse_error"] < 1e-15
+    assert found["noise"] == 1.0
+    assert found["closed"] == [[1.0, 3.0]]
+
+
+def test_the_displacement_error_is_that_of_all_nodes_at_the_end():
+    case = percuss.load(hunek(n=10))
+    model = Model(case)
+    solution = truth.exact_solution(model, 0.8)[0]
+    exact = np.concatenate([
+        solution.displacement(name, np.linspace(0, length, count), 0.5)
+        for name, length, count in (("short", 10, 11), ("long", 20, 21))
+    ])[:, None]  # fmt: skip
+    assert truth.displacement_error(model, solution, exact, 0.5) == 0.0
+    size = math.sqrt(sum(
+        w * u**2 for w, u in zip([0.5, *[1] * 9, 0.5, 0.5, *[1] * 19, 0.5], exact[:, 0], strict=True)
+    ))  # fmt: skip
+    assert truth.displacement_error(model, solution, exact + 0.001, 0.5) == pytest.approx(
+        0.001 * math.sqrt(30) / size, rel=1e-12
+    )
+    assert truth.displacement_error(model, solution, exact, 0.9) is None
+
+
+# ------------------------------------------------------------------------------------------------ runs
+
+
+@pytest.mark.parametrize("n", [10, 20, 40])
+def test_the_multiplier_method_at_courant_one_errs_at_the_release_alone(n):
+    """Where the force jumps the mean of both sides is that over the step; at the release half a step is missing."""
+    result = run(hunek(n=n, courant=1.0, contact="lagrange"))
+    force, exact = (result.arrays[name][:, 0] for name in ("contact_force", "contact_force_exact"))
+    release = 6 * n
+    assert np.flatnonzero(np.abs(force - exact) > 1e-13).tolist() == [release]
+    assert exact[release] - force[release] == pytest.approx(0.025, rel=1e-9)
+    found = errors(result)
+    squares = 2 * ((2 * n - 1) + 2 * 0.25)  # two plateaus in units of .05, the steps at their ends half
+    assert found["force_error_l2"] == pytest.approx(0.5 / math.sqrt(squares), rel=1e-9)
+    assert found["force_error_l1"] == pytest.approx(0.5 / (4 * n), rel=1e-9)
+    assert found["impulse_error"] == pytest.approx(0.5 / (4 * n), rel=1e-9)
+    assert found["noise"] == pytest.approx(1.0, abs=1e-11)
+    assert found["overshoot"] == pytest.approx(0.0, abs=1e-11)
+    assert found["closing_error"] == 0.0
+    # the last step that presses is the one before
+    assert found["opening_error"] == pytest.approx(-0.5 * result.summary["dt"], rel=1e-6)
+    # the release takes half a step of impulse, .00125 / n, from both bars: they part late in the same ratio
+    assert 0.0 < result.summary["exact"]["displacement_error"] * n < 0.5
+
+
+def order(method, courant, finest=8, n=10):
+    """Return the orders of the errors in L1, in L2 and of the impulse over four meshes."""
+    factors = [1, 2, 4, finest]
+    rows = [errors(run(hunek(n=n, courant=courant, contact=method), {"refine": k})) for k in factors]
+    return [-np.polyfit(np.log(factors), np.log([row[name] for row in rows]), 1)[0] for name in ERRORS]
+
+
+BIPENALTY = {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("method", "courant", "expected", "within"),
+    [
+        (BIPENALTY, 0.5, (0.96, 0.48), 0.02),
+        ("lagrange", 0.5, (0.66, 0.34), 0.02),
+        ("lagrange", 1.0, (1.0, 0.5), 0.01),
+    ],
+    ids=["bipenalty", "lagrange", "lagrange at 1"],
+)
+def test_orders_on_hunek(method, courant, expected, within):
+    found = order(method, courant)
+    assert found[0] == pytest.approx(expected[0], abs=within)
+    assert found[1] == pytest.approx(expected[1], abs=within)
+    assert found[2] == pytest.approx(expected[0], abs=2 * within)
+
+
+def test_a_smooth_pulse_shows_second_order():
+    case = percuss.load(CASES / "smooth-pulse.yaml", {"method.contact": "lagrange", "time.courant": 0.5})
+    found = [errors(percuss.run(case, {"refine": k}), "joint") for k in (1, 2, 4)]
+    for name in ERRORS:
+        one, two, four = (row[name] for row in found)
+        assert four < 2e-3
+        assert math.log2(one / two) == pytest.approx(2.0, abs=0.3), name
+        assert math.log2(two / four) == pytest.approx(2.0, abs=0.3), name
+
+
+def test_a_run_reports_the_solution_it_was_judged_by():
+    exact = run(hunek(n=10)).summary["exact"]
+    assert exact["solution"] == "bars-in-a-row"
+    assert exact["reached"] >= 0.8
+    assert exact["fronts"] == 12
+    assert exact["fragile"] is None
+    assert errors(run(hunek(n=10)))["closed"] == [pytest.approx([0.0, 0.2]), pytest.approx([0.4, 0.6])]
+
+
+def test_a_sparse_record_has_no_impulse_error():
+    case = hunek(n=10)
+    case["record"]["every"] = 4
+    found = errors(run(case))
+    assert found["impulse_error"] is None
+    assert 0.0 < found["force_error_l2"] < 0.5
+
+
+def test_the_number_of_the_steps_recorded_does_not_change_the_exact_histories():
+    every, sparse = hunek(n=10), hunek(n=10)
+    sparse["record"]["every"] = 4
+    for name in ("contact_force_exact", "gap_exact"):
+        assert (run(every).arrays[name][::4] == run(sparse).arrays[name]).all()
+
+
+# ------------------------------------------------------------------------------------------------ stopped early
+
+
+@pytest.fixture
+def short_of_breath(monkeypatch):
+    """Let the engine stop after about a hundred fronts."""
+    whole = RowOfBars.march
+    monkeypatch.setattr(RowOfBars, "march", lambda self, end, most: whole(self, end, 100))
+
+
+def many_fronts():
+    case = hunek(n=10, end=12.0)
+    case["bodies"]["long"]["material"] = {"young": 77.0, "density": 0.013}
+    case["bodies"]["short"]["fixed"] = ["left"]
+    return case
+
+
+def test_a_run_is_judged_up_to_where_the_solution_stopped(short_of_breath):
+    result = run(many_fronts())
+    exact = result.summary["exact"]
+    reached = exact["reached"]
+    assert 0.5 < reached < 6.0
+    assert result.summary["exact_reason"] == (f"bars-in-a-row stopped at {reached:.9g} after {exact['fronts']} fronts")
+    known = result.arrays["time"] + 0.5 * result.summary["dt"] <= reached
+    for name in ("contact_force_exact", "gap_exact"):
+        assert np.isfinite(result.arrays[name][known]).all()
+        assert np.isnan(result.arrays[name][~known]).all()
+    assert all(math.isfinite(errors(result)[name]) for name in (*ERRORS, "noise"))
+    assert exact["displacement_error"] is None
+    closed = errors(result)["closed"]
+    assert all(start < stop <= reached for start, stop in closed)
+    assert closed[-1][1] > 0.5 * reached
+
+
+def test_up_to_where_it_stops_it_is_the_solution(short_of_breath, monkeypatch):
+    short = truth.exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
+    monkeypatch.undo()
+    whole = truth.exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
+    assert short.reached < 0.6 * whole.reached == 0.6 * 12.0
+    t = np.linspace(0.0, short.reached, 1001)
+    for name in ("force", "impulse", "gap"):
+        one, other = (getattr(solution.contacts["tip"], name)(t) for solution in (short, whole))
+        assert np.abs(one - other).max() <= 1e-11 * np.abs(other).max()
+
+
+# ------------------------------------------------------------------------------------------------ round-off
+
+
+def test_a_nudge_does_not_move_hunek():
+    assert run(hunek(n=50), nudge=True).summary["exact"]["fragile"] is False
+
+
+def test_a_stiff_penalty_that_chatters_hangs_on_round_off():
+    case = hunek(
+        n=50, integrator="central-difference", contact={"name": "penalty", "beta_s": 100.0}, courant=0.1, end=2.4
+    )
+    assert run(case, nudge=True).summary["exact"]["fragile"] is True
+
+
+def test_fragile_is_a_change_of_more_than_a_ten_thousandth():
+    one, other = run(hunek(n=10)), run(hunek(n=10))
+    assert truth.is_fragile(one, other) is False
+    for factor, fragile in ((1.00009, False), (1.00011, True)):
+        other.arrays["contact_force"] = one.arrays["contact_force"] * factor
+        assert truth.is_fragile(one, other) is fragile
+    other.arrays["contact_force"] = one.arrays["contact_force"][:-1]
+    assert truth.is_fragile(one, other) is True
+    assert truth.nudged(percuss.load(hunek())).bodies["short"].area == 1.0 + 1e-12
+
+
+# ------------------------------------------------------------------------------------------------ files
+
+
+def test_a_saved_result_keeps_its_exact_histories_and_finds_its_solution_again(tmp_path):
+    result = run(hunek(n=10))
+    result.save(tmp_path / "hunek.nc")
+    again = percuss.open_result(tmp_path / "hunek.nc")
+    for name in ("contact_force_exact", "gap_exact"):
+        assert (again.arrays[name] == result.arrays[name]).all()
+    assert again.summary["exact"] == result.summary["exact"]
+    assert again.solution is None
+    t = np.linspace(0.0, 0.8, 101)
+    for name in ("force", "impulse", "gap"):
+        one, other = (getattr(one.exact.contacts["tip"], name)(t) for one in (result, again))
+        assert np.abs(one - other).max() <= 1e-14
+    assert (again.exact.displacement("long", 3.0, t) == result.exact.displacement("long", 3.0, t)).all()
+    assert again.exact is again.exact
+    times, force = again.exact_histories["tip"]
+    assert (times == result.arrays["time"]).all()
+    assert (force == result.arrays["contact_force_exact"][:, 0]).all()
