@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from percuss import plot, report
+from percuss import figures, overlay, plot, report
 from percuss.case import load
 from percuss.errors import InputError, PercussError, RunError
 from percuss.result import Result, open_result
@@ -109,7 +109,7 @@ def test_each_suffix_gives_its_kind_of_file(good, tmp_path, suffix):
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_the_same_result_gives_the_same_bytes(good, kind):
     draw = plot.figure_of if kind == "svg" else plot.force_figure
-    first, second = (plot.picture(draw(good), kind) for _ in range(2))
+    first, second = (figures.picture(draw(good), kind) for _ in range(2))
     assert first == second
     assert not re.search(rb"<dc:date>|CreationDate", first)
 
@@ -117,7 +117,7 @@ def test_the_same_result_gives_the_same_bytes(good, kind):
 @pytest.mark.parametrize(("name", "found"), [("a.jpg", ".jpg"), ("picture", "no ending"), (".png", "no ending")])
 def test_another_suffix_is_refused_before_anything_is_written(good, tmp_path, name, found):
     path = tmp_path / name
-    for draw in (lambda: plot.plot_result(good, path), lambda: plot.plot_comparison([], path)):
+    for draw in (lambda: plot.plot_result(good, path), lambda: overlay.plot_comparison([], path)):
         with pytest.raises(InputError) as caught:
             draw()
         assert str(caught.value) == (
@@ -145,10 +145,10 @@ def test_settings_of_matplotlib_stay_as_they_were(good):
     import matplotlib as mpl
 
     before, had_pyplot = mpl.rcParams.copy(), "matplotlib.pyplot" in sys.modules
-    plain = plot.picture(plot.figure_of(good), "svg")
+    plain = figures.picture(plot.figure_of(good), "svg")
     assert mpl.rcParams.copy() == before
     with mpl.rc_context({"axes.grid": False, "font.size": 30, "text.usetex": True}):
-        assert plot.picture(plot.figure_of(good), "svg") == plain
+        assert figures.picture(plot.figure_of(good), "svg") == plain
     assert ("matplotlib.pyplot" in sys.modules) == had_pyplot
 
 
@@ -252,8 +252,8 @@ def test_an_interrupted_run_is_marked(good):
 def test_a_run_that_stopped_at_once_can_be_drawn(unstable):
     result = fresh(unstable, steps=0)
     result.arrays = {name: values[:0] for name, values in unstable.arrays.items()}
-    assert plot.picture(plot.figure_of(result), "png")
-    assert plot.picture(report.comparison_figure([{"label": "a", "result": result}]), "png")
+    assert figures.picture(plot.figure_of(result), "png")
+    assert figures.picture(overlay.comparison_figure([{"label": "a", "result": result}]), "png")
 
 
 def test_what_is_not_there_is_said():
@@ -277,8 +277,8 @@ def test_a_long_history_keeps_its_extremes():
     values = np.sin(time)
     values[123_457] = 9.0
     values[765_433] = -9.0
-    few, thinned = plot.thinned(time, values)
-    assert few.size <= plot.MOST_POINTS + 2
+    few, thinned = figures.thinned(time, values)
+    assert few.size <= figures.MOST_POINTS + 2
     assert (thinned.max(), thinned.min()) == (9.0, -9.0)
     assert np.array_equal(values[few.astype(int)], thinned)
     assert np.all(np.diff(few) > 0)
@@ -294,7 +294,7 @@ def test_a_title_is_never_mathematics(good, tmp_path):
 def test_a_saved_result_gives_the_same_picture(good, tmp_path):
     good.save(tmp_path / "a.nc")
     again = open_result(tmp_path / "a.nc")
-    assert plot.picture(plot.figure_of(again), "svg") == plot.picture(plot.figure_of(good), "svg")
+    assert figures.picture(plot.figure_of(again), "svg") == figures.picture(plot.figure_of(good), "svg")
 
 
 # -- several runs ------------------------------------------------------------------------------------------
@@ -308,7 +308,7 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp
         {"label": "too fast", "result": unstable},
         {"label": "nitsche", "result": None, "reason": "is refused:\nno stress"},
     ]
-    figure = report.comparison_figure(rows)
+    figure = overlay.comparison_figure(rows)
     (axes,) = figure.axes
     for result in (good, other, unstable):
         assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, 0])
@@ -318,26 +318,26 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp
     assert "not shown: nitsche: is refused: no stress" in told
     assert "contact force in 3 of 4 runs" in told
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
-    plot.plot_comparison(rows, tmp_path / "a.svg")
+    overlay.plot_comparison(rows, tmp_path / "a.svg")
     assert (tmp_path / "a.svg").read_bytes().startswith(MAGIC[".svg"])
 
 
 def test_runs_of_one_label_are_all_in_the_legend(good):
-    (axes,) = report.comparison_figure([{"label": "a", "result": good}] * 3).axes
+    (axes,) = overlay.comparison_figure([{"label": "a", "result": good}] * 3).axes
     assert [text.get_text().strip() for text in axes.get_legend().get_texts()][:3] == ["a", "a (2)", "a (3)"]
 
 
 def test_more_than_six_runs_stand_beside_each_other(good):
     rows = [{"label": f"run {k}", "result": good} for k in range(8)]
-    figure = report.comparison_figure(rows)
+    figure = overlay.comparison_figure(rows)
     assert [axes.get_title("left") for axes in figure.axes] == [*(f"run {k}" for k in range(8)), ""]
     assert all(holds(axes, good.arrays["time"], good.arrays["contact_force"][:, 0]) for axes in figure.axes[:8])
-    assert plot.picture(figure, "png")
+    assert figures.picture(figure, "png")
 
 
 def test_each_contact_has_its_panel_in_a_comparison():
     result = row_of_bars(4)
-    figure = report.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
+    figure = overlay.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
     assert [axes.get_ylabel() for axes in figure.axes] == ["force at c1", "force at c2", "force at c3"]
     for k, axes in enumerate(figure.axes):
         assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
@@ -345,13 +345,13 @@ def test_each_contact_has_its_panel_in_a_comparison():
 
 @pytest.mark.parametrize("rows", [[], [{"label": "a", "result": None, "reason": None}]])
 def test_a_comparison_without_any_result_says_so(rows):
-    assert "None of the runs has a result." in words(report.comparison_figure(rows))
+    assert "None of the runs has a result." in words(overlay.comparison_figure(rows))
 
 
 def test_the_exact_history_of_one_run_stands_for_all(good):
     known, time, exact = knowing(good)
     rows = [{"label": "a", "result": good}, {"label": "b", "result": known}]
-    for panels in (report.comparison_figure(rows).axes, report.comparison_figure(rows * 4).axes[:8]):
+    for panels in (overlay.comparison_figure(rows).axes, overlay.comparison_figure(rows * 4).axes[:8]):
         assert all(holds(axes, time, exact) for axes in panels)
 
 
@@ -444,8 +444,8 @@ def test_a_picture_without_matplotlib_says_what_to_install(good, tmp_path):
     path = tmp_path / "a.png"
     for draw in (
         lambda: plot.plot_result(good, path),
-        lambda: plot.plot_comparison([{"label": "a", "result": good}], path),
-        lambda: plot.check_suffix(path),
+        lambda: overlay.plot_comparison([{"label": "a", "result": good}], path),
+        lambda: figures.check_suffix(path),
     ):
         with pytest.raises(PercussError) as caught:
             draw()

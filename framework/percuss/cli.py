@@ -154,7 +154,7 @@ def compare(
         rows = comparison.compare(loaded, _names(integrator), contacts, varied(vary or []), tied=tied)
         orders = convergence.orders(rows) if any(len(o["refine"]) > 1 for o in convergence.orders(rows)) else []
         if plot is not None:
-            from percuss.plot import plot_comparison
+            from percuss.overlay import plot_comparison
 
             if orders:
                 convergence.plot_convergence(rows, loaded.title, plot)
@@ -308,7 +308,7 @@ def _names(text: str) -> list[str]:
 
 
 def _drawable(path: Path) -> None:
-    from percuss.plot import check_suffix
+    from percuss.figures import check_suffix
 
     check_suffix(path)
 

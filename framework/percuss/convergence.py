@@ -68,7 +68,7 @@ def _order(refine: list[float], errors: list[Any]) -> float | None:
 
 def convergence_figure(rows: list[Row], title: str) -> Figure:
     """Return errors against the mesh on logarithmic axes, one panel an error, one line a method."""
-    from percuss.plot import COLOURS, DASHES, drawing
+    from percuss.figures import COLOURS, DASHES, drawing
 
     fitted = orders(rows)
     colours = (*COLOURS, "#000000", "#8c8c8c")
@@ -108,6 +108,6 @@ def _label(one: dict[str, Any]) -> str:
 
 def plot_convergence(rows: list[Row], title: str, path: str | os.PathLike[str]) -> None:
     """Write `convergence_figure` as png, svg or pdf by suffix; written beside and then renamed."""
-    from percuss.plot import write
+    from percuss.figures import write
 
     write(path, lambda: convergence_figure(rows, title))

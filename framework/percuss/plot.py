@@ -1,70 +1,44 @@
-"""Pictures of results: forces, energies and stress in space and time; matplotlib is imported when drawing."""
+"""The picture of a run: forces, energies, and stress in space and time."""
 
 from __future__ import annotations
 
-import io
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from itertools import pairwise
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import InputError, PercussError, Problem
-from percuss.report import (
-    ALARM,
+from percuss.figures import (
+    COLOURS,
+    DASHES,
     FAINT,
     INK,
     OVERLAY,
+    PAPER,
     SOFT,
     alarm,
     details,
+    drawing,
     header,
     legend,
+    not_computed,
     number,
     one_line,
     powers,
     say,
     settle,
+    shown_until,
     stopped_at,
+    thinned,
+    write,
 )
-from percuss.result import Result, replacing
+from percuss.spacetime import space_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["check_suffix", "figure_of", "force_figure", "picture", "plot_comparison", "plot_result"]
-
-SUFFIXES = (".png", ".svg", ".pdf")
-# Okabe and Ito's colours in an order whose neighbours also differ in grey, each with a dash of its own
-COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
-DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2.5, 1)), (0, (9, 2, 3, 2)), (0, (1, 1)))
-MOST_POINTS = 10_000  # a longer line is thinned to its extremes: no picture is as fine as that
-PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
-STYLE = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
-    "font.size": 10.5,
-    "axes.edgecolor": SOFT,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.limits": (-3, 4),
-    "grid.color": "#e6e6e6",
-    "hatch.color": FAINT,
-    "legend.frameon": False,
-    "legend.fontsize": 9.5,
-    "legend.handlelength": 2.6,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "percuss",
-    "pdf.fonttype": 42,
-}
-
-
-# -- the public door ---------------------------------------------------------------------------------------
+    from percuss.result import Result
 
 
 def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
@@ -81,45 +55,10 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
     write(path, lambda: figure_of(result))
 
 
-def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> None:
-    """Write the contact forces of several runs of one case over each other; over six, beside each other.
-
-    Parameters
-    ----------
-    rows
-        Mappings with ``label``, ``result`` (a Result, or None where there is none) and, for the latter, ``reason``.
-    path
-        As of `plot_result`.
-    """
-    from percuss.report import comparison_figure
-
-    write(path, lambda: comparison_figure(rows))
-
-
-def check_suffix(path: str | os.PathLike[str]) -> None:
-    """Refuse a picture that cannot be drawn, before anything is run for it.
-
-    Raises
-    ------
-    InputError
-        If `path` ends in something else than .png, .svg or .pdf.
-    PercussError
-        If matplotlib is not installed.
-    """
-    suffix = Path(path).suffix
-    if suffix.lower() not in SUFFIXES:
-        message = f"expected a picture ending in .png, .svg or .pdf, found {suffix or 'no ending'}"
-        raise InputError([Problem(str(path), "", message, "Name the file with one of the three.")])
-    with drawing():
-        pass
-
-
 def figure_of(result: Result) -> Figure:
     """Return the picture of a run as a matplotlib Figure of no window: forces, energies, stress."""
     with drawing():
         from matplotlib.figure import Figure
-
-        from percuss.spacetime import space_time
 
         figure = Figure(figsize=(12.8, 7.4), facecolor="white")
         header(figure, result.title, details(result), alarm(result))
@@ -147,83 +86,6 @@ def force_figure(result: Result) -> Figure:
         axes.set_xlim(0, shown_until(result))
         not_computed(axes, result)
         return settle(figure)
-
-
-def picture(figure: Figure, kind: str) -> bytes:
-    """Return a figure as the bytes of a png, svg or pdf file; the same figure gives the same bytes."""
-    stamps: dict[str, dict[str, Any]] = {
-        "png": {"Software": None},
-        "svg": {"Date": None, "Creator": "percuss"},
-        "pdf": {"CreationDate": None, "Creator": "percuss", "Producer": None},
-    }
-    out = io.BytesIO()
-    with drawing():
-        figure.savefig(out, format=kind, dpi=180, metadata=stamps[kind])
-    return out.getvalue()
-
-
-# -- around the panels -------------------------------------------------------------------------------------
-
-
-@contextmanager
-def drawing() -> Iterator[None]:
-    """Draw in this module's style, whatever the user's own is; leave matplotlib's settings as they were."""
-    try:
-        from matplotlib import style
-    except ImportError as error:
-        message = "a picture needs matplotlib, which is not installed: pip install 'percuss[plot]'"
-        raise PercussError(message) from error
-    with style.context(["default", STYLE]):
-        yield
-
-
-def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
-    check_suffix(path)
-    suffix = Path(path).suffix
-    content = picture(draw(), suffix.lower()[1:])
-    with replacing(path, suffix) as beside:
-        beside.write_bytes(content)
-
-
-def shown_until(result: Result) -> float:
-    """Return the end of the time axis: as planned, unless the run stopped far before that."""
-    stopped = stopped_at(result)
-    if result.summary["dt"] is None:
-        return stopped
-    planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
-    return float(max(min(planned, 1.3 * stopped), result.summary["dt"]))
-
-
-def not_computed(axes: Axes, result: Result, *, word: bool = True, upwards: bool = False) -> None:
-    """Hatch the time after a run's stop."""
-    stopped, until = stopped_at(result), shown_until(result)
-    if result.status == "done" or stopped >= until:
-        return
-    span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)
-    span(stopped, until, facecolor="#f3f3f3", edgecolor=FAINT, hatch="///", linewidth=0)
-    line(stopped, color=ALARM, linewidth=1.5)
-    if not word:
-        return
-    middle = 0.5 * (stopped + until)
-    where = (0.5, middle) if upwards else (middle, 0.5)
-    frame = axes.get_yaxis_transform() if upwards else axes.get_xaxis_transform()
-    style: dict[str, Any] = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
-    axes.text(*where, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
-
-
-# -- the panels --------------------------------------------------------------------------------------------
-
-
-def thinned(time: Any, values: Any) -> tuple[Any, Any]:
-    """Return a line as it is, or the smallest and the largest value of each of many stretches, in order."""
-    if time.size <= MOST_POINTS:
-        return time, values
-    starts = np.linspace(0, time.size, MOST_POINTS // 2 + 1).astype(np.int64)
-    kept = {0, time.size - 1}
-    for a, b in pairwise(starts.tolist()):
-        kept.update((a + int(values[a:b].argmin()), a + int(values[a:b].argmax())))
-    index = np.array(sorted(kept))
-    return time[index], values[index]
 
 
 def forces(axes: Axes, result: Result) -> None:

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.plot import not_computed, shown_until
-from percuss.report import (
-    INK,
-    legend,
-    powers,
-    say,
-    stopped_at,
-)
+from percuss.figures import INK, legend, not_computed, powers, say, shown_until, stopped_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

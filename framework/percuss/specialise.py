@@ -163,7 +163,7 @@ class Specialiser:
         closure: tuple[Any, ...],
         options: Mapping[str, Any],
     ) -> str:
-        # the module too: machine code on disk imports those of the kernels in it, and that of a file is new after an edit
+        # the module too: machine code on disk imports that of its kernels, and a file has a new one after an edit
         digest = hashlib.sha256(f"{_versions()};{source.__module__};{sorted(options.items())}".encode())
         digest.update(repr(self.jit).encode())
         _feed_code(digest, source.__code__)

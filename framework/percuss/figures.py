@@ -1,0 +1,292 @@
+"""What all pictures share: paper, palette, words, and how a figure becomes a file; matplotlib waits for a drawing."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.errors import InputError, PercussError, Problem
+from percuss.result import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from percuss.result import Result
+
+
+INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
+GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "sigma": "σ", "theta": "θ"}
+RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
+SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
+OVERLAY = 6  # so many lines can still be told apart in one panel
+
+
+def one_line(text: object) -> str:
+    """Return a text without line breaks and runs of spaces."""
+    return " ".join(str(text).split())
+
+
+def wrapped(text: str, width: int, most: int) -> list[str]:
+    """Return a text as at most `most` lines of `width` letters."""
+    return textwrap.wrap(one_line(text), width, max_lines=most, placeholder=" …")
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """Return a value as it is read, or ``unknown``."""
+    if value is None:
+        return "unknown"
+    return f"{value:.{digits}g}" if isinstance(value, (int, float)) else one_line(value)
+
+
+def details(result: Result) -> list[str]:
+    """Return the lines below a title: methods as they came out, then the steps."""
+    resolved, summary = result.provenance.get("resolved", {}), result.summary
+    laws: dict[str, list[str]] = {}
+    for contact, parameters in (resolved.get("contacts") or {}).items():
+        law = one_line(parameters.get("law", resolved.get("contact")))
+        given = {k: v for k, v in parameters.items() if k != "law" and v is not None}
+        values = ", ".join(f"{_symbol(k)} = {number(v)}" for k, v in given.items())
+        laws.setdefault(f"{law} ({values})" if values else law, []).append(contact)
+    said = [law if len(laws) == 1 else f"{', '.join(which)}: {law}" for law, which in laws.items()]
+    methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *said]
+    steps = [result.status, "consistent units"]
+    if summary["dt"] is not None:  # an exact solution has no steps
+        dt = f"Δt = {number(summary['dt'])}"
+        steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", *steps]
+    return ["  ·  ".join(methods if said else [*methods, "no contact"]), "  ·  ".join(steps)]
+
+
+def _symbol(name: str) -> str:
+    """Return the sign of a parameter named after one, as ``epsilon_s``."""
+    head, bar, tail = name.partition("_")
+    return GREEK[head] + SMALL.get(tail, bar + tail) if head in GREEK else name
+
+
+def stopped_at(result: Result) -> float:
+    """Return the time up to which a run came."""
+    steps, dt = result.summary["steps"], result.summary["dt"]
+    return float(result.summary["end"] if dt is None else steps * dt)
+
+
+def alarm(result: Result) -> list[str]:
+    """Return what must be said first of a run that did not end well: nothing, or one or two sentences."""
+    if result.status == "done":
+        return []
+    summary, stop = result.summary, result.summary.get("stop") or {}
+    planned = result.provenance.get("resolved", {}).get("steps", "?")
+    where = f"step {summary['steps']} of {planned}, time {number(stopped_at(result))}"
+    if result.status != "unstable":
+        return [f"{result.status.upper()} at {where}: the run is not complete"]
+    head = f"UNSTABLE, no valid result: stopped at {where}"
+    words = [f"{head}; {stop['what']}" if stop.get("what") else head]
+    return [*words, f"Likely cause: {stop['cause']}"] if stop.get("cause") else words
+
+
+def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str], foot: Sequence[str] = ()) -> None:
+    """Write title, methods and alarm above a figure's panels and the foot below; these get what is left."""
+    from matplotlib.patches import Rectangle
+
+    height, left = figure.get_figheight(), 0.2 / figure.get_figwidth()
+    y = 1 - 0.18 / height
+
+    def write(lines: Iterable[str], size: float, colour: str, weight: str = "normal") -> None:
+        nonlocal y
+        for line in lines:
+            figure.text(left, y, line, size=size, color=colour, weight=weight, va="top", parse_math=False)
+            y -= 1.5 * size / 72 / height
+
+    write(wrapped(title or "Untitled case", 88, 2), 17, INK, "bold")
+    write((part for line in small for part in wrapped(line, 160, 3)), 10, SOFT)
+    if loud:
+        above, y = y, y - 0.07 / height
+        write(wrapped(loud[0], 125, 2), 12, "white", "bold")
+        write((part for line in loud[1:] for part in wrapped(line, 155, 2)), 10, "white")
+        band = Rectangle((0, y), 1, above - y, transform=figure.transFigure, facecolor=ALARM, zorder=0)
+        figure.add_artist(band)
+    top = y - 0.08 / height
+    feet = [part for line in foot for part in wrapped(line, 165, 1)]
+    y = bottom = (0.1 + 0.2 * len(feet)) / height
+    write(feet, 9.5, ALARM)
+    rect = (0.008, bottom, 0.984, top - bottom)
+    figure.set_layout_engine("constrained", rect=rect, hspace=0.03, wspace=0.03)
+
+
+def settle(figure: Figure) -> Figure:
+    """Lay a figure out for good; rounded, for the solver behind the layout differs in the last bits from run to run."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        active, original = (tuple(np.round(axes.get_position(o).bounds, 6)) for o in (False, True))
+        axes.set_position(original, which="original")
+        axes.set_position(active, which="active")
+    return figure
+
+
+def say(axes: Axes, text: str) -> None:
+    """Leave a panel empty but for the reason."""
+    axes.set(xticks=[], yticks=[], xlabel="", ylabel="", facecolor="#f6f6f6")
+    axes.spines[:].set_visible(False)
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT, parse_math=False)
+
+
+def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float = 1.0) -> None:
+    """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow.
+
+    The labels are the user's text, never mathematics.
+    """
+    labels = [f" {one_line(label)}" for label in entries]  # matplotlib drops a label that begins with _
+    for rows in range(1, len(labels) + 1):
+        columns = [labels[k : k + rows] for k in range(0, len(labels), rows)]
+        if sum(max(map(len, column)) + 9 for column in columns) <= room:
+            break
+    made = axes.legend(
+        list(entries.values()),
+        labels,
+        loc="lower left",
+        bbox_to_anchor=(0, up),
+        ncols=len(columns),
+        borderaxespad=0.2,
+    )
+    for text in made.get_texts():
+        text.set_parse_math(False)
+
+
+def powers(*panels: Axes) -> None:
+    """Write powers of ten as plain letters, laid out ten times as fast as mathematics, clear of what is above."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class Powers(ScalarFormatter):
+        def get_offset(self) -> str:
+            return re.sub(r"1e([-\u2212]?\d+)", lambda found: "×10" + found[1].translate(RAISED), super().get_offset())
+
+    for axes in panels:
+        axes.xaxis.set_major_formatter(Powers(useMathText=False))
+        axes.yaxis.set_major_formatter(Powers(useMathText=False))
+        axes.yaxis.get_offset_text().set(ha="right", x=-0.01)
+        axes.yaxis.OFFSETTEXTPAD = 8  # above a tick at the very top
+
+
+SUFFIXES = (".png", ".svg", ".pdf")
+# Okabe and Ito's colours in an order whose neighbours also differ in grey, each with a dash of its own
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
+DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2.5, 1)), (0, (9, 2, 3, 2)), (0, (1, 1)))
+MOST_POINTS = 10_000  # a longer line is thinned to its extremes: no picture is as fine as that
+PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
+STYLE = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
+    "font.size": 10.5,
+    "axes.edgecolor": SOFT,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.limits": (-3, 4),
+    "grid.color": "#e6e6e6",
+    "hatch.color": FAINT,
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "legend.handlelength": 2.6,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "percuss",
+    "pdf.fonttype": 42,
+}
+
+
+def check_suffix(path: str | os.PathLike[str]) -> None:
+    """Refuse a picture that cannot be drawn, before anything is run for it.
+
+    Raises
+    ------
+    InputError
+        If `path` ends in something else than .png, .svg or .pdf.
+    PercussError
+        If matplotlib is not installed.
+    """
+    suffix = Path(path).suffix
+    if suffix.lower() not in SUFFIXES:
+        message = f"expected a picture ending in .png, .svg or .pdf, found {suffix or 'no ending'}"
+        raise InputError([Problem(str(path), "", message, "Name the file with one of the three.")])
+    with drawing():
+        pass
+
+
+def picture(figure: Figure, kind: str) -> bytes:
+    """Return a figure as the bytes of a png, svg or pdf file; the same figure gives the same bytes."""
+    stamps: dict[str, dict[str, Any]] = {
+        "png": {"Software": None},
+        "svg": {"Date": None, "Creator": "percuss"},
+        "pdf": {"CreationDate": None, "Creator": "percuss", "Producer": None},
+    }
+    out = io.BytesIO()
+    with drawing():
+        figure.savefig(out, format=kind, dpi=180, metadata=stamps[kind])
+    return out.getvalue()
+
+
+@contextmanager
+def drawing() -> Iterator[None]:
+    """Draw in this module's style, whatever the user's own is; leave matplotlib's settings as they were."""
+    try:
+        from matplotlib import style
+    except ImportError as error:
+        message = "a picture needs matplotlib, which is not installed: pip install 'percuss[plot]'"
+        raise PercussError(message) from error
+    with style.context(["default", STYLE]):
+        yield
+
+
+def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
+    """Write the figure that `draw` returns, by suffix as png, svg or pdf: beside `path`, then renamed."""
+    check_suffix(path)
+    suffix = Path(path).suffix
+    content = picture(draw(), suffix.lower()[1:])
+    with replacing(path, suffix) as beside:
+        beside.write_bytes(content)
+
+
+def shown_until(result: Result) -> float:
+    """Return the end of the time axis: as planned, unless the run stopped far before that."""
+    stopped = stopped_at(result)
+    if result.summary["dt"] is None:
+        return stopped
+    planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
+    return float(max(min(planned, 1.3 * stopped), result.summary["dt"]))
+
+
+def not_computed(axes: Axes, result: Result, *, word: bool = True, upwards: bool = False) -> None:
+    """Hatch the time after a run's stop."""
+    stopped, until = stopped_at(result), shown_until(result)
+    if result.status == "done" or stopped >= until:
+        return
+    span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)
+    span(stopped, until, facecolor="#f3f3f3", edgecolor=FAINT, hatch="///", linewidth=0)
+    line(stopped, color=ALARM, linewidth=1.5)
+    if not word:
+        return
+    middle = 0.5 * (stopped + until)
+    where = (0.5, middle) if upwards else (middle, 0.5)
+    frame = axes.get_yaxis_transform() if upwards else axes.get_xaxis_transform()
+    style: dict[str, Any] = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
+    axes.text(*where, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
+
+
+def thinned(time: Any, values: Any) -> tuple[Any, Any]:
+    """Return a line as it is, or the smallest and the largest value of each of many stretches, in order."""
+    if time.size <= MOST_POINTS:
+        return time, values
+    starts = np.linspace(0, time.size, MOST_POINTS // 2 + 1).astype(np.int64)
+    kept = {0, time.size - 1}
+    for a, b in pairwise(starts.tolist()):
+        kept.update((a + int(values[a:b].argmin()), a + int(values[a:b].argmax())))
+    index = np.array(sorted(kept))
+    return time[index], values[index]
