@@ -104,16 +104,10 @@ loads:
     assert drive.acts_as == "velocity"
 
 
-@pytest.mark.parametrize(
-    "content", ["time,value\n0,0\n\n0.5,2\n", "0;0\n# peak\n0.5;2\n", "\ufeff0, 0\r\n0.5, 2"]
-)
+@pytest.mark.parametrize("content", ["time,value\n0,0\n\n0.5,2\n", "0;0\n# peak\n0.5;2\n", "\ufeff0, 0\r\n0.5, 2"])
 def test_a_table_from_a_file_beside_the_case(tmp_path, content):
     (tmp_path / "pulse.csv").write_text(content, encoding="utf-8")
-    load_ = (
-        from_text(tmp_path, text("loads: {push: {table: {file: pulse.csv}, on: a.left}}\n"))
-        .loads["push"]
-        .load
-    )
+    load_ = from_text(tmp_path, text("loads: {push: {table: {file: pulse.csv}, on: a.left}}\n")).loads["push"].load
     assert load_.file.path == "pulse.csv"
     assert load_.file.table.tolist() == [[0.0, 0.5], [0.0, 2.0]]
     assert not load_.file.table.flags.writeable
@@ -174,9 +168,7 @@ def test_the_mapping_given_is_not_changed():
 
 
 def test_overrides_are_values_or_yaml():
-    case = load(
-        mapping(), {"bodies.a.area": 3, "time.end": "2e0", "bodies.a.at": "[-10]", "record": "{every: 5}"}
-    )
+    case = load(mapping(), {"bodies.a.area": 3, "time.end": "2e0", "bodies.a.at": "[-10]", "record": "{every: 5}"})
     assert (case.bodies["a"].area, case.time.end, case.bodies["a"].at, case.record.every) == (
         3.0,
         2.0,
@@ -187,9 +179,7 @@ def test_overrides_are_values_or_yaml():
 
 
 def test_overrides_may_set_what_is_not_there():
-    case = load(
-        mapping(), {"record.every": 2, "time.on_unstable": "warn", "loads.push": "{constant: 1, on: a.left}"}
-    )
+    case = load(mapping(), {"record.every": 2, "time.on_unstable": "warn", "loads.push": "{constant: 1, on: a.left}"})
     assert (case.record.every, case.time.on_unstable, case.loads["push"].load.value) == (2, "warn", 1.0)
 
 
@@ -242,9 +232,7 @@ def test_a_contact_keeps_its_own_method():
     contacts = {"tip": {"between": ["a.right", "b.left"], "method": "penalty"}}
     case = load(mapping(contacts=contacts), {"method.contact": "lagrange"})
     assert type(case.contacts["tip"].law).name == "penalty"
-    assert (
-        load(mapping(contacts=contacts), {"contacts.tip.method.beta_s": 4}).contacts["tip"].law.beta_s == 4.0
-    )
+    assert load(mapping(contacts=contacts), {"contacts.tip.method.beta_s": 4}).contacts["tip"].law.beta_s == 4.0
 
 
 def test_overrides_follow_one_another():
@@ -301,13 +289,9 @@ def test_a_plug_in_beside_the_case(tmp_path):
         "    name = 'soft'\n    summary = 'Soft'\n    stiffness: float = 1.0\n"
         "    def bind(self, points, dt):\n        return Rows('explicit', 1 / self.stiffness)\n"
     )
-    case = from_text(
-        tmp_path, text("plugins: [soft_law.py]\nmethod: {contact: {name: soft, stiffness: 3}}\n")
-    )
+    case = from_text(tmp_path, text("plugins: [soft_law.py]\nmethod: {contact: {name: soft, stiffness: 3}}\n"))
     assert case.method.contact.stiffness == 3.0
-    assert type(case.with_overrides({"method.contact.stiffness": 4}).method.contact) is type(
-        case.method.contact
-    )
+    assert type(case.with_overrides({"method.contact.stiffness": 4}).method.contact) is type(case.method.contact)
     beside = load(mapping(method={"contact": "soft"}), plugins=[tmp_path / "soft_law.py"])
     assert type(beside.method.contact).name == "soft"
     with pytest.raises(InputError, match="unknown contact law 'soft'"):
@@ -323,9 +307,7 @@ def test_components_that_fail_to_load_are_named():
 
             return getattr(Registry.load(), name)
 
-    with pytest.raises(
-        InputError, match=r"Plug-in that failed to load: percuss-soft 1.0: ImportError: no soft\."
-    ):
+    with pytest.raises(InputError, match=r"Plug-in that failed to load: percuss-soft 1.0: ImportError: no soft\."):
         load(mapping(method={"contact": "soft"}), registry=Partial())
 
 

@@ -31,7 +31,8 @@ def test_help_loads_nothing_heavy() -> None:
         "from percuss.cli import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "print([m for m in ('numpy','numba','pydantic','xarray','scipy','matplotlib','percuss_methods') if m in sys.modules])"
+        "heavy = ('numpy','numba','pydantic','xarray','scipy','matplotlib','percuss_methods')\n"
+        "print([m for m in heavy if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"

@@ -1128,3 +1128,15 @@ def test_past_the_most_fronts_it_stops_and_says_where(most):
     assert all(a < b <= short.reached for a, b in other.closed)
     known = [one for one in tip.closed if one[0] < short.reached]
     assert len(other.closed) == len(known) > 2
+
+
+@pytest.mark.parametrize("fine", [1.0, 1e-3])
+def test_a_row_that_falls_freely_does_not_press(fine):
+    """Nothing acts between the bars but round-off."""
+    bars = ((0.3, 0.5, 0.5), (0.43, 0.5, 1.28), (0.3, 0.51, 0.5), (0.3, 0.5, 0.5))
+    falling = Row(
+        tuple({"length": l, "young": e, "density": r, "area": 0.5, "velocity": 0.0} for l, e, r in bars),
+        (0.0,) * 3, {}, {}, (), 0.01, {}, 1.0,
+    )  # fmt: skip
+    solution = solve(falling.mapping(units=(1.0, fine, 1.0)), fine)
+    assert [contact.closed for contact in solution.contacts.values()] == [()] * 3

@@ -17,6 +17,7 @@ import pytest
 
 import percuss
 from percuss import march
+from percuss.kernels import BLOCK
 from strategies import INTEGRATORS, hunek, run
 
 STEEL = {"young": 100.0, "density": 0.01}
@@ -118,16 +119,16 @@ def test_chunks_change_nothing(monkeypatch, chunk):
 
 @pytest.mark.parametrize(
     ("start", "stop"),
-    [(0.0, 0.05), (0.013, 0.0457), (0.01249, 0.01251), (0.02, 0.021), (-1.0, 0.03), (0.0, 1e-5), (-1.0, 0.0)],
+    [(0.0, 0.05), (0.013, 0.0457), (0.01249, 0.01251), (0.02, 0.021), (-1.0, 0.03), (0.0, 1e-5), (-1.0, -1e-4)],
 )
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 def test_a_constant_load_switched_between_steps_brings_its_exact_impulse(start, stop, kind):
     load = {"constant": 2.0, "on": "a", "as": kind, "from": start, "until": stop}
     result = run(one_bar({"end": 0.1, "courant": 0.7}, {"push": load}))
     share = 2.0 if kind == "force" else 2.0 * 0.01
-    impulse = share * (stop - max(start, 0.0))
+    impulse = share * (max(stop, 0.0) - max(start, 0.0))
     momentum = result.summary["momentum"]
-    assert momentum["final"][0] == pytest.approx(impulse, rel=1e-12, abs=1e-20)
+    assert momentum["final"][0] == pytest.approx(impulse, rel=1e-12, abs=1e-17)
     assert momentum["error"] < 1e-12
 
 
@@ -342,22 +343,17 @@ def test_a_load_that_is_no_number_stops_the_run(tmp_path, acts):
 )
 def test_forces_in_balance_are_no_instability(integrator, load):
     """A node between a support and a wall, pressed on the wall: nothing moves, all works are round-off."""
-    wall = {"w": {"body": "a.right", "wall": 1.0}}
+    wall = {"w": {"body": "a.right", "wall": 0.5}}
     press = {"press": {**load, "on": "a", "as": "force"}}
     case = one_bar({"steps": 200, "courant": 0.3}, press, 1, contacts=wall, fixed=["left"])
+    soft = {"young": 20.0, "density": 0.01}
+    case["bodies"]["a"] |= {"bar": {"length": 0.5, "elements": 1}, "material": soft, "area": 0.5}
     case["method"] = {"integrator": integrator, "contact": "lagrange"}
     result = run(case)
     force = result.arrays["contact_force"][:, 0]
     assert force.max() == pytest.approx(1.0, rel=0.01)
     assert np.abs(result.arrays["displacement"]).max() < 1e-15
     assert result.summary["energy"]["ledger_error"] < 1e-12
-
-
-def test_the_message_names_the_limit_at_a_courant_number_of_one():
-    """One element, free at both ends, struck: its only frequency is the critical one and grows with time."""
-    drive = {"drive": {"prescribed-velocity": 2.0, "on": "a.left", "until": 0.02}}
-    with pytest.raises(percuss.RunError, match="Courant number of 1"):
-        run(one_bar({"steps": 200, "courant": 1.0}, drive, 1))
 
 
 # ------------------------------------------------------------------------------------------------ results on disk
@@ -454,7 +450,7 @@ def test_a_contact_that_nobody_can_move_is_refused(held):
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("elements", [1, 2, 1023, 1024, 1025, 2049])
+@pytest.mark.parametrize("elements", [1, 2, *(BLOCK * k + d for k in (1, 2) for d in (-1, 0, 1))])
 def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
     """Meshes up to and beyond a block of nodes: a bar struck at one end, its energy kept to round-off."""
     case = one_bar({"steps": 300, "courant": 0.9}, {"push": {"constant": 1.0, "on": "a.left", "until": 1e-4}}, elements)
@@ -465,19 +461,21 @@ def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
     assert result.summary["momentum"]["final"][0] == pytest.approx(1e-4, rel=1e-11)
 
 
-@pytest.mark.parametrize("elements", [1024, 1500])
+@pytest.mark.parametrize("elements", [BLOCK, 2 * BLOCK + 37])
 @pytest.mark.parametrize("dimension", [1, 2])
 def test_blocks_are_joined_without_a_seam(elements, dimension):
     """A wave that runs through a mesh of several blocks is d'Alembert's at a Courant number of 1."""
     direction = [1.0] if dimension == 1 else [0.6, 0.8]
-    case = one_bar({"steps": elements, "courant": 1.0}, {"push": {"constant": 1.0, "on": "a.left"}}, elements)
+    time = {"steps": elements + 10, "courant": 1.0}
+    case = one_bar(time, {"push": {"constant": 1.0, "on": "a.left"}}, elements)
     case["bodies"]["a"]["bar"]["direction"] = direction
     result = run(case)
     left = result.arrays["velocity"][:, 0] @ np.array(direction)
     right = result.arrays["velocity"][:, 1] @ np.array(direction)
-    # force / (A sqrt(E rho)) = 1 behind the front, which arrives at the right end with the last step
+    # force / (A sqrt(E rho)) = 1 behind the front; the free end, where it arrives after as many steps, doubles it
     assert np.abs(left[1:] - 1.0).max() < 1e-10
-    assert np.abs(right[:-1]).max() < 1e-10
+    assert np.abs(right[:elements]).max() < 1e-10
+    assert np.abs(right[elements + 1 :] - 2.0).max() < 1e-10
 
 
 def test_a_second_process_gives_the_same_numbers():

@@ -300,9 +300,7 @@ def test_a_plugin_named_twice_is_used_once(install):
 
 
 HOOK_NAMES = ", ".join(f"percuss_{family}" for family in FAMILIES)
-ABSTRACT = (
-    '@dataclass(frozen=True)\nclass Bad({base}):\n    """Law."""\n    name = "bad"\n    summary = "bad"\n'
-)
+ABSTRACT = '@dataclass(frozen=True)\nclass Bad({base}):\n    """Law."""\n    name = "bad"\n    summary = "bad"\n'
 LOAD = ABSTRACT.format(base="Load") + "    def amplitude(self, time):\n        return time\n"
 WRONG = {
     # what the plug-in says beside its valid law, what is said of it, the text that stands at the place
@@ -373,8 +371,7 @@ WRONG = {
         "@dataclass(frozen=True)\nclass Bad",
     ),
     "abstract twice": (
-        ABSTRACT.format(base="Material").replace("Material", "Shape")
-        + hook("return [Bad]", "percuss_shapes"),
+        ABSTRACT.format(base="Material").replace("Material", "Shape") + hook("return [Bad]", "percuss_shapes"),
         "percuss_shapes: Bad is still abstract; it lacks `dimension`, `mesh`",
         "@dataclass(frozen=True)\nclass Bad",
     ),
@@ -524,9 +521,7 @@ def test_a_name_that_two_distributions_register_is_not_used(install):
 def test_a_built_in_name_can_be_taken_away_but_not_taken_over(install):
     install("fake-laws", {"fake_laws.py": IMPORTS + law(name="penalty") + hook()})
     registry = Registry.load()
-    with pytest.raises(
-        PluginError, match=r"by fake-laws 1\.0 \(fake_laws\) and by percuss .*contacts\.penalty"
-    ):
+    with pytest.raises(PluginError, match=r"by fake-laws 1\.0 \(fake_laws\) and by percuss .*contacts\.penalty"):
         registry.get("contacts", "penalty")
     assert "bipenalty" in registry.names("contacts")
 
@@ -534,11 +529,7 @@ def test_a_built_in_name_can_be_taken_away_but_not_taken_over(install):
 def test_the_same_name_in_two_families_is_no_duplicate(install):
     install(
         "fake-laws",
-        {
-            "fake_laws.py": IMPORTS
-            + LOAD.replace('"bad"', '"penalty"', 1)
-            + hook("return [Bad]", "percuss_loads")
-        },
+        {"fake_laws.py": IMPORTS + LOAD.replace('"bad"', '"penalty"', 1) + hook("return [Bad]", "percuss_loads")},
     )
     registry = Registry.load()
     assert registry.broken == ()
@@ -651,9 +642,7 @@ def test_another_process_finds_the_classes_of_a_file(write, tmp_path):
         "import pickle\nwith open('pickle', 'rb') as stream: registry, law = pickle.load(stream)\n"
         "print(type(law) is registry.get('contacts', 'my-law'))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout == "True\n"
     assert pickle.loads(pickle.dumps(registry)) is registry
 

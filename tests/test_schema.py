@@ -143,9 +143,7 @@ class Extended:
     """The installed registry and the classes above."""
 
     def names(self, family):
-        return sorted(
-            [*Registry.load().names(family), *(one.name for one in (Soft, Still) if one.family == family)]
-        )
+        return sorted([*Registry.load().names(family), *(one.name for one in (Soft, Still) if one.family == family)])
 
     def get(self, family, name):
         own = {(one.family, one.name): one for one in (Soft, Still)}

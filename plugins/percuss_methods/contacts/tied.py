@@ -34,10 +34,7 @@ class Tied(ContactLaw):
     references = ("Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements, Wiley 2014, ch. 10",)
     examples = ({}, {"during": ((0.0, 0.1), (0.2, 0.3))})
 
-    during: (
-        Annotated[tuple[tuple[float, float], ...], Unit("time"), Doc("intervals (start, stop)")]
-        | None
-    ) = None
+    during: Annotated[tuple[tuple[float, float], ...], Unit("time"), Doc("intervals (start, stop)")] | None = None
 
     def bind(self, points: ContactPoints, dt: float) -> Intervals:  # noqa: ARG002
         """Return the intervals."""
