@@ -1,4 +1,4 @@
-"""Profiles of hypothesis: a repeatable quick one, and a long one that draws anew (HYPOTHESIS_PROFILE=deep)."""
+"""Profiles of hypothesis: a repeatable quick one, a larger one, and a long one that draws anew (HYPOTHESIS_PROFILE)."""
 
 import os
 
@@ -9,5 +9,8 @@ settings.register_profile(
 )
 settings.register_profile(
     "deep", max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
+settings.register_profile(
+    "ci", max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
