@@ -91,9 +91,7 @@ LAWS = [
     for name in REGISTRY.names("contacts")
     for options in REGISTRY.get("contacts", name).examples
 ]
-LOADS = [
-    {name: dict(options)} for name in REGISTRY.names("loads") for options in REGISTRY.get("loads", name).examples
-]
+LOADS = [{name: dict(options)} for name in REGISTRY.names("loads") for options in REGISTRY.get("loads", name).examples]
 ALONG = [one for one in LOADS if not any(isinstance(o.get("value"), tuple) and "gravity" in one for o in one.values())]
 ON_ENDS = [one for one in ALONG if "gravity" not in one]
 FORCES = [one for one in ON_ENDS if "prescribed-velocity" not in one]

@@ -1135,7 +1135,7 @@ def test_a_row_that_falls_freely_does_not_press(fine):
     """Nothing acts between the bars but round-off."""
     bars = ((0.3, 0.5, 0.5), (0.43, 0.5, 1.28), (0.3, 0.51, 0.5), (0.3, 0.5, 0.5))
     falling = Row(
-        tuple({"length": length, "young": young, "density": density, "area": 0.5, "velocity": 0.0} for length, young, density in bars),
+        tuple({"length": one[0], "young": one[1], "density": one[2], "area": 0.5, "velocity": 0.0} for one in bars),
         (0.0,) * 3, {}, {}, (), 0.01, {}, 1.0,
     )  # fmt: skip
     solution = solve(falling.mapping(units=(1.0, fine, 1.0)), fine)

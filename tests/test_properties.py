@@ -92,8 +92,9 @@ def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
 @given(case=rows(loads=False))
 def test_energy_of_the_lagrange_method_never_grows(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})))
-    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
-    assert np.diff(energy).max() <= 1e-13 * energy.max()
+    parts = result.arrays["kinetic_energy"], result.arrays["elastic_energy"]
+    # their sum is small against each of them where the highest frequency swings at a Courant number of 1
+    assert np.diff(sum(parts)).max() <= 1e-13 * np.abs(parts).max()
 
 
 @given(

@@ -67,7 +67,10 @@ def run(
     if outcome.status == "unstable":
         raise RunError(stop_message(outcome.stop), result)
     if nudge and result.summary["exact"] is not None:
-        twin = run(truth.nudged(case), compiled=compiled)
+        try:
+            twin = run(truth.nudged(case), compiled=compiled)
+        except RunError as error:  # a hair's breadth decides whether it blows up
+            twin = error.result
         result.summary["exact"]["fragile"] = truth.is_fragile(result, twin)
     return result
 
