@@ -78,12 +78,14 @@ def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
     moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
     started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
     contacts = float(np.abs(outcome.points.impulse).sum())
+    # each by itself: the reactions at the two ends of a stretched bar are large, and cancel
+    held = model.dt * float(np.abs(outcome.reactions).sum())
     scale = max(
         moving,
         started,
         contacts,
+        held,
         float(np.abs(outcome.load_impulse).max(initial=0.0)),
-        float(np.abs(supports).max()),
     )
     return {
         "initial": before.tolist(),
