@@ -447,3 +447,13 @@ def test_the_critical_courant_number_of_a_closed_contact_with_wu(beta_s, ratio):
         return parts[7].max() / parts[1].max()
 
     assert growth(0.999) < 1.0 < growth(1.001)
+
+
+def test_the_certificate_does_not_count_on_a_drive_that_lets_go():
+    bar = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": 1e4, "density": 1.0}, "area": 1.0}
+    loads = {"drive": {"prescribed-velocity": 1.0, "on": "a.left", "until": 0.02}}
+    case = {"percuss": 1, "bodies": {"a": bar}, "loads": loads, "time": {"end": 0.1, "courant": 1.0}}
+    timed = percuss.run(percuss.load(case), {"record.probes": []}).summary["certificate"]
+    held = percuss.run(percuss.load(case), {"loads.drive.until": 1.0}).summary["certificate"]
+    assert timed["dt_critical"] == pytest.approx(0.01, rel=1e-9)
+    assert held["dt_critical"] == pytest.approx(0.01 * 2**0.5, rel=1e-9)

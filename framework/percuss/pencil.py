@@ -27,14 +27,15 @@ class Pencil:
     Parameters
     ----------
     model
-        The case as arrays; what holds in its first step holds always.
+        The case as arrays; a drive that is off at any time counts as absent.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         held: dict[int, list[Floats]] = {}
+        end = model.steps * model.dt
         for hold in model.holds:
-            if hold.active(0.5 * model.dt):
+            if hold.load is None or (hold.load.start <= 0 and hold.load.stop >= end):
                 held.setdefault(hold.node, []).append(hold.direction)
         self.bodies: list[tuple[int, Floats, Floats, Floats]] = []  # first free node, masses, diagonal, off-diagonal
         for body in model.bodies.values():

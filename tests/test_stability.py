@@ -1,0 +1,114 @@
+"""The certificate before a run: critical steps against published and closed forms, verdicts, cures."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import percuss
+from percuss.model import Model
+from percuss.stability import certificate
+
+HUNEK = Path(__file__).parent.parent / "cases" / "hunek.yaml"
+BAR = {"material": {"young": 1.0, "density": 1.0}, "area": 1.0}
+N = 60
+
+# critical Courant numbers of a bar of 60 elements on a rigid wall, central difference (Kopacka et al. 2018, Fig. 1 of
+# Kolman et al.); beta_s to the number, ratio by row
+TABLE = {
+    math.inf: {0.25: 0.9924, 1.0: 0.9102, 10.0: 0.4254, 100.0: 0.1407},
+    5.0: {0.25: 0.9951, 1.0: 0.9398, 10.0: 0.6, 100.0: 0.4666},
+    2.0: {0.25: 0.9981, 1.0: 0.9744, 2.0: 0.9306, 10.0: 0.7892, 100.0: 0.7169},
+    1.5: {0.25: 0.9991, 1.0: 0.988, 10.0: 0.874, 100.0: 0.8234},
+    1.0: {0.25: 1.0, 1.0: 1.0, 10.0: 1.0, 100.0: 1.0},
+}
+ROWS = [(ratio, beta, critical) for ratio, row in TABLE.items() for beta, critical in row.items()]
+
+
+def wall(beta, ratio, integrator="central-difference", courant=0.5):
+    bodies = {"b": {"bar": {"length": 1.0, "elements": N}, **BAR}}
+    law = {"name": "bipenalty", "beta_s": beta, "ratio": ratio}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": {"w": {"body": "b.left", "wall": 0.0}},
+        "method": {"integrator": integrator, "contact": law},
+        "time": {"steps": 1, "courant": courant},
+    }
+
+
+def certified(case):
+    return certificate(Model(percuss.load(case)))
+
+
+@pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
+def test_the_published_critical_courant_numbers(ratio, beta, critical):
+    assert round(certified(wall(beta, ratio))["dt_critical"] * N, 4) == critical
+
+
+@pytest.mark.parametrize("beta", [0.25, 1.0, 10.0])
+def test_two_equal_bars_are_a_wall_at_twice_the_penalty(beta):
+    case = wall(beta, math.inf)
+    case["bodies"]["c"] = {"bar": {"length": 1.0, "elements": N}, "at": -1.0, **BAR}
+    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    expected = certified(wall(2 * beta, math.inf))["dt_critical"]
+    assert certified(case)["dt_critical"] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("beta", "ratio"), [(0.25, 1.0), (10.0, 1.0), (10.0, 0.5), (100.0, 5.0)])
+def test_theta_of_wu_is_the_closed_form(beta, ratio):
+    courant = 0.4
+    found = certified(wall(beta, ratio, "wu-predictor-corrector", courant))
+    theta = 2 * courant**2 * beta / (1 + beta / (2 * ratio))
+    assert found["theta"] == pytest.approx(theta, rel=1e-12)
+    critical = min(1.0, math.sqrt((1 + beta / (2 * ratio)) / (2 * beta)))
+    assert found["dt_critical"] * N == pytest.approx(critical, rel=1e-8)
+
+
+def test_a_case_turned_in_space_has_the_same_certificate():
+    turned = wall(10.0, 2.0)
+    turned["bodies"]["b"]["bar"]["direction"] = [0.6, 0.8]
+    turned["contacts"]["w"]["wall"] = [0.0, 0.0]
+    assert certified(turned)["dt_critical"] == pytest.approx(certified(wall(10.0, 2.0))["dt_critical"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "stable", "energy"),
+    [
+        ({}, "yes", "never grows"),
+        ({"method.contact": "lagrange", "time.courant": 1}, "marginal", "never grows"),
+        (
+            {"method.contact": "penalty", "method.integrator": "central-difference"},
+            "yes",
+            "conserved between switchings",
+        ),
+        ({"method.integrator": "central-difference"}, "yes", "not guaranteed"),
+        ({"method.contact.beta_s": 10, "time.courant": 0.9}, "no", "not guaranteed"),
+        ({"method.contact.beta_s": 1e6, "method.contact.ratio": "matched", "time.courant": 0.9}, "yes", "never grows"),
+        ({"time.courant": 1.01}, "no", "not guaranteed"),
+        ({"method.contact": "tied"}, "unknown", "unknown"),
+    ],
+)
+def test_verdicts(changes, stable, energy):
+    found = certificate(Model(percuss.load(HUNEK, changes)))
+    assert (found["stable"], found["energy"]) == (stable, energy)
+    assert found["why"]
+    assert bool(found["cure"]) == (stable == "no")
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
+@pytest.mark.parametrize("law", ["penalty", "bipenalty"])
+def test_a_cure_cures(integrator, law):
+    options = {"name": law, "beta_s": 50.0, **({"ratio": 3.0} if law == "bipenalty" else {})}
+    changes = {"method.integrator": integrator, "method.contact": options, "time.courant": 0.9}
+    case = percuss.load(HUNEK, changes)
+    found = certificate(Model(case))
+    assert found["stable"] == "no"
+    assert found["worst"] == ["tip"]
+    for cure in found["cure"].split(", or "):
+        if cure.startswith("lower"):
+            option, value = "time", {"end": 0.8, "step": float(cure.split(" to ")[1].split(" ")[0]) * (1 - 1e-5)}
+        else:
+            words = cure.split()
+            option, value = f"method.contact.{words[1]}", float(words[-1]) * (1 - 1e-5)
+        assert certificate(Model(case.with_overrides({option: value})))["stable"] in {"yes", "marginal"}
