@@ -152,12 +152,12 @@ def compare(
         if own:
             print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
         rows = comparison.compare(loaded, _names(integrator), contacts, varied(vary or []), tied=tied)
-        orders = convergence.orders(rows) if any(len(o["refine"]) > 1 for o in convergence.orders(rows)) else []
+        orders = convergence.orders(rows)
         if plot is not None:
             from percuss.overlay import plot_comparison
 
             if orders:
-                convergence.plot_convergence(rows, loaded.title, plot)
+                convergence.plot_convergence(orders, loaded.title, plot)
             else:
                 plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
         if as_json:

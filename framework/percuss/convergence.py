@@ -34,10 +34,11 @@ def orders(rows: list[Row]) -> list[dict[str, Any]]:
     -------
     list of dict
         ``integrator``, ``contact``, the other varied values, and for each error its order (None where fewer than two
-        meshes have an error above round-off) and the errors themselves.
+        meshes have an error above round-off) and the errors themselves; empty where no method ran on two meshes.
     """
     out = []
-    for key, series in _series(rows).items():
+    runs = _series(rows)
+    for key, series in runs.items() if any(len(series) > 1 for series in runs.values()) else ():
         fitted: dict[str, Any] = {"integrator": key[0], "contact": key[1], **dict(key[2])}
         fitted["refine"] = [row.varied[REFINED] for row in series]
         for name in ERRORS:
@@ -66,11 +67,10 @@ def _order(refine: list[float], errors: list[Any]) -> float | None:
     return float(-slope)
 
 
-def convergence_figure(rows: list[Row], title: str) -> Figure:
-    """Return errors against the mesh on logarithmic axes, one panel an error, one line a method."""
+def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
+    """Return errors against the mesh on logarithmic axes, one panel an error, one line a method of `orders`."""
     from percuss.figures import COLOURS, DASHES, drawing
 
-    fitted = orders(rows)
     colours = (*COLOURS, "#000000", "#8c8c8c")
     with drawing():
         from matplotlib.figure import Figure
@@ -106,8 +106,8 @@ def _label(one: dict[str, Any]) -> str:
     return f"{' '.join([one['integrator'], '+', one['contact'], *others])}:  {told}"
 
 
-def plot_convergence(rows: list[Row], title: str, path: str | os.PathLike[str]) -> None:
+def plot_convergence(fitted: list[dict[str, Any]], title: str, path: str | os.PathLike[str]) -> None:
     """Write `convergence_figure` as png, svg or pdf by suffix; written beside and then renamed."""
     from percuss.figures import write
 
-    write(path, lambda: convergence_figure(rows, title))
+    write(path, lambda: convergence_figure(fitted, title))

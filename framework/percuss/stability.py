@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -120,13 +121,16 @@ class Judge:
             return False, [int(p) for p in np.flatnonzero(said.predicted & (said.stiffness > 0))]  # type: ignore[union-attr]
         return definite, worst
 
-    def critical(self, *, contacts: bool = True) -> float:
+    @cached_property
+    def free(self) -> float:
+        """The largest step that is stable without contact."""
+        return largest(lambda dt: self.stable(dt, contacts=False)[0], 2.0 / self.model.omega)
+
+    def critical(self) -> float:
         """Return the largest stable step, laws bound anew for each step tried."""
-        if contacts:
-            free = self.critical(contacts=False)
-            if self.stable(free * (1.0 - 0.1 * EDGE))[0]:
-                return free
-        return largest(lambda dt: self.stable(dt, contacts=contacts)[0], 2.0 / self.model.omega)
+        if self.stable(self.free * (1.0 - 0.1 * EDGE))[0]:
+            return self.free
+        return largest(lambda dt: self.stable(dt)[0], 2.0 / self.model.omega)
 
 
 def certificate(model: Model) -> dict[str, Any]:
@@ -146,8 +150,8 @@ def certificate(model: Model) -> dict[str, Any]:
     """
     judge = Judge(model)
     said = closed(model, model.dt)
-    free = judge.critical(contacts=False)
-    critical = free if said.unknown else min(judge.critical(), np.inf)
+    free = judge.free
+    critical = free if said.unknown else judge.critical()
     worst = judge.stable(model.dt)[1] if model.dt <= free * (1.0 + EDGE) else []
     margin = model.dt / critical if critical > 0 else np.inf
     theta = judge.theta(model.dt, said)
