@@ -23,7 +23,7 @@ from strategies import INTEGRATORS, hunek, run
 STEEL = {"young": 100.0, "density": 0.01}
 HISTORIES = (
     "time", "time_half", "contact_force", "contact_force_end", "gap", "displacement", "velocity", "kinetic_energy",
-    "elastic_energy", "external_work", "contact_work", "energy_error",
+    "elastic_energy", "external_work", "contact_work", "contact_energy", "energy_error", "energy_growth",
 )  # fmt: skip
 
 

@@ -23,7 +23,13 @@ if TYPE_CHECKING:
     from percuss.contracts import Floats
 
 TOLERANCE = 1e-14
+ROUNDING = float(np.finfo(np.float64).eps)
 SWEEPS = 10_000
+
+# How a point stores energy. A law whose force follows from the gap at the end of the step is a spring there, and its
+# energy the mean of two ends; a law judged at the current gap is one of stiffness and inertia between two steps.
+NOTHING, BY_END, BY_CURRENT = 0, 1, 2
+SUMMED = ("multiplier", "stored", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
 
 
 # One record a contact point. What its law says, what the step finds there, what is summed up over the run.
@@ -41,6 +47,8 @@ JUDGED = np.dtype(
         ("always", "i8"),  # 1 where the law is active at any gap
         ("never_pulls", "i8"),  # 1 where the multiplier must not be negative
         ("own", "i8"),  # 1 where a kernel of the law's own gives the multiplier
+        ("stores", "i8"),  # how the law stores energy: NOTHING, BY_END or BY_CURRENT
+        ("surplus", "f8"),  # by what w exceeds that of a gap judged at the end of the step
     ]
 )
 POINT = np.dtype(
@@ -48,6 +56,7 @@ POINT = np.dtype(
         *((name, JUDGED[name]) for name in JUDGED.names or ()),
         ("initial_gap", "f8"),
         ("delassus", "f8"),  # diagonal of S
+        ("kappa", "f8"),  # stiffness at the end of the step, of points that store BY_END
         ("start", "i8"),  # its entries of N, from start to stop
         ("stop", "i8"),
         ("other_start", "i8"),  # its other entries of S
@@ -57,6 +66,8 @@ POINT = np.dtype(
         ("rate", "f8"),  # at n - 1/2
         ("predicted_rate", "f8"),
         ("multiplier", "f8"),
+        ("stored", "f8"),  # energy at n - 1/2, after the step that at n + 1/2
+        ("active", "i8"),  # 1 where the law acted, or stored energy, in the step before
         ("impulse", "f8"),
         ("peak", "f8"),
         ("deepest", "f8"),  # largest overlap
@@ -137,7 +148,20 @@ def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> 
     out["sees_acceleration"] = judged.acceleration == "bulk"
     out["always"] = rows["active"] == "all"
     out["never_pulls"] = rows["sign"] == ">= 0"
+    # what a unit multiplier adds to the gap at the end is the same for every leap-frog scheme
+    out["surplus"] = answer - rows["gap"] * table.end.answer[0]
+    out["stores"] = storage(rows, judged)
     return out
+
+
+def storage(rows: dict[str, Any], judged: Judged) -> Any:
+    """Return how the points of a law store energy, (P,): NOTHING, BY_END or BY_CURRENT."""
+    inert = (rows["acceleration"] != 0) & (judged.acceleration == "bulk")
+    plain = (rows["rate"] == 0) & (rows["sigma"] > 0)
+    if judged.gap == "predicted":
+        return np.where(plain & ~inert, BY_END, NOTHING)
+    whole = (judged.acceleration == "bulk" and judged.answer[2] == 1) | (rows["acceleration"] == 0)
+    return np.where(plain & whole & (judged.answer[0] == 0), BY_CURRENT, NOTHING)
 
 
 def own_multipliers(count: int) -> Any:
@@ -196,6 +220,9 @@ def point_records(
     for name in JUDGED.names or ():
         points[name] = judged[name]
     points["initial_gap"], points["delassus"] = gaps, diagonal
+    compliance = points["sigma"] + points["surplus"] * diagonal
+    spring = (points["stores"] == BY_END) & (compliance > 0)
+    points["kappa"] = np.divide(points["weight_gap"], compliance, out=np.zeros_like(diagonal), where=spring)
     points["first"] = points["last"] = -1
     entries = [
         (place[side.node] + d, normal, response)
@@ -215,6 +242,28 @@ def point_records(
     )
 
 
+def carry_over(before: Any, after: Any, totals: Any) -> None:
+    """Let the sums of points go on after a change of drives.
+
+    A driven node answers no contact force. With it changes the stiffness at the end of the step, and what is stored
+    in it: that is no growth, so that the smallest value so far moves along.
+
+    Parameters
+    ----------
+    before, after : (P,) POINT
+        The points up to the change, and the fresh ones behind it.
+    totals : TOTAL
+        The totals of the run.
+    """
+    for name in SUMMED:
+        after[name] = before[name]
+    changed = np.divide(after.kappa, before.kappa, out=np.ones(after.size), where=before.kappa > 0)
+    after.stored = before.stored * changed
+    shift = float(after.stored.sum() - before.stored.sum())
+    totals.stored += shift
+    totals.least += shift
+
+
 def solve(points: Any, others: Any, dt: float) -> bool:
     """Find the multipliers of all points that are rows; return whether they converged.
 
@@ -229,6 +278,31 @@ def solve(points: Any, others: Any, dt: float) -> bool:
                 if value > 0.0 or p.never_pulls == 0:
                     p.multiplier = value
     return others.size == 0 or sweep(points, others, dt)
+
+
+def stored(p: Any, rate: float, dt: float) -> float:
+    """Return the energy a point stores at n + 1/2, where `rate` is the gap rate there."""
+    after = p.gap + dt * rate
+    if p.stores == BY_END:
+        # a law that pulls as it pushes is a spring both ways
+        now = min(p.gap, 0.0) if p.always == 0 or p.never_pulls == 1 else p.gap
+        then = min(after, 0.0) if p.always == 0 or p.never_pulls == 1 else after
+        return 0.25 * p.kappa * (now * now + then * then)  # type: ignore[no-any-return]
+    if p.stores == BY_CURRENT and (p.gap < 0.0 or p.multiplier != 0.0):
+        return 0.5 * (p.weight_gap * p.gap * after + p.weight_acceleration * rate * rate) / p.sigma  # type: ignore[no-any-return]
+    return 0.0
+
+
+def rounded(p: Any, rate: float, reach: float, dt: float) -> float:
+    """Return what rounding may do in a step to the energy of a point, in units of the rounding unit.
+
+    Displacements up to `reach` are kept to that unit: the force works on the error of the gap, and what the law makes
+    of the error works on the motion of the gap; for a spring at the end of the step that is of second order.
+    """
+    noise = abs(p.multiplier) + ROUNDING * reach * p.kappa
+    if p.stores == BY_CURRENT:
+        noise += (p.weight_gap * dt + p.weight_acceleration / dt) / p.sigma * (abs(p.rate) + abs(rate))
+    return reach * noise  # type: ignore[no-any-return]
 
 
 def seen_gap(p: Any) -> float:

@@ -135,6 +135,9 @@ class Component(ABC):
         Option sets that make sense; the conformance kit runs them.
     shorthand
         Name of the option meant where a case gives a bare value in place of a mapping; empty if none.
+    expected_failures
+        Checks that the method is known not to pass, to the reason: ``"energy-never-grows"``, or with one partner only
+        ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
     """
 
     family: ClassVar[str]
@@ -143,6 +146,7 @@ class Component(ABC):
     references: ClassVar[tuple[str, ...]] = ()
     examples: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)
     shorthand: ClassVar[str] = ""
+    expected_failures: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, *, contract: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -70,7 +70,12 @@ def run_exact(case: Case) -> Result:
         "contacts": {contact: _contact(solution, contact) for contact in names},
         "energy": _energy(solution, arrays),
         "momentum": _momentum(model, solution),
-        "energy_growth": None,
+        "energy_growth": {
+            "guarantee": "conserved",
+            "quantity": "kinetic + elastic - work",
+            "largest": float(arrays["energy_growth"].max(initial=0.0)),
+            **dict.fromkeys(("step", "time", "between_switchings", "allowed", "kept")),
+        },
         "exact": {"solution": name, "reached": solution.reached, "fronts": solution.fronts, "contacts": {}},
         "exact_reason": reason or None,
         "compiled": True,
@@ -118,7 +123,11 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[st
         "elastic_energy": energies[:, 1],
         "external_work": work,
         "contact_work": np.zeros(t.size),
-        "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
+        "contact_energy": np.zeros(t.size),
+        **dict.fromkeys(
+            ("energy_error", "energy_growth"),
+            np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
+        ),
     }, [str(address) for address in ends]
 
 

@@ -17,27 +17,41 @@ if TYPE_CHECKING:
 
 
 def energies(outcome: Outcome) -> dict[str, Floats]:
-    """Return kinetic, elastic, external and contact energy at each record and how far they are from closing.
+    """Return kinetic, elastic, external and contact energy at each record, how far they are from closing, and growth.
 
     Returns
     -------
     dict
-        ``kinetic_energy``, ``elastic_energy``, ``external_work``, ``contact_work`` [energy] and ``energy_error``, the
-        closure over the largest energy so far; (records,) each, at t_{n+1/2}.
+        ``kinetic_energy``, ``elastic_energy``, ``external_work``, ``contact_work``, ``contact_energy`` (what closed
+        contacts store) [energy]; and over the largest energy so far ``energy_error``, the closure, and
+        ``energy_growth``, by what contact work and contact energy together have grown since the first step;
+        (records,) each, at t_{n+1/2}.
     """
-    kinetic, elastic, external, contact = outcome.record.energy[: outcome.records].T
+    kinetic, elastic, external, contact, stored = outcome.record.energy[: outcome.records].T
     total = kinetic + elastic
     closure = total - outcome.energy_before - external - contact
     sizes = np.max(np.abs([kinetic, elastic, external, contact]), axis=0, initial=abs(outcome.energy_before))
     # where all forces are in balance nothing moves, and the energies are round-off of what each would bring by itself
-    largest = np.maximum(np.maximum.accumulate(sizes), outcome.step_energy) if sizes.size else sizes
+    step_energy = float(outcome.totals.step_energy[0])
+    largest = np.maximum(np.maximum.accumulate(sizes), step_energy) if sizes.size else sizes
+    grown = contact + stored - (contact + stored)[:1]
     return {
         "kinetic_energy": kinetic,
         "elastic_energy": elastic,
         "external_work": external,
         "contact_work": contact,
+        "contact_energy": stored,
         "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
+        "energy_growth": np.divide(grown, largest, out=np.zeros_like(grown), where=largest > 0),
     }
+
+
+def largest(outcome: Outcome) -> float:
+    """Return the largest energy or work of a run, as far as it was recorded."""
+    total = outcome.totals[0]
+    told = np.abs(outcome.record.energy[: outcome.records, :4])
+    seen = float(np.max(told, initial=0.0, where=np.isfinite(told)))
+    return max(seen, outcome.energy_before, float(total.largest_work), float(total.step_energy))
 
 
 def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:

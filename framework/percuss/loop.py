@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact import solve
+from percuss.contact import BY_CURRENT, NOTHING, rounded, solve, stored
 from percuss.kernels import Bulk, kinetic
 
 if TYPE_CHECKING:
@@ -46,6 +46,14 @@ TOTAL = np.dtype(
         ("growth", "f8"),  # contact work allowed, over all energy put in
         ("floor", "f8"),  # contact work that is noise
         ("step_energy", "f8"),  # largest energy that a contact or a hold by itself would bring in one step
+        ("stored", "f8"),  # energy that the contacts store at n + 1/2
+        ("least", "f8"),  # smallest contact work with what is stored so far
+        ("rise", "f8"),  # largest rise above it
+        ("rise_step", "i8"),  # step at whose end that was
+        ("drift", "f8"),  # sum of the changes in steps in which a point judged at its current gap does not switch
+        ("largest_drift", "f8"),
+        ("drift_step", "i8"),
+        ("round_off", "f8"),  # sum over steps: times the rounding unit, what rounding may have done
     ]
 )
 
@@ -85,7 +93,7 @@ class Record(NamedTuple):
     displacement: Floats  # (R, probes * dim)
     velocity: Floats  # (R, probes * dim)
     probe: Integers  # (probes * dim,) places among the special ones
-    energy: Floats  # (R, 4) kinetic, elastic, external work, contact work, at n + 1/2
+    energy: Floats  # (R, 5) kinetic, elastic, external work, contact work, energy the contacts store, at n + 1/2
     field_every: int  # 0: no field is kept
     field: Floats  # (F, nodes kept * dim) displacement
     field_dof: Integers  # (nodes kept * dim,)
@@ -169,7 +177,7 @@ def advance(
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
-        total.contact_work += account(points, few.entries, special, totals, n, dt)
+        account(points, few.entries, special, totals, n, dt)
         if n % record.every == 0 or n == record.last:
             keep(groups, masses, few, record, u, v, dim, dt, n)
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
@@ -302,18 +310,37 @@ def lifted(special: Any, momentum: Floats, before: Floats, pull: Floats, s: int,
     return 0.5 * dt * work
 
 
-def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: float) -> float:
-    """Sum what the contacts do in a step; return their work."""
+def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: float) -> None:
+    """Sum what the contacts do in a step: their work, what they store, and how the two of them go."""
+    total = totals[0]
     work = 0.0
+    held = 0.0
+    steady = 0.0
+    busy = False
     for i in range(points.size):
         p = points[i]
-        if p.multiplier != 0.0:
+        coupled = p.stores != NOTHING and (p.gap < 0.0 or p.other_start < p.other_stop)
+        if p.multiplier != 0.0 or p.active == 1 or coupled:
+            busy = True
             rate = 0.0
+            reach = 0.0
             for k in range(p.start, p.stop):
-                rate += entries[k].normal * special[entries[k].place].new_v
-            work += p.multiplier * (p.rate + rate)
+                q = special[entries[k].place]
+                rate += entries[k].normal * q.new_v
+                reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
+            done = 0.5 * dt * p.multiplier * (p.rate + rate)
+            energy = stored(p, rate, dt)
+            active = 1 if p.multiplier != 0.0 or energy != 0.0 else 0
+            if p.stores == BY_CURRENT and p.active == active:
+                steady += done + energy - p.stored
+            total.round_off += rounded(p, rate, reach, dt)
+            held += energy
+            work += done
+            p.stored = energy
+            p.active = active
+        if p.multiplier != 0.0:
             p.impulse += dt * p.multiplier
-            totals[0].step_energy = max(totals[0].step_energy, (dt * p.multiplier) ** 2 * p.delassus)
+            total.step_energy = max(total.step_energy, (dt * p.multiplier) ** 2 * p.delassus)
             p.peak = max(p.peak, p.multiplier)
             p.closed += 1
             if p.first < 0:
@@ -322,7 +349,31 @@ def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: fl
         if p.gap < 0.0:
             p.overlap -= p.gap
             p.deepest = max(p.deepest, -p.gap)
-    return 0.5 * dt * work
+    if busy:
+        total.contact_work += work
+        total.stored = held  # of points that are not looked at nothing is stored
+        total.round_off += abs(total.contact_work)
+        watch(total, steady, n)
+
+
+def watch(total: Any, steady: float, n: int) -> None:
+    """Note how far contact work with what is stored has risen above its smallest value so far.
+
+    A start in touch under load finds the gap of the step before t = 0 closed, which no contact force had answered:
+    what that brings, once, is no growth, and the watch begins behind it.
+    """
+    now = total.contact_work + total.stored
+    if n == 0:
+        total.least = now
+        return
+    total.least = min(total.least, now)
+    if now - total.least > total.rise:
+        total.rise = now - total.least
+        total.rise_step = n
+    total.drift += steady
+    if abs(total.drift) > total.largest_drift:
+        total.largest_drift = abs(total.drift)
+        total.drift_step = n
 
 
 def snapshot(record: Record, u: Floats, n: int) -> None:
@@ -355,3 +406,4 @@ def keep(
     record.energy[r, 1] = elastic(groups, u, v, dim, dt)
     record.energy[r, 2] = few.totals[0].external_work
     record.energy[r, 3] = few.totals[0].contact_work
+    record.energy[r, 4] = few.totals[0].stored

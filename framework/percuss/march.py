@@ -12,7 +12,7 @@ import numpy as np
 
 from percuss import escape, kernels, loop
 from percuss.binding import Kernels, bind, bind_around
-from percuss.contact import point_records
+from percuss.contact import carry_over, point_records
 from percuss.contracts import Rows
 from percuss.interrupt import interruptible
 from percuss.specialise import compile_error
@@ -40,7 +40,7 @@ class Outcome:
     points: Any  # percuss.contact.POINT, summed over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     energy_before: float  # kinetic and elastic energy at -dt/2
-    step_energy: float  # largest energy that a contact or a hold by itself would bring in one step
+    totals: Any  # percuss.loop.TOTAL, one, as they stood before the trial step
     load_impulse: Floats
     kernels: Kernels
     seconds: dict[str, float]
@@ -162,7 +162,7 @@ class March:
             displacement=empty(rows, len(self.probes) * dim),
             velocity=empty(rows, len(self.probes) * dim),
             probe=np.array([self.place[p] + d for p in self.probes for d in range(dim)], dtype=np.int64),
-            energy=empty(rows, 4),
+            energy=empty(rows, 5),
             field_every=field_every,
             field=empty(taken, field_dof.size),
             field_dof=field_dof,
@@ -209,7 +209,7 @@ class March:
             records(shares, loop.SHARE),
             records(pushes, loop.PUSH),
             np.array(axes, dtype=float).ravel(),
-            records([(0.0,) * 7], loop.TOTAL),
+            np.zeros(1, dtype=loop.TOTAL).view(np.recarray),
             np.zeros(len(model.bodies) * dim),
             self._momenta(),
         )
@@ -219,8 +219,7 @@ class March:
         before = self.few
         self._bank()
         fresh = self._acting(midpoint, before.special)
-        for name in ("multiplier", "impulse", "peak", "deepest", "overlap", "closed", "first", "last"):
-            fresh.points[name] = before.points[name]
+        carry_over(before.points, fresh.points, before.totals)
         self.few = fresh._replace(totals=before.totals)
 
     def _bank(self) -> None:
@@ -272,7 +271,7 @@ class March:
             points=self.few.points,
             starting_velocity=self.v.copy(),
             energy_before=self._energy(),
-            step_energy=0.0,
+            totals=self.few.totals,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,
             seconds=self.seconds,
@@ -287,7 +286,7 @@ class March:
             out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
             out.final_displacement = self.u.copy()
             out.points = self.few.points.copy()
-            out.step_energy = float(self.few.totals[0].step_energy)
+            out.totals = self.few.totals.copy()
             if out.status != "unstable":
                 self._trial(out.done)
         every = self.record.every

@@ -16,7 +16,16 @@ if TYPE_CHECKING:
     from percuss.contracts import Floats
     from percuss.result import Result
 
-HALF_STEP = ("kinetic_energy", "elastic_energy", "external_work", "contact_work", "energy", "energy_error")
+HALF_STEP = (
+    "kinetic_energy",
+    "elastic_energy",
+    "external_work",
+    "contact_work",
+    "contact_energy",
+    "energy",
+    "energy_error",
+    "energy_growth",
+)
 
 
 class CannotMeasure(PercussError):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import ledger, stability, truth
+from percuss import growth, ledger, stability, truth
 from percuss.errors import RunError
 from percuss.march import GROWTH, March, Outcome, Progress
 from percuss.model import Model, resolved_methods
@@ -110,6 +110,8 @@ def _result(march: March, outcome: Outcome) -> Result:
     started = time.perf_counter()
     solution, judged, reason = _judge(march, outcome, arrays)
     outcome.seconds["exact"] = time.perf_counter() - started
+    certificate = stability.certificate(model)
+    grown = growth.growth_summary(march, outcome, certificate, ledger.largest(outcome))
     summary = {
         "status": outcome.status,
         "stop": outcome.stop or None,
@@ -117,16 +119,16 @@ def _result(march: March, outcome: Outcome) -> Result:
         "dt": model.dt,
         "end": outcome.done * model.dt,
         "courant": model.courant,
-        "certificate": stability.certificate(model),
+        "certificate": certificate,
         "contacts": ledger.contact_summary(march, outcome),
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),
-        "energy_growth": None,
+        "energy_growth": grown,
         "exact": judged,
         "exact_reason": reason or None,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
-        "notes": [*model.case.notes, *_warnings(march, outcome)],
+        "notes": [*model.case.notes, *_warnings(march, outcome), *growth.growth_notes(march, outcome, grown)],
         "seconds": outcome.seconds,
     }
     provenance = {

@@ -26,13 +26,17 @@ class Tied(ContactLaw):
 
     Formula: ``lambda = -g'* / (dt s)``, g'* the gap rate after the bulk update; the rate vanishes at n + 1/2, and the
     force pulls as well as it pushes. Tied while the exact contact is closed, it is the twin whose error is that of the
-    bulk alone. Keeps the critical step of the free bodies where all its nodes move freely.
+    bulk alone. Keeps the critical step of the free bodies where all its nodes move freely. While tied the energy is
+    conserved; the first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be more than nothing.
     """
 
     name = "tied"
     summary = "Interface tied at given times: the error of the bulk without that of the contact"
     references = ("Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements, Wiley 2014, ch. 10",)
     examples = ({}, {"during": ((0.0, 0.1), (0.2, 0.3))})
+    expected_failures = {
+        "energy-never-grows": "the step that ties an open interface stops whatever gap rate the bulk has just brought"
+    }
 
     during: Annotated[tuple[tuple[float, float], ...], Unit("time"), Doc("intervals (start, stop)")] | None = None
 

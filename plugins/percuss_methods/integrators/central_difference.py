@@ -15,7 +15,8 @@ class CentralDifference(Integrator):
     ``u_{n+1} = u_n + dt v_{n+1/2}``, with lambda judged at u_n and the gap's bulk acceleration. A law judged at the
     end of the step sees the predicted gap.
 
-    Stable for ``dt <= 2 / omega_max`` of (K + K_p, M + M_p); conserves the staggered energy without contact.
+    Stable for ``dt <= 2 / omega_max`` of (K + K_p, M + M_p); conserves the staggered energy without contact. While a
+    penalty contact stays closed, that energy with ``(eps_s g_n g_{n+1} + eps_m r_{n+1/2}^2) / 2`` (r the gap rate).
     """
 
     name = "central-difference"
@@ -27,6 +28,10 @@ class CentralDifference(Integrator):
     )
     order = 2
     conserves = ("energy", "momentum")
+    expected_failures = {
+        "energy-never-grows with penalty": "a contact that opens or closes between two steps adds or takes energy",
+        "energy-never-grows with bipenalty": "the same, and its inertia lets it pull before it opens: no bound",
+    }
 
     def bind(self, dt: float) -> LeapFrog:
         """Return the table of the scheme: explicit laws see u_n, and a multiplier changes the acceleration alone."""
