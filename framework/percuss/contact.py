@@ -29,7 +29,7 @@ SWEEPS = 10_000
 # How a point stores energy. A law whose force follows from the gap at the end of the step is a spring there, and its
 # energy the mean of two ends; a law judged at the current gap is one of stiffness and inertia between two steps.
 NOTHING, BY_END, BY_CURRENT = 0, 1, 2
-SUMMED = ("multiplier", "stored", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
+SUMMED = ("multiplier", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
 
 
 # One record a contact point. What its law says, what the step finds there, what is summed up over the run.
