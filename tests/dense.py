@@ -91,7 +91,7 @@ def assemble(case):
 def penalties(law, sides, dt):
     """Return eps_s and eps_m of a contact between `sides`, each (EA/h, 2c/h, rho A h / 2)."""
     softest = min(sides)
-    eps_s = law["epsilon_s"] if "epsilon_s" in law else law.get("beta_s", 0.25) * softest[0]
+    eps_s = law["epsilon_s"] if "epsilon_s" in law else law["beta_s"] * softest[0]
     if law["name"] == "penalty":
         return eps_s, 0.0
     if "epsilon_m" in law:

@@ -260,8 +260,9 @@ def test_check_says_what_a_case_will_do() -> None:
 
 def test_defaults_are_said() -> None:
     done = percuss("check", HUNEK, "--set", "method.contact={name: bipenalty}")
-    assert "beta_s = 0.25" in done.stdout
-    assert "epsilon_m = 6.25e-05" in done.stdout
+    assert "beta_s = 0.5" in done.stdout
+    assert "beta_s auto: 0.5" in done.stdout
+    assert "epsilon_m = 0.000125" in done.stdout
 
 
 def test_plugins_lists_and_describes() -> None:

@@ -90,7 +90,7 @@ CASES = {
 }  # fmt: skip
 
 LAWS = {
-    "penalty": {"name": "penalty"},
+    "penalty": {"name": "penalty", "beta_s": 0.25},
     "penalty eps_s": {"name": "penalty", "epsilon_s": 100.0},
     "bipenalty r=1": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0},
     "bipenalty matched": {"name": "bipenalty", "beta_s": 0.5, "ratio": "matched"},

@@ -338,7 +338,14 @@ class ContactLaw(Component, contract="contacts"):
     A law whose `bind` returns `Rows` is complete. Any other law returns a NamedTuple of arrays of its own and
     has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`,
     compression positive, from the `Trial`; there is no closed-form stability certificate for it.
+
+    Attributes
+    ----------
+    measured
+        Name of an integrator -> in words what was measured with it where nothing guarantees the energy.
     """
+
+    measured: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def bind(self, points: ContactPoints, dt: float) -> Rows | Any:
@@ -346,6 +353,10 @@ class ContactLaw(Component, contract="contacts"):
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
         """Return the parameters as they came out at `points` for the step `dt`; they go into the provenance."""
+        return {}
+
+    def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:  # noqa: ARG002
+        """Return, for each option the law sets by itself at `points` for the step `dt`, what it came to and why."""
         return {}
 
     def refuses(self, integrator: Integrator) -> str | None:  # noqa: ARG002

@@ -32,11 +32,12 @@ def explanation(model: Model) -> Explanation:
     from percuss.runner import plain
 
     certificate = stability.certificate(model)
-    parameters = model.parameters()
+    parameters, chosen = model.parameters(), _chosen(model)
+    measured = _measured(model, certificate["energy"])
     case = model.case
     lines = [case.title or "Untitled case"]
     lines += [f"  source: {case.source}"] if case.source else []
-    lines += _bodies(model) + _contacts(model, parameters) + _loads(model)
+    lines += _bodies(model) + _contacts(model, parameters, chosen) + _loads(model)
     method = case.method.integrator
     lines += [
         "Integrator",
@@ -52,6 +53,7 @@ def explanation(model: Model) -> Explanation:
         "Energy over opening and closing",
         f"  {certificate['energy']}",
     ]
+    lines += [f"  measured, {law}: {words}" for law, words in measured.items()]
     lines += [f"  to be stable, {certificate['cure']}"] if certificate["cure"] else []
     lines += [f"note: {note}" for note in case.notes]
     data = {
@@ -61,6 +63,8 @@ def explanation(model: Model) -> Explanation:
         "courant": model.courant,
         "certificate": certificate,
         "contacts": parameters,
+        "chosen": chosen,
+        "measured": measured,
         "nodes": model.n_nodes,
         "notes": list(case.notes),
     }
@@ -83,7 +87,25 @@ def _bodies(model: Model) -> list[str]:
     return lines
 
 
-def _contacts(model: Model, parameters: dict[str, Any]) -> list[str]:
+def _chosen(model: Model) -> dict[str, dict[str, str]]:
+    """Return, for each contact, what its law set by itself."""
+    out: dict[str, dict[str, str]] = {}
+    delassus = model.delassus(0.5 * model.dt)
+    for meeting, s in zip(model.meetings, delassus, strict=True):
+        out[meeting.name] = dict(meeting.law.chosen(model.points([meeting], s[None]), model.dt))
+    return out
+
+
+def _measured(model: Model, energy: str) -> dict[str, str]:
+    """Return, by law, what was measured with the integrator, where `energy` is no guarantee that none is gained."""
+    if energy == "never grows":
+        return {}
+    integrator = model.case.method.integrator.name
+    laws = [entry["law"] for entry in model.laws]
+    return {law.name: law.measured[integrator] for law in laws if integrator in law.measured}
+
+
+def _contacts(model: Model, parameters: dict[str, Any], chosen: dict[str, dict[str, str]]) -> list[str]:
     lines = ["Contacts" if model.meetings else "No contact"]
     for meeting in model.meetings:
         spec = model.case.contacts[meeting.name]
@@ -94,6 +116,7 @@ def _contacts(model: Model, parameters: dict[str, Any]) -> list[str]:
         resolved = {k: v for k, v in parameters[meeting.name].items() if k != "law"}
         if resolved:
             lines.append("    " + ", ".join(f"{k} = {v:.6g}" for k, v in resolved.items()))
+        lines += [f"    {option} {words}" for option, words in chosen[meeting.name].items()]
     for entry in model.laws:
         if not isinstance(entry["bound"], Rows):
             lines.append(f"  {entry['law'].name} is no row of the contact equation: its own kernel gives the force")

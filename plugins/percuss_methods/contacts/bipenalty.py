@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from percuss.contracts import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, Rows, Unit
+from percuss_methods.contacts import _auto
 
-DEFAULT_BETA_S = 0.25
 DEFAULT_RATIO = "matched"
+SHARES = {"matched": 1.0, "free-step": 0.25}  # of eps_s dt^2
 
 
 @dataclass(frozen=True)
@@ -22,10 +23,13 @@ class Bipenalty(ContactLaw):
     ``M_p = eps_m N N^T``. The force may pull before release; it is never clamped.
 
     ``eps_s = beta_s EA/h`` and ``eps_m = eps_s / (ratio omega^2)``, omega = 2c/h, both on the softer side. With
-    central difference ``ratio <= 1`` never lowers the critical step. ``matched`` (eps_m = eps_s dt^2) keeps the free
-    step with Wu's predictor-corrector (theta <= 1) and with central difference, whatever the bars and the mesh;
-    ``free-step`` (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central difference. Without options:
-    beta_s 0.25 and ratio ``matched``.
+    central difference ``ratio <= 1`` never lowers the critical step. ``matched``, the default (eps_m = eps_s dt^2),
+    keeps the free step with Wu's predictor-corrector (theta <= 1) and with central difference, whatever the bars and
+    the mesh; ``free-step`` (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central difference.
+    ``auto``, the default, is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its step,
+    never with ``matched``. On the shipped cases, at Courant numbers .5 and .9: penetration at most 2.8 compressions of
+    an end element under the peak force with central difference, 2.4 with Wu; L1 error of the force at most 9 %, peak at
+    most 20 % too high, no energy gained beyond 1 % with central difference, none with Wu.
     """
 
     name = "bipenalty"
@@ -44,8 +48,13 @@ class Bipenalty(ContactLaw):
         {"beta_s": 0.5, "beta_m": 0.25},
         {"epsilon_s": 5.0, "epsilon_m": 1e-3},
     )
+    measured = {
+        "central-difference": _auto.DRAWN + "with beta_s auto and matched at most 0.08 % in half of them, 2.1 % in 95 "
+        "of 100, 17 % in the worst; none exploded. With beta_s 1: 0.23 %, 11 %, 410 %; with ratio 1 too: 1.5 %, 23 %, "
+        "and 1 of 400 exploded"
+    }
 
-    beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h of the softer side")] | None = None
+    beta_s: _auto.BetaS = None
     epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = None
     ratio: (
         Annotated[float, AllowInf(), Gt(0), Unit("1"), Doc("beta_s / (2 beta_m); .inf is the penalty method")]
@@ -56,44 +65,46 @@ class Bipenalty(ContactLaw):
     epsilon_m: Annotated[float, Ge(0), Unit("mass"), Doc("mass; instead of ratio or beta_m")] | None = None
 
     def __post_init__(self) -> None:
-        if self.beta_s is not None and self.epsilon_s is not None:
-            raise ValueError("beta_s and epsilon_s both give the stiffness: keep one")
-        given = [name for name in ("ratio", "beta_m", "epsilon_m") if getattr(self, name) is not None]
-        if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} all give the mass: keep one")
+        _auto.keep_one(self, ("beta_s", "epsilon_s"), "stiffness")
+        _auto.keep_one(self, ("ratio", "beta_m", "epsilon_m"), "mass")
 
     def penalties(self, points: ContactPoints, dt: float) -> tuple[Any, Any]:
         """Return eps_s [force/length] and eps_m [mass] at each point, (P,) each."""
+        own, share = self.mass(points, dt)
         if self.epsilon_s is not None:
             stiffness = self.epsilon_s * points.weight
+        elif self.beta_s in {None, "auto"}:
+            stiffness = _auto.chosen(points, dt, own, share).beta_s * points.stiffness
         else:
-            stiffness = (DEFAULT_BETA_S if self.beta_s is None else self.beta_s) * points.stiffness
+            stiffness = self.beta_s * points.stiffness
+        return stiffness, own + share * stiffness
+
+    def mass(self, points: ContactPoints, dt: float) -> tuple[Any, Any]:
+        """Return what of eps_m is given outright [mass] and what is its share in eps_s [time^2]."""
         if self.epsilon_m is not None:
-            return stiffness, self.epsilon_m * points.weight
+            return self.epsilon_m * points.weight, 0.0
+        if self.beta_m is not None and not points.equal_sides.all():
+            unequal = points.names[int(np.argmin(points.equal_sides))]
+            raise ValueError(f"beta_m is for equal sides, and contact '{unequal}' joins unlike ones: give `ratio`")
         if self.beta_m is not None:
-            if not points.equal_sides.all():
-                unequal = points.names[int(np.argmin(points.equal_sides))]
-                raise ValueError(f"beta_m is for equal sides, and contact '{unequal}' joins unlike ones: give `ratio`")
-            return stiffness, self.beta_m * points.mass
-        ratio = DEFAULT_RATIO if self.ratio is None else self.ratio
-        if isinstance(ratio, str):
-            return stiffness, stiffness * dt**2 * {"matched": 1.0, "free-step": 0.25}[ratio]
-        return stiffness, stiffness / (ratio * points.frequency**2)
+            return self.beta_m * points.mass, 0.0
+        ratio = self.ratio or DEFAULT_RATIO
+        return 0.0, SHARES[ratio] * dt**2 if isinstance(ratio, str) else 1.0 / (ratio * points.frequency**2)
 
     def bind(self, points: ContactPoints, dt: float) -> Rows:
         """Return the row ``lambda / eps_s = -g - (eps_m / eps_s) g''``."""
-        stiffness, mass = self.penalties(points, dt)
-        return Rows(at="explicit", sigma=1.0 / stiffness, acceleration=mass / stiffness)
+        eps_s, eps_m = self.penalties(points, dt)
+        return Rows(at="explicit", sigma=1.0 / eps_s, acceleration=eps_m / eps_s)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
         """Return both penalties and their dimensionless forms."""
-        stiffness, mass = self.penalties(points, dt)
+        eps_s, eps_m = self.penalties(points, dt)
         with np.errstate(divide="ignore"):
-            ratio = stiffness / (mass * points.frequency**2)
-        return {
-            "epsilon_s": stiffness,
-            "epsilon_m": mass,
-            "beta_s": stiffness / points.stiffness,
-            "beta_m": mass / points.mass,
-            "ratio": ratio,
-        }
+            ratio = eps_s / (eps_m * points.frequency**2)
+        betas = {"beta_s": eps_s / points.stiffness, "beta_m": eps_m / points.mass, "ratio": ratio}
+        return {"epsilon_s": eps_s, "epsilon_m": eps_m, **betas}
+
+    def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:
+        """Return what the automatic beta_s came to."""
+        by_itself = self.epsilon_s is None and self.beta_s in {None, "auto"}
+        return _auto.told(_auto.chosen(points, dt, *self.mass(points, dt))) if by_itself else {}
