@@ -9,10 +9,10 @@ import pytest
 
 import percuss
 from benchmarks.gain import gains, row
+from percuss.certificate import certificate
 from percuss.explain import explanation
 from percuss.model import Model
 from percuss.registry import Registry
-from percuss.stability import certificate
 from strategies import hunek, run
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))

@@ -85,14 +85,33 @@ def test_swapping_a_law_reports_the_options_it_lacks() -> None:
     assert "lagrange has no option beta_s" in done.stdout
 
 
-def test_an_unstable_run_is_stopped_and_named(tmp_path: Path) -> None:
+def test_a_run_that_its_certificate_forbids_is_not_started(tmp_path: Path) -> None:
     args = ["--set", "method.integrator=central-difference", "--set", "method.contact=penalty"]
     done = percuss("run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--json", "-o", "bad.nc", cwd=tmp_path)
     assert done.returncode == 1
     told = json.loads(done.stdout)
+    assert told["certificate"]["stable"] == "no"
     assert told["status"] == "unstable"
-    assert set(told["stop"]) >= {"step", "time", "node", "cause"}
+    assert told["steps"] == told["stop"]["step"] == 0
     assert "closed contact 'tip'" in told["stop"]["cause"]
+    assert "lower the step to 9.97503e-05" in told["stop"]["cause"]
+    assert "not started" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "bad.nc").exists()
+
+
+def test_a_run_that_gains_energy_is_stopped_and_named(tmp_path: Path) -> None:
+    law = "method.contact={name: bipenalty, beta_s: 10, ratio: matched}"
+    args = ["--set", "method.integrator=central-difference", "--set", law, "--set", "time.courant=0.9"]
+    done = percuss("run", HUNEK, *args, "--json", "-o", "bad.nc", cwd=tmp_path)
+    assert done.returncode == 1
+    told = json.loads(done.stdout)
+    assert told["certificate"]["stable"] == "yes"
+    assert told["certificate"]["energy"] == "not guaranteed"
+    assert told["status"] == "unstable"
+    assert told["stop"]["step"] > 0
+    assert set(told["stop"]) >= {"step", "time", "node", "cause"}
+    assert "contact adds energy" in told["stop"]["cause"]
     assert "likely cause" in done.stderr
     assert "Traceback" not in done.stderr
     from percuss import open_result
@@ -148,6 +167,7 @@ def test_a_case_may_go_on_where_it_would_be_stopped_and_is_told() -> None:
     told = json.loads(done.stdout)
     assert told["status"] == "done"
     assert "not a valid result" in told["notes"][-1]
+    assert any("the certificate says no" in note for note in told["notes"])
 
 
 def test_compare_has_a_row_for_every_pair(tmp_path: Path) -> None:

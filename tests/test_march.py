@@ -266,6 +266,11 @@ def test_a_step_above_that_of_the_bodies_is_stopped_and_explained(compiled):
     case = one_bar({"steps": 3000, "courant": 1.05}, {"push": {"constant": 1.0, "on": "a.left"}}, elements=6)
     with pytest.raises(percuss.RunError) as caught:
         run(case, compiled=compiled)
+    assert "not started, node" in str(caught.value)
+    assert caught.value.result.summary["steps"] == 0
+    case["time"]["on_unstable"] = "warn"
+    with pytest.raises(percuss.RunError) as caught:
+        run(case, compiled=compiled)
     message, result = str(caught.value), caught.value.result
     stop = result.summary["stop"]
     assert 0 < stop["step"] < 3000
@@ -279,7 +284,8 @@ def test_a_step_above_that_of_the_bodies_is_stopped_and_explained(compiled):
 
 
 def test_the_stop_does_not_depend_on_chunks_or_records(monkeypatch):
-    case = hunek(20, integrator="central-difference", contact={"name": "penalty", "beta_s": 100.0})
+    law = {"name": "bipenalty", "beta_s": 10.0, "ratio": "matched"}
+    case = hunek(20, courant=0.9, integrator="central-difference", contact=law)
 
     def stop(case):
         with pytest.raises(percuss.RunError) as caught:

@@ -31,6 +31,7 @@ _HOME = {
     "load": "case",
     "open_result": "result",
     "run": "runner",
+    "stability": "maps",
 }
 
 __all__ = [
@@ -54,6 +55,7 @@ __all__ = [
     "load",
     "open_result",
     "run",
+    "stability",
 ]
 
 if TYPE_CHECKING:
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
     from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Shape, Solution
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.hookspecs import hookimpl
+    from percuss.maps import stability
     from percuss.result import Result, open_result
     from percuss.runner import run
 

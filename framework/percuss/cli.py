@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -40,6 +41,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standar
 
 def main() -> None:
     """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input."""
+    # the matrices are small: threads of BLAS cost more than they bring, above all beside other runs
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app(standalone_mode=True)
     except KeyboardInterrupt:
@@ -107,10 +110,10 @@ def run(
 def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: AsJson = False) -> None:
     """Say in words and formulas what a case will do, without running it."""
     with reporting(as_json):
+        from percuss.certificate import settled
         from percuss.explain import explanation
-        from percuss.model import Model
 
-        told = explanation(Model(_load(case, set_, plugin)))
+        told = explanation(settled(_load(case, set_, plugin)))
         if as_json:
             _print_json(told.data)
         else:
@@ -170,6 +173,89 @@ def compare(
                 tell_orders(orders)
         if not any(row.status == "done" for row in rows):
             raise typer.Exit(1)
+
+
+@app.command()
+def stability(
+    case: CaseFile,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="PATH=VALUES", help="1,2,5 or 0:1:11 or 0.01:100:log:30; two make a map."),
+    ] = None,
+    curves: Annotated[
+        list[str] | None, typer.Option("--curves", metavar="PATH=VALUES", help="One curve, or one map, a value.")
+    ] = None,
+    by: Annotated[
+        str, typer.Option("--by", metavar="A,B", help="closed-form, pencil, black-box; several are overlaid.")
+    ] = "",
+    set_: Sets = None,
+    plugin: Plugins = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the rows (csv).")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw curves or maps.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say up to which Courant number a case is stable, over varied parameters."""
+    with reporting(as_json):
+        from percuss import maps
+        from percuss.vary import varied
+
+        if plot is not None:
+            _drawable(plot)
+        axes, families = varied(vary or []), varied(curves or [], "--curves")
+        if plot is not None and not 1 <= len(axes) <= 2:
+            raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
+        loaded = _load(case, set_, plugin)
+        for path in (out, plot):
+            if path is not None:
+                _writable(path)
+        with progress_bar("combinations") as progress:
+            rows = maps.stability(loaded, axes, families, _names(by), progress=progress)
+        if out is not None:
+            maps.save(rows, out)
+        if plot is not None:
+            from percuss.stability_plot import plot_stability
+
+            plot_stability(rows, axes, families, loaded.title, _methods(loaded), plot)
+        if as_json:
+            _print_json({"title": loaded.title, "rows": rows})
+        else:
+            from percuss.tell import tell_stability
+
+            tell_stability(loaded.title, rows)
+        if not any(row["courant_critical"] for row in rows):
+            raise typer.Exit(1)
+
+
+@app.command()
+def waves(
+    case: CaseFile,
+    contact: Annotated[str, typer.Option("--contact", metavar="NAME", help="By default the first.")] = "",
+    set_: Sets = None,
+    plugin: Plugins = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw them over frequency.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a closed contact lets through of waves, and what it throws back, measured from the step itself."""
+    with reporting(as_json):
+        from percuss.certificate import settled
+        from percuss.waves import waves as measure
+
+        if plot is not None:
+            _drawable(plot)
+        loaded = _load(case, set_, plugin)
+        if plot is not None:
+            _writable(plot)
+        found = measure(settled(loaded), contact)
+        if plot is not None:
+            from percuss.stability_plot import plot_waves
+
+            plot_waves(found, loaded.title, _methods(loaded), plot)
+        if as_json:
+            _print_json({"title": loaded.title, "reason": found.reason or None, "rows": found.rows()})
+        else:
+            from percuss.tell import tell_waves
+
+            tell_waves(loaded.title, found)
 
 
 @app.command()
@@ -260,7 +346,7 @@ def reporting(as_json: bool) -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[int, int], None]]:
+def progress_bar(what: str = "steps") -> Iterator[Callable[[int, int], None]]:
     """Give a callback that shows a bar with the remaining time, on a terminal and for runs that last."""
     import time
 
@@ -272,7 +358,7 @@ def progress_bar() -> Iterator[Callable[[int, int], None]]:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-            columns = (TextColumn("{task.completed}/{task.total} steps"), BarColumn(), TimeRemainingColumn())
+            columns = (TextColumn(f"{{task.completed}}/{{task.total}} {what}"), BarColumn(), TimeRemainingColumn())
             bar = Progress(*columns, console=Console(stderr=True), transient=True)
             bar.start()
             shown.extend([bar, bar.add_task("march", total=total)])
@@ -307,6 +393,11 @@ def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def _methods(case: Case) -> str:
+    laws = list(dict.fromkeys(contact.law.name for contact in case.contacts.values())) or ["no contact"]
+    return f"{case.method.integrator.name} integrator  ·  {', '.join(laws)}"
+
+
 def _drawable(path: Path) -> None:
     from percuss.figures import check_suffix
 
@@ -323,6 +414,8 @@ def _writable(path: Path) -> None:
 
 
 def _outputs(result: Result, out: Path | None, plot: Path | None) -> None:
+    if result.status == "unstable" and result.summary["steps"] == 0:
+        return  # not started: there is nothing to keep
     if out is not None:
         result.save(out)
     if plot is not None:

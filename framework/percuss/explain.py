@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import stability
+from percuss.certificate import SAFETY, certificate
 from percuss.contracts import Component, Rows
 from percuss.errors import InputError, Problem, suggestion
 from percuss.options import options_of
@@ -31,9 +31,9 @@ def explanation(model: Model) -> Explanation:
     """Return what the run of a model will do."""
     from percuss.runner import plain
 
-    certificate = stability.certificate(model)
+    known = certificate(model)
     parameters, chosen = model.parameters(), _chosen(model)
-    measured = _measured(model, certificate["energy"])
+    measured = _measured(model, known["energy"])
     case = model.case
     lines = [case.title or "Untitled case"]
     lines += [f"  source: {case.source}"] if case.source else []
@@ -45,23 +45,27 @@ def explanation(model: Model) -> Explanation:
         *_formula(type(method)),
         "Step",
         f"  {model.dt:.9g}, Courant number {model.courant:.6g} of the element with the smallest h/c; "
-        f"{model.steps} steps to {model.steps * model.dt:.9g}",
-        f"  the bodies without contact allow {certificate['dt_critical_free']:.9g}, the worst combination of closed "
-        f"contacts {certificate['dt_critical']:.9g}",
+        f"{model.steps} steps to {model.steps * model.dt:.9g}"
+        + (f"; chosen as {SAFETY} of the critical step" if case.time.courant == "auto" else ""),
+        f"  the bodies without contact allow {known['dt_critical_free']:.9g}, the worst combination of closed "
+        f"contacts {known['dt_critical']:.9g}",
         "Stability of the closed linear step",
-        f"  {certificate['stable']}: {certificate['why']}",
+        f"  {known['stable']}: {known['why']}",
         "Energy over opening and closing",
-        f"  {certificate['energy']}",
+        f"  {known['energy']}",
     ]
     lines += [f"  measured, {law}: {words}" for law, words in measured.items()]
-    lines += [f"  to be stable, {certificate['cure']}"] if certificate["cure"] else []
+    if known["stable"] == "no":
+        warned = case.time.on_unstable == "warn"
+        lines.append("  the run goes on all the same (on_unstable: warn)" if warned else "  the run is not started")
+        lines.append(f"  to be stable, {known['cure']}")
     lines += [f"note: {note}" for note in case.notes]
     data = {
         "title": case.title,
         "dt": model.dt,
         "steps": model.steps,
         "courant": model.courant,
-        "certificate": certificate,
+        "certificate": known,
         "contacts": parameters,
         "chosen": chosen,
         "measured": measured,

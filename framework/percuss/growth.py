@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from percuss.contact import BY_CURRENT, BY_END, ROUNDING
-from percuss.stability import BETWEEN, NEVER_GROWS
+from percuss.judges import BETWEEN, NEVER_GROWS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

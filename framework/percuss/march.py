@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import escape, kernels, loop
+from percuss import escape, kernels, loop, recording
 from percuss.binding import Kernels, bind, bind_around
 from percuss.contact import carry_over, point_records
 from percuss.contracts import Rows
@@ -88,7 +88,7 @@ class March:
         count = len(model.meetings)
         self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], Rows)]
         self.bound = escape.nest(self.own_laws, count - sum(len(entry["where"]) for entry in self.own_laws))
-        self.record, self.time = self._record(count)
+        self.record, self.time = recording.prepared(model, self.probes, self.place, count)
         self._quiet = loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
         number = {n: model.body_of(n).number for n in self.special_nodes}
@@ -135,47 +135,6 @@ class March:
                 )
             )
         return groups, list(kinds)
-
-    def _record(self, count: int) -> tuple[loop.Record, Floats]:
-        model, dim, every = self.model, self.dim, self.model.case.record.every
-        steps = model.steps
-        n = np.arange(0, steps + 1, every)
-        if steps % every:
-            n = np.append(n, steps)
-        rows = n.size
-        self.field_elements = self._field_elements()
-        snapshots = model.case.record.fields
-        field_every = max(1, steps // snapshots) if snapshots else 0
-        taken = steps // field_every + 1 if snapshots else 0
-        ends = np.stack([self.field_elements, self.field_elements + 1], axis=1).ravel()
-        field_dof = (ends[:, None] * dim + np.arange(dim)).ravel() if snapshots else np.zeros(0, dtype=np.int64)
-
-        def empty(rows: int, columns: int) -> Floats:
-            return np.full((rows, columns), np.nan)
-
-        record = loop.Record(
-            every=every,
-            last=steps,
-            multiplier=empty(rows, count),
-            gap=empty(rows, count),
-            end_force=empty(rows, count),
-            displacement=empty(rows, len(self.probes) * dim),
-            velocity=empty(rows, len(self.probes) * dim),
-            probe=np.array([self.place[p] + d for p in self.probes for d in range(dim)], dtype=np.int64),
-            energy=empty(rows, 5),
-            field_every=field_every,
-            field=empty(taken, field_dof.size),
-            field_dof=field_dof,
-        )
-        return record, np.asarray(n * model.dt, dtype=np.float64)
-
-    def _field_elements(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Return the first nodes of the elements whose stress is kept for the space-time picture."""
-        kept = [
-            body.start + np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round())
-            for body in self.model.bodies.values()
-        ]
-        return np.concatenate(kept).astype(np.int64)
 
     def _acting(self, midpoint: float, special: Any) -> loop.Few:
         """Return what acts on few nodes for a run of steps with the same drives; sums start at zero."""
@@ -252,30 +211,23 @@ class March:
 
     # -- the march ---------------------------------------------------------------------------------------
 
-    def run(self, progress: Progress | None = None) -> Outcome:
+    def run(self, progress: Progress | None = None, *, marginal: bool = False) -> Outcome:
         """March to the end, or to the stop.
 
         Parameters
         ----------
         progress
             Called with (steps done, steps in all) between chunks.
+        marginal
+            Whether the step is the critical one, at which the highest frequency of a bar may grow with time.
         """
         started = time.perf_counter()
-        self._settle_kernels()
+        self.settle()
         settled = time.perf_counter()
         self.seconds["compile"] = settled - started
-        out = Outcome(
-            records=0,
-            time=self.time,
-            record=self.record,
-            points=self.few.points,
-            starting_velocity=self.v.copy(),
-            energy_before=self._energy(),
-            totals=self.few.totals,
-            load_impulse=np.zeros(self.dim),
-            kernels=self.kernels,
-            seconds=self.seconds,
-        )
+        out = self._nothing_yet()
+        out.energy_before = self._energy()
+        self._marginal = marginal
         total = self.few.totals[0]
         total.began_with = max(self.initial_energy(), out.energy_before)
         total.growth, total.floor = GROWTH, self.noise() if self.model.case.time.on_unstable == "stop" else np.inf
@@ -296,6 +248,28 @@ class March:
             out.records = -(-out.done // every) if out.status == "unstable" else out.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled
         return out
+
+    def refuse(self, stop: dict[str, Any]) -> Outcome:
+        """Return what a march leaves that is not made."""
+        out = self._nothing_yet()
+        out.status, out.stop, out.reactions = "unstable", stop, self.reactions
+        out.final_velocity, out.final_displacement = self.v, self.u
+        self.seconds |= {"compile": 0.0, "march": 0.0}
+        return out
+
+    def _nothing_yet(self) -> Outcome:
+        return Outcome(
+            records=0,
+            time=self.time,
+            record=self.record,
+            points=self.few.points,
+            starting_velocity=self.v.copy(),
+            energy_before=0.0,
+            totals=self.few.totals,
+            load_impulse=np.zeros(self.dim),
+            kernels=self.kernels,
+            seconds=self.seconds,
+        )
 
     def _march(self, out: Outcome, progress: Progress | None, interrupted: threading.Event) -> None:
         model = self.model
@@ -326,18 +300,19 @@ class March:
 
     def _advance(self, drive: loop.Drive, first: int, count: int) -> int:
         return self.kernels.advance(
-            self._nested, self.bulk, self.few, self.bound, drive, self.record, self.u, self.v,
+            self.nested, self.bulk, self.few, self.bound, drive, self.record, self.u, self.v,
             bool(self.model.pulls), self.dim, self.model.dt, first, count,
         )  # fmt: skip
 
     @property
-    def _nested(self) -> Any:
+    def nested(self) -> Any:
+        """The groups as the loop reads them: (group, (group, ...))."""
         nested: Any = self.groups[-1]
         for group in reversed(self.groups[:-1]):
             nested = (group, nested)
         return nested
 
-    def _settle_kernels(self) -> None:
+    def settle(self) -> None:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
         error = self._failure()
         if error is not None:
@@ -369,9 +344,7 @@ class March:
 
     def _energy(self) -> float:
         """Return the staggered energy of u and v as they stand."""
-        return self._kinetic(self.v) + float(
-            self.kernels.elastic(self._nested, self.u, self.v, self.dim, self.model.dt)
-        )
+        return self._kinetic(self.v) + float(self.kernels.elastic(self.nested, self.u, self.v, self.dim, self.model.dt))
 
     def initial_energy(self) -> float:
         """Return the kinetic energy at t = 0."""
@@ -403,6 +376,8 @@ class March:
         """Return whether the state is finite and no more energetic than what was put in allows."""
         total = self.few.totals[0]
         put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
+        if self._marginal:
+            return bool(np.isfinite(self._kinetic(self.v)))
         return bool(self._kinetic(self.v) <= KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy)
 
     def _changing(self) -> list[Any]:
@@ -423,7 +398,7 @@ class March:
 
     def _locate(self, drive: loop.Drive, kept: list[Any], first: int, count: int) -> tuple[int, dict[str, Any]]:
         """March the chunk again, a step at a time, up to the first step that is not sound."""
-        from percuss.stability import likely_cause
+        from percuss.certificate import likely_cause
 
         for array, value in zip(self._changing(), kept, strict=True):
             array[:] = value

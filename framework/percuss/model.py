@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import itertools
 import math
 from functools import cached_property
@@ -30,6 +32,8 @@ class Model:
     ----------
     case
         A checked case.
+    dt
+        Time step; by default that of the case, the one of Courant number 1 where the case leaves it open.
 
     Raises
     ------
@@ -39,7 +43,7 @@ class Model:
         If the integrator and a contact law refuse one another.
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: Case, dt: float | None = None) -> None:
         self.case = case
         self.dim = case.dimension
         self._problems: list[Problem] = []
@@ -48,7 +52,7 @@ class Model:
         self.mass = np.concatenate([body.mass for body in self.bodies.values()])
         self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
         self.omega = max(float(body.frequency.max()) for body in self.bodies.values())
-        self.dt, self.steps = self._time()
+        self.dt, self.steps = self._time(dt)
         self.meetings = [meeting for spec in case.contacts.values() if (meeting := self._meeting(spec)) is not None]
         self.holds, self.pushes, self.pulls = self._loads()
         self._raise()
@@ -82,9 +86,11 @@ class Model:
             start = bodies[name].stop
         return bodies
 
-    def _time(self) -> tuple[float, int]:
+    def _time(self, dt: float | None) -> tuple[float, int]:
         time = self.case.time
-        dt = time.step if time.step is not None else (time.courant or 0.0) * 2.0 / self.omega
+        if dt is None:
+            courant = 1.0 if time.courant is None or time.courant == "auto" else time.courant
+            dt = time.step if time.step is not None else courant * 2.0 / self.omega
         if time.steps is not None:
             return dt, time.steps
         steps = max(1, math.ceil((time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9))
@@ -92,6 +98,17 @@ class Model:
             self._problem(("time",), f"expected at most {MOST_STEPS} steps, found {steps:.3g}", "Lengthen the step.")
             self._raise()
         return dt, steps
+
+    def still(self, dt: float, holds: Sequence[Hold]) -> Model:
+        """Return the same bodies and contacts without loads, `holds` at rest, laws bound anew for a step `dt`."""
+        other = copy.copy(self)
+        other.__dict__.pop("initial_velocity", None)
+        other.dt, other.steps, other.pushes, other.pulls = dt, 1, [], []
+        other.holds = [dataclasses.replace(hold, load=None, column=0) for hold in holds]
+        other.table = self.case.method.integrator.bind(dt)
+        other.laws = other._laws()
+        other._raise()
+        return other
 
     @property
     def courant(self) -> float:

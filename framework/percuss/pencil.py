@@ -9,6 +9,7 @@ positive definite, by Sylvester's law of inertia for the worst combination of cl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,11 +33,12 @@ class Pencil:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        held: dict[int, list[Floats]] = {}
         end = model.steps * model.dt
-        for hold in model.holds:
-            if hold.load is None or (hold.load.start <= 0 and hold.load.stop >= end):
-                held.setdefault(hold.node, []).append(hold.direction)
+        self.holds = [h for h in model.holds if h.load is None or (h.load.start <= 0 and h.load.stop >= end)]
+        held: dict[int, list[Floats]] = {}
+        for hold in self.holds:
+            held.setdefault(hold.node, []).append(hold.direction)
+        self.held = held
         self.bodies: list[tuple[int, Floats, Floats, Floats]] = []  # first free node, masses, diagonal, off-diagonal
         for body in model.bodies.values():
             diagonal = np.zeros(body.mass.size)
@@ -115,8 +117,8 @@ class Pencil:
         return bool(np.linalg.eigvalsh(small)[-1] < 1.0), [int(p) for p in worst]
 
 
-def largest(holds: Any, start: float) -> float:
-    """Return the largest step, within a relative 1e-11, up to which `holds` is true, searching from `start`."""
+def largest(holds: Callable[[float], bool], start: float, tolerance: float = 1e-11) -> float:
+    """Return the largest step, within a relative `tolerance`, up to which `holds` is true, searching from `start`."""
     lo = hi = start
     while not holds(lo):
         hi, lo = lo, 0.5 * lo
@@ -130,7 +132,7 @@ def largest(holds: Any, start: float) -> float:
             break
     for _ in range(STEPS_OF_SEARCH):
         middle = 0.5 * (lo + hi)
-        if middle in (lo, hi) or hi - lo < 1e-11 * hi:
+        if middle in (lo, hi) or hi - lo < tolerance * hi:
             break
         if holds(middle):
             lo = middle

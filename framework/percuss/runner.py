@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import growth, ledger, stability, truth
+from percuss import certificate, growth, ledger, truth
 from percuss.errors import RunError
 from percuss.march import GROWTH, March, Outcome, Progress
-from percuss.model import Model, resolved_methods
+from percuss.model import resolved_methods
+from percuss.recording import field_elements
 from percuss.result import Result, machine
 
 if TYPE_CHECKING:
@@ -55,20 +56,25 @@ def run(
     RefusedPair
         If the integrator and a contact law make no sense together.
     RunError
-        If the run went unstable or non-finite; its `result` holds what was computed.
+        If the certificate forbids the run, or it went unstable or non-finite; its `result` holds what was computed.
     """
     started = time.perf_counter()
     if overrides:
         case = case.with_overrides(overrides)
-    march = March(Model(case), compiled=compiled)
-    outcome = march.run(progress)
+    march = March(certificate.settled(case), compiled=compiled)
+    known = certificate.certificate(march.model)
+    if known["stable"] == "no" and case.time.on_unstable == "stop":
+        outcome = march.refuse(certificate.not_started(march.model, known))
+    else:
+        outcome = march.run(progress, marginal=known["stable"] == "marginal")
     outcome.seconds["total"] = time.perf_counter() - started
-    result = _result(march, outcome)
+    with np.errstate(all="ignore" if outcome.status == "unstable" else "warn"):  # what overflowed is told by the stop
+        result = _result(march, outcome, known)
     if outcome.status == "unstable":
         raise RunError(stop_message(outcome.stop), result)
     if nudge and result.summary["exact"] is not None:
         try:
-            twin = run(truth.nudged(case), compiled=compiled)
+            twin = run(truth.nudged(case, march.model.courant), compiled=compiled)
         except RunError as error:  # a hair's breadth decides whether it blows up
             twin = error.result
         result.summary["exact"]["fragile"] = truth.is_fragile(result, twin)
@@ -77,14 +83,15 @@ def run(
 
 def stop_message(stop: Mapping[str, Any]) -> str:
     """Return the words for a run that was stopped: what, step, time, node and likely cause."""
+    when = f"stopped at step {stop['step']}, time {stop['time']:.9g}"
     return (
-        f"stopped at step {stop['step']}, time {stop['time']:.9g}, node {stop['node']} "
+        f"{'not started' if stop['what'] == certificate.NOT_STARTED else when}, node {stop['node']} "
         f"(node {stop['node_in_body']} of body '{stop['body']}'): {stop['what']}\n"
         f"  likely cause: {stop['cause']}"
     )
 
 
-def _result(march: March, outcome: Outcome) -> Result:
+def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     model = march.model
     rows = outcome.records
     back = np.argsort(np.array(march.order, dtype=np.int64))  # from the order of the loop to that of the case
@@ -110,8 +117,7 @@ def _result(march: March, outcome: Outcome) -> Result:
     started = time.perf_counter()
     solution, judged, reason = _judge(march, outcome, arrays)
     outcome.seconds["exact"] = time.perf_counter() - started
-    certificate = stability.certificate(model)
-    grown = growth.growth_summary(march, outcome, certificate, ledger.largest(outcome))
+    grown = growth.growth_summary(march, outcome, known, ledger.largest(outcome))
     summary = {
         "status": outcome.status,
         "stop": outcome.stop or None,
@@ -119,7 +125,7 @@ def _result(march: March, outcome: Outcome) -> Result:
         "dt": model.dt,
         "end": outcome.done * model.dt,
         "courant": model.courant,
-        "certificate": certificate,
+        "certificate": known,
         "contacts": ledger.contact_summary(march, outcome),
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),
@@ -128,7 +134,7 @@ def _result(march: March, outcome: Outcome) -> Result:
         "exact_reason": reason or None,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
-        "notes": [*model.case.notes, *_warnings(march, outcome), *growth.growth_notes(march, outcome, grown)],
+        "notes": [*model.case.notes, *_warnings(march, outcome, known), *growth.growth_notes(march, outcome, grown)],
         "seconds": outcome.seconds,
     }
     provenance = {
@@ -143,13 +149,19 @@ def _result(march: March, outcome: Outcome) -> Result:
     return result
 
 
-def _warnings(march: March, outcome: Outcome) -> list[str]:
-    """Return what would have stopped a run whose case only warns (``on_unstable: warn``)."""
+def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str]:
+    """Return what a reader of the result must know: what would have stopped it, had the case not only warned."""
+    said = []
+    if known["stable"] == "no" and outcome.done > 0:
+        said.append(f"the certificate says no, and the run was made all the same (on_unstable: warn): {known['why']}")
+    if known["stable"] == "marginal":
+        said.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     total = march.few.totals[0]
     allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
-    if outcome.status == "unstable" or total.contact_work <= allowed:
-        return []
-    return [f"not a valid result: contact added an energy of {total.contact_work:.6g}, far above all that was put in"]
+    if outcome.status != "unstable" and not total.contact_work <= allowed:
+        work = f"{total.contact_work:.6g}"
+        said.append(f"not a valid result: contact added an energy of {work}, far above all that was put in")
+    return said
 
 
 def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any, dict[str, Any] | None, str]:
@@ -194,7 +206,7 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     if taken == 0:  # stopped before the first snapshot
         return {}
     u = record.field[:taken].reshape(taken, -1, 2, dim)
-    first = march.field_elements
+    first = field_elements(model)
     stress = np.empty(u.shape[:2])
     for body in model.bodies.values():
         mine = (first >= body.start) & (first < body.stop)

@@ -106,9 +106,11 @@ class TimeSpec:
     exactly_one: ClassVar = (("courant", "step"), ("end", "steps"))
 
     end: Annotated[float, Gt(0), Unit("time"), Doc("the last step reaches it or just passes it")] | None = None
-    courant: Annotated[float, Gt(0), Unit("1"), Doc("Courant number of the element with the smallest h/c")] | None = (
-        None
-    )
+    courant: (
+        Annotated[float, Gt(0), Unit("1"), Doc("Courant number of the element with the smallest h/c, or auto")]
+        | Literal["auto"]
+        | None
+    ) = None
     step: Annotated[float, Gt(0), Unit("time"), Doc("time step; instead of courant")] | None = None
     steps: Annotated[int, Ge(1), Unit("1"), Doc("number of steps; instead of end")] | None = None
     on_unstable: Annotated[

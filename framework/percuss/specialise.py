@@ -182,6 +182,7 @@ class Specialiser:
         return digest.hexdigest()[:16]
 
 
+@functools.cache
 def _versions() -> str:
     from importlib.metadata import version
 

@@ -14,6 +14,7 @@ from percuss.convergence import WORDS
 if TYPE_CHECKING:
     from percuss.registry import Registry
     from percuss.result import Result
+    from percuss.waves import Waves
 
 
 def _number(value: Any, digits: int = 6) -> str:
@@ -47,6 +48,8 @@ def tell_result(result: Result) -> None:
         console.print(f"  note: {escape(note)}")
     for why in s["compiled_why"]:
         console.print(f"  not compiled: {escape(why)}")
+    if s["status"] == "unstable" and s["steps"] == 0:
+        return
     table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
     for name, c in s["contacts"].items():
         law = resolved["contacts"][name]
@@ -114,6 +117,40 @@ def tell_orders(orders: list[dict[str, Any]]) -> None:
         refined = ", ".join(str(value) for value in one["refine"])
         table.add_row(one["integrator"], one["contact"], *(_number(one.get(p)) for p in others), refined, *cells)
     console.print(table)
+
+
+def tell_stability(title: str, rows: list[dict[str, Any]]) -> None:
+    """Print critical Courant numbers, a line a combination and a column a way to judge."""
+    console = _console()
+    ways = list(dict.fromkeys(row["by"] for row in rows))
+    paths = [key for key in rows[0] if "." in key or key == "refine"]
+    told = [key for key in ("margin", "theta") if key in rows[0]]
+    table = Table(*(escape(p) for p in paths), *(f"C critical, {way}" for way in ways), *told, title=escape(title))
+    lines: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for row in rows:
+        lines.setdefault(tuple(row[p] for p in paths), {})[row["by"]] = row
+    for values, by in lines.items():
+        first = next(iter(by.values()))
+        cells = [_number(by[way]["courant_critical"]) if way in by else "-" for way in ways]
+        table.add_row(*(_number(v) for v in values), *cells, *(_number(first.get(key)) for key in told))
+    console.print(table)
+    for reason in dict.fromkeys(f"{row['by']}: {row['reason']}" for row in rows if row["reason"]):
+        console.print(escape(reason))
+
+
+def tell_waves(title: str, found: Waves) -> None:
+    """Print reflection and transmission at some frequencies."""
+    console = _console()
+    table = Table(
+        "omega h/c", "reflected", "transmitted", "by formula", "energy that leaves again", title=escape(title)
+    )
+    rows = found.rows()
+    for row in rows[:: max(1, len(rows) // 20)]:
+        keys = ("frequency", "reflection", "transmission", "formula", "energy_kept")
+        table.add_row(*(_number(row[key], 5) for key in keys))
+    console.print(table)
+    if found.reason:
+        console.print(escape(found.reason))
 
 
 def tell_checks(told: list[dict[str, Any]]) -> None:

@@ -153,10 +153,11 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
     return _over(float(np.sqrt(error)), float(np.sqrt(size)))
 
 
-def nudged(case: Case) -> Case:
-    """Return the case with its first body a hair thicker, `NUDGE` of its area."""
+def nudged(case: Case, courant: float) -> Case:
+    """Return the case with its first body a hair thicker, `NUDGE` of its area, at the Courant number of the run."""
     name, body = next(iter(case.bodies.items()))
-    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE)})
+    chosen = {"time.courant": courant} if case.time.courant == "auto" else {}
+    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE), **chosen})
 
 
 def is_fragile(result: Result, twin: Result) -> bool:

@@ -1,0 +1,70 @@
+"""What a march keeps of its steps: empty arrays of the size that is needed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss import loop
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from percuss.contracts import Floats, Integers
+    from percuss.model import Model
+
+
+def prepared(model: Model, probes: Sequence[int], place: Mapping[int, int], points: int) -> tuple[loop.Record, Floats]:
+    """Return the empty record of a run, and the times of its rows.
+
+    Parameters
+    ----------
+    model
+        The model to march.
+    probes
+        Nodes whose motion is kept.
+    place
+        Node to its first entry among the special ones.
+    points
+        Number of contact points.
+    """
+    dim, every, steps = model.dim, model.case.record.every, model.steps
+    n = np.arange(0, steps + 1, every)
+    if steps % every:
+        n = np.append(n, steps)
+    rows = n.size
+    elements = field_elements(model)
+    snapshots = model.case.record.fields
+    field_every = max(1, steps // snapshots) if snapshots else 0
+    taken = steps // field_every + 1 if snapshots else 0
+    ends = np.stack([elements, elements + 1], axis=1).ravel()
+    field_dof = (ends[:, None] * dim + np.arange(dim)).ravel() if snapshots else np.zeros(0, dtype=np.int64)
+
+    def empty(rows: int, columns: int) -> Floats:
+        return np.full((rows, columns), np.nan)
+
+    record = loop.Record(
+        every=every,
+        last=steps,
+        multiplier=empty(rows, points),
+        gap=empty(rows, points),
+        end_force=empty(rows, points),
+        displacement=empty(rows, len(probes) * dim),
+        velocity=empty(rows, len(probes) * dim),
+        probe=np.array([place[p] + d for p in probes for d in range(dim)], dtype=np.int64),
+        energy=empty(rows, 5),
+        field_every=field_every,
+        field=empty(taken, field_dof.size),
+        field_dof=field_dof,
+    )
+    return record, np.asarray(n * model.dt, dtype=np.float64)
+
+
+def field_elements(model: Model) -> Integers:
+    """Return the first nodes of the elements whose stress is kept for the space-time picture."""
+    kept = [
+        body.start + np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round())
+        for body in model.bodies.values()
+    ]
+    return np.concatenate(kept).astype(np.int64)

@@ -1,0 +1,348 @@
+"""The step itself against the rows of the laws, closed forms and one another; and that a wrong one would be seen."""
+
+import math
+import textwrap
+
+import numpy as np
+import pytest
+from hypothesis import assume, event, given
+
+import percuss
+from percuss import judges, loop
+from percuss.blackbox import ClosedStep, Motions, combinations, examine
+from percuss.certificate import certificate
+from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
+from percuss.model import Model
+from percuss.pencil import Pencil
+from strategies import LAWS, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
+from test_stability import ROWS, wall
+
+WU, CD = "wu-predictor-corrector", "central-difference"
+ROW_LAWS = [law for law in LAWS if "multipliers" not in vars(REGISTRY.get("contacts", law["name"]))]
+ROW_PAIRS = [pair for pair in PAIRS if pair[1] in ROW_LAWS]
+LONG = 36  # 2**36 steps
+
+
+def model_of(case):
+    return Model(percuss.load(case))
+
+
+def drawn_model(case, pair):
+    try:
+        return model_of(with_pair(case, pair))
+    except (percuss.InputError, percuss.RefusedPair) as error:  # an end between two walls, a refused pair
+        event(type(error).__name__)
+    assume(False)
+    raise AssertionError
+
+
+def quotient(motions, dt, contacts):
+    """Return the amplification matrix without the motions that are no instability."""
+    matrix = ClosedStep(motions, dt, contacts).matrix()
+    idle = np.kron(np.eye(2), motions.idle(dt, contacts))
+    rest = np.eye(matrix.shape[0]) - idle @ idle.T
+    return rest @ matrix @ rest
+
+
+def after(matrix, squarings=LONG):
+    """Return the size of a matrix squared that often; infinite beyond all bounds."""
+    for _ in range(squarings):
+        with np.errstate(all="ignore"):
+            matrix = matrix @ matrix
+        if not np.isfinite(matrix).all() or np.abs(matrix).max() > 1e100:
+            return math.inf
+    return float(np.abs(matrix).max())
+
+
+# --------------------------------------------------------------------------------------------- published figures
+
+
+@pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
+def test_the_published_critical_courant_numbers(ratio, beta, critical):
+    motions = Motions(model_of(wall(beta, ratio)))
+    below = critical - (1e-9 if critical == 1 else 0.5e-4)
+    assert examine(motions, below / 60, [0]).stable
+    assert not examine(motions, (critical + 0.5e-4) / 60, [0]).stable
+
+
+@pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
+def test_closed_forms_give_the_published_critical_courant_numbers(ratio, beta, critical):
+    assert round(ClosedForm(model_of(wall(beta, ratio))).critical() * 60, 4) == critical
+
+
+def test_the_closed_form_of_the_penalty_method():
+    for beta in (0.1, 1.0, 30.0):
+        found = ClosedForm(model_of(wall(beta, math.inf))).critical() * 60
+        assert found == pytest.approx(math.sqrt(2 / (1 + math.sqrt(1 + beta**2))), rel=1e-9)
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+def test_unlike_bars_have_a_closed_form_too(integrator):
+    case = wall(3.0, 2.0, integrator)
+    case["bodies"]["c"] = {
+        "bar": {"length": 1.0, "elements": 80}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
+    }  # fmt: skip
+    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    model = model_of(case)
+    assert ClosedForm(model).critical() == pytest.approx(RowsJudge(model).critical(), rel=1e-6)
+
+
+def test_no_closed_form_where_none_is_known():
+    case = wall(1.0, 1.0)
+    case["bodies"]["b"]["bar"]["grading"] = 2.0
+    with pytest.raises(NoClosedFormError, match="body 'b' are unequal"):
+        ClosedForm(model_of(case))
+    case = {**wall(1.0, 1.0), "method": {"integrator": CD, "contact": "tied"}}
+    with pytest.raises(NoClosedFormError, match="tied"):
+        ClosedForm(model_of(case)).critical()
+
+
+def three_bars(integrator, direction):
+    """Three unlike bars in a row against a wall, along `direction`; 3-4-5 so that ends meet to the last digit."""
+    unit = np.array(direction) / 5.0
+    start, bodies = np.zeros(len(direction)), {}
+    for k, name in enumerate("abc"):
+        bodies[name] = {
+            "bar": {"length": 5.0, "elements": 3 + k, "direction": direction},
+            "at": [float(x) for x in start],
+            "material": {"young": 10.0 * (k + 1), "density": 0.5 + k},
+            "area": 1.0 + 0.5 * k,
+        }
+        start = start + 5.0 * unit
+    contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
+    contacts["wall"] = {"body": "a.left", "wall": [0.0] * len(direction)}
+    law = {"name": "bipenalty", "beta_s": 3.0, "ratio": 2.0}
+    method = {"integrator": integrator, "contact": law}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "method": method,
+        "time": {"steps": 1, "courant": 0.6},
+    }
+
+
+@pytest.mark.parametrize("direction", [[5.0], [3.0, 4.0], [0.0, -3.0, 4.0]])
+def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
+    model = model_of(three_bars(WU, direction))
+    motions = Motions(model)
+    closed_step, free = (ClosedStep(motions, model.dt, c) for c in ([0, 1, 2], []))
+    judge = RowsJudge(model)
+    said = closed(model, model.dt)
+    s = judge.delassus
+    thetas = model.dt**2 * np.linalg.eigvals(np.linalg.solve(np.eye(3) + s * said.inertia, s * said.stiffness))
+    assert np.linalg.det(closed_step.matrix()) == pytest.approx(np.prod(1 - thetas).real, abs=1e-10)
+    assert np.linalg.det(free.matrix()) == pytest.approx(1, abs=1e-10)
+    assert examine(motions, model.dt, [0, 1, 2]).theta == pytest.approx(max(thetas.real), abs=1e-10)
+    for p in range(3):
+        one = np.linalg.det(ClosedStep(motions, model.dt, [p]).matrix())
+        theta = model.dt**2 * said.stiffness[p] * s[p, p] / (1 + said.inertia[p] * s[p, p])
+        assert one == pytest.approx(1 - theta, abs=1e-10)
+
+
+@pytest.mark.parametrize("direction", [[5.0], [3.0, 4.0], [0.0, -3.0, 4.0]])
+def test_central_difference_keeps_the_volume(direction):
+    model = model_of(three_bars(CD, direction))
+    for contacts in combinations(3):
+        step = ClosedStep(Motions(model), model.dt, contacts)
+        assert np.linalg.det(step.matrix()) == pytest.approx(1, abs=1e-10)
+        assert examine(step.motions, model.dt, contacts).theta is None
+
+
+# ----------------------------------------------------------------------------------------------- the limit is tight
+
+
+def check_the_limit_is_tight(model, judge_class=RowsJudge):
+    """Demand that 1 % below the critical step nothing grows in any combination, and 1 % above it does in the worst."""
+    judge = judge_class(model)
+    critical = judge.critical()
+    motions = Motions(model)
+    below, above = 0.99 * critical, 1.01 * critical
+    for contacts in combinations(len(model.meetings)):
+        found = examine(motions, below, contacts)
+        assert found.radius <= 1 + 1e-9
+        assert found.stable
+        assert after(quotient(motions, below, contacts)) < 1e9
+    worst = judge.judge(above).worst
+    assert not examine(motions, above, worst).stable
+    assert after(quotient(motions, above, worst)) == math.inf
+    return critical
+
+
+@pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
+@given(case=rows(moving=False, loads=False, bars=3))
+def test_the_limit_is_tight(pair, case):
+    model = drawn_model(case, pair)
+    critical = check_the_limit_is_tight(model)
+    event("lowered by contact" if critical < 0.999 * RowsJudge(model).free else "that of the bodies")
+
+
+@given(case=rows(moving=False, loads=False, bars=2))
+def test_a_law_with_a_kernel_of_its_own_is_judged_as_the_law_it_is(case):
+    """`tied` has no rows; two bars tied are one bar with a heavier node."""
+    model = drawn_model(case, (CD, {"name": "tied"}))
+    found = certificate(model)
+    assert found["by"] == ("black-box" if model.meetings else "pencil")
+    assert found["stable"] in {"yes", "marginal"} or model.dt > found["dt_critical_free"]
+    assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-9)
+
+
+def test_closing_a_contact_may_raise_the_limit():
+    law = {"name": "bipenalty", "beta_s": 10.0, "ratio": "matched"}
+    case = wall(1.0, 1.0, WU)
+    case["bodies"]["b"]["bar"]["elements"] = 5
+    case["method"]["contact"] = law
+    motions = Motions(model_of(case))
+    assert examine(motions, 1.009 / 5, [0]).stable
+    assert not examine(motions, 1.009 / 5, []).stable
+    found = certificate(Model(percuss.load(case, {"time.courant": 1.009})))
+    assert found["stable"] == "no"
+    assert found["worst"] == []
+
+
+@pytest.mark.parametrize("theta", [1 - 1e-6, 1 + 1e-6])
+def test_the_verdict_turns_where_theta_is_one(theta):
+    """The radius leaves 1 by less than 1e-11 there: only theta tells."""
+    courant = 0.1
+    beta = theta / (2 * courant**2)
+    model = model_of(wall(beta, math.inf, WU, courant))
+    found = examine(Motions(model), model.dt, [0])
+    assert abs(found.radius - 1) < 1e-6
+    assert found.theta == pytest.approx(theta, abs=1e-10)
+    assert found.stable == (theta < 1)
+    assert (certificate(model)["stable"] == "yes") == (theta < 1)
+
+
+def test_a_large_model_is_judged_by_a_krylov_iteration():
+    for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
+        model = model_of(hunek(n=200, integrator=CD, contact=law))
+        assert BlackBoxJudge(model).critical() == pytest.approx(RowsJudge(model).critical(), rel=1e-4)
+    model = model_of(hunek(n=200, contact={"name": "tied"}))
+    assert "Krylov" in certificate(model)["why"]
+
+
+# ------------------------------------------------------------------------------------------------- what it cannot say
+
+
+def law_file(folder, body):
+    """Write a single-file contact law whose kernel is `body`, and return a case on it."""
+    text = f'''
+    from dataclasses import dataclass
+    from typing import NamedTuple
+    from percuss import ContactLaw
+
+    class Bound(NamedTuple):
+        stiffness: object
+
+    @dataclass(frozen=True)
+    class Mine(ContactLaw):
+        """A law."""
+        name = "mine"
+        summary = "a law"
+
+        def bind(self, points, dt):
+            return Bound(points.stiffness * 1.0)
+
+        @staticmethod
+        def multipliers(bound, trial, multiplier):
+            for p in range(multiplier.size):
+                overlap = max(-trial.gap[p], 0.0)
+                multiplier[p] = {body}
+    '''
+    file = folder / "mine.py"
+    file.write_text(textwrap.dedent(text))
+    return percuss.load({**wall(1.0, 1.0), "method": {"integrator": CD, "contact": "mine"}}, plugins=[file])
+
+
+def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
+    found = certificate(Model(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")))
+    assert found["stable"] == "unknown"
+    assert "not linear" in found["why"]
+    assert percuss.run(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")).status == "done"
+
+
+def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
+    case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
+    expected = RowsJudge(model_of(wall(3.0, math.inf))).critical()
+    assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
+
+
+# --------------------------------------------------------------------------------------------------- planted defects
+
+
+def limit_of(case, judge_class=RowsJudge):
+    return check_the_limit_is_tight(model_of(case), judge_class)
+
+
+def unlike_pair(integrator):
+    case = wall(40.0, 5.0, integrator)
+    case["bodies"]["b"]["bar"]["elements"] = 10
+    case["bodies"]["c"] = {
+        "bar": {"length": 1.0, "elements": 12}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
+    }  # fmt: skip
+    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    return case
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+def test_nothing_planted_nothing_found(integrator):
+    limit_of(unlike_pair(integrator))
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch):
+    def forgets(model, dt):
+        said = closed(model, dt)
+        return judges.Closed(0.0 * said.stiffness, said.inertia, said.predicted, said.unknown, said.energy)
+
+    monkeypatch.setattr(judges, "closed", forgets)
+    with pytest.raises((AssertionError, IndexError)):
+        limit_of(unlike_pair(integrator))
+
+
+def test_a_lumped_mass_penalty_is_seen(monkeypatch):
+    def lumped(self, dt, stiffness, inertia):
+        count = self.model.n_nodes
+        matrix = np.zeros((count, count))
+        for first, mass, diagonal, off in self.bodies:
+            part = slice(first, first + mass.size)
+            matrix[part, part] = np.diag(4 / dt**2 * mass - diagonal) - np.diag(off, 1) - np.diag(off, -1)
+        if not (np.linalg.eigvalsh(matrix) > 0).all():
+            return False, []
+        for p, meeting in enumerate(self.model.meetings):
+            n = np.zeros(count)
+            for node, normal in meeting.rows():
+                n[node] = normal[0]
+            matrix += 4 / dt**2 * inertia[p] * np.diag(np.abs(n)) - stiffness[p] * np.outer(n, n)
+        return bool((np.linalg.eigvalsh(matrix) > 0).all()), list(range(len(self.model.meetings)))
+
+    monkeypatch.setattr(Pencil, "definite", lumped)
+    with pytest.raises(AssertionError):
+        limit_of(unlike_pair(CD))
+
+
+@pytest.mark.parametrize("integrator", [WU, CD])
+def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
+    def twice(points, entries, special, dt):
+        for i in range(points.size):
+            p = points[i]
+            if p.multiplier != 0.0:
+                for k in range(p.start, p.stop):
+                    special[entries[k].place].new_v += 2.0 * dt * entries[k].response * p.multiplier
+
+    monkeypatch.setattr(loop, "correct", twice)
+    with pytest.raises(AssertionError):
+        limit_of(unlike_pair(integrator))
+
+
+# ---------------------------------------------------------------------------------------------------- courant 1
+
+
+@pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
+def test_courant_number_one_runs_where_the_law_allows_it(pair):
+    case = hunek(n=20, courant=1.0, integrator=pair[0], contact=pair[1])
+    found = certificate(model_of(case))
+    above = found["dt_critical"] < found["dt_critical_free"] * (1 - 1e-9)
+    assert found["stable"] == ("no" if above else "marginal")
+    if not above:
+        assert percuss.run(percuss.load(case)).status == "done"
