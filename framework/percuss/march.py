@@ -25,6 +25,7 @@ CHUNK_SECONDS = 0.5
 CHUNK_STEPS = 65536
 GROWTH = 9.0  # contact may not add more than this times all energy put in: then the run has run away
 KINETIC_GROWTH = 100.0
+HUGE = 1e300  # energies beyond are no longer finite a step later, or already, summed in another order
 SILENT_STRAIN = 1e-10  # energies below that of this strain everywhere are noise
 
 Progress = Callable[[int, int], None]
@@ -376,9 +377,9 @@ class March:
         """Return whether the state is finite and no more energetic than what was put in allows."""
         total = self.few.totals[0]
         put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
-        if self._marginal:
-            return bool(np.isfinite(self._kinetic(self.v)))
-        return bool(self._kinetic(self.v) <= KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy)
+        kinetic = self._kinetic(self.v)
+        allowed = KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy
+        return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
 
     def _changing(self) -> list[Any]:
         few = self.few
