@@ -21,6 +21,7 @@ UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or 
 NOT_STARTED = "the certificate says no, so no step was made"
 
 
+LEAST = 1e-4  # of the free step: a smaller critical one counts as none
 SAFETY = 0.9  # of the critical step, where the case leaves the step open
 
 
@@ -35,12 +36,18 @@ def settled(case: Case) -> Model:
     model = Model(case)
     if case.time.courant != "auto":
         return model
-    judge = judge_of(model)
-    critical = judge.critical()
-    if not 0.0 < critical < np.inf or not judge.judge(SAFETY * critical).known:
-        advice = "Give a Courant number, or take another law."
-        raise InputError([case.problem(("time", "courant"), "expected methods of which some step is stable", advice)])
-    return Model(case, SAFETY * critical)
+    limit = np.inf
+    while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
+        judge = judge_of(model)
+        critical = judge.critical()
+        # growth so slow that a single tiny step does not show it is no stability
+        if not LEAST * judge.free < critical < np.inf or not judge.judge(SAFETY * critical).known:
+            message, advice = "expected methods of which some step is stable", "Give a step, or take another law."
+            raise InputError([case.problem(("time", "courant"), message, advice)])
+        if critical >= limit * (1.0 - EDGE):
+            return model
+        limit = critical
+        model = Model(case, SAFETY * critical)
 
 
 def judge_of(model: Model) -> RowsJudge | BlackBoxJudge:

@@ -217,7 +217,7 @@ def stability(
 
             plot_stability(rows, axes, families, loaded.title, _methods(loaded), plot)
         if as_json:
-            _print_json({"title": loaded.title, "rows": rows})
+            _print_json({"title": loaded.title, "rows": maps.as_json(rows)})
         else:
             from percuss.tell import tell_stability
 

@@ -90,6 +90,11 @@ def _check(by: Sequence[str]) -> None:
         raise InputError(problems)
 
 
+def as_json(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows in the terms of JSON, which has no infinite numbers: those become the text ``inf``."""
+    return [{k: "inf" if v in {np.inf, "inf"} else v for k, v in row.items()} for row in rows]
+
+
 def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
     """Write rows as a csv file; written beside and then renamed."""
     names = list(dict.fromkeys(name for row in rows for name in row))

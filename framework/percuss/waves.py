@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blackbox import ClosedStep, Motions
-from percuss.errors import InputError, PercussError
+from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.judges import closed
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     """
     names = [meeting.name for meeting in model.meetings]
     if not names or (contact and contact not in names):
-        raise InputError([model.case.problem(("contacts",), f"expected a contact '{contact}', found {names}")])
+        advice = suggestion(contact, names, "contact") if names else "Add a contact."
+        raise InputError([Problem("--contact", "", f"expected the name of a contact, found '{contact}'", advice)])
     p = names.index(contact) if contact else 0
     meeting = model.meetings[p]
     ends = _Ends(model, p)

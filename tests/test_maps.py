@@ -1,0 +1,300 @@
+"""Stability maps, waves at an interface and the step that chooses itself, in Python and on the command line."""
+
+import csv
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import assume, event, given
+
+import percuss
+from percuss.certificate import SAFETY, certificate, settled
+from percuss.model import Model
+from percuss.waves import waves
+from strategies import INTEGRATORS, LAWS, hunek, pair_id, rows, with_pair
+from test_blackbox import CD, ROW_PAIRS, WU, wall
+
+CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+SDNV, HUNEK = (str(Path(__file__).parent.parent / "cases" / f"{name}.yaml") for name in ("sdnv100", "hunek"))
+INF = math.inf
+
+
+def percuss_cli(*args, cwd):
+    return subprocess.run(
+        [sys.executable, "-m", "percuss", *args], capture_output=True, text=True, cwd=cwd, check=False
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------ maps
+
+
+def test_a_map_has_a_row_for_every_combination_and_way():
+    case = percuss.load(SDNV, {"bodies.beam.bar.elements": 12, "method.integrator": CD})
+    vary, curves = {"method.contact.beta_s": [0.25, 1.0, 10.0]}, {"method.contact.ratio": [INF, 2.0, 1.0]}
+    found = percuss.stability(case, vary, curves, ["closed-form", "pencil", "black-box"])
+    assert len(found) == 27
+    table = {(r["by"], r["method.contact.ratio"], r["method.contact.beta_s"]): r["courant_critical"] for r in found}
+    for ratio in (INF, 2.0, 1.0):
+        for beta in (0.25, 1.0, 10.0):
+            one = table["pencil", ratio, beta]
+            assert table["black-box", ratio, beta] == pytest.approx(one, rel=2e-6)
+            assert table["closed-form", ratio, beta] == pytest.approx(one, rel=2e-3)  # of an endless bar
+    assert table["closed-form", INF, 1.0] == pytest.approx(math.sqrt(2 / (1 + math.sqrt(2))), rel=1e-9)
+
+
+def test_a_map_over_the_step_has_theta_and_margin():
+    found = percuss.stability(
+        percuss.load(HUNEK), {"time.courant": [0.4, 0.5, 0.6]}, {"method.contact.ratio": [1, "matched"]}
+    )
+    for row in found:
+        c, ratio = row["time.courant"], row["method.contact.ratio"]
+        r = 1 / (4 * c**2) if ratio == "matched" else 1.0
+        theta = 4 * c**2 * 0.25 / (1 + 0.25 / r)
+        assert row["theta"] == pytest.approx(theta, rel=1e-9)
+        assert row["margin"] == pytest.approx(c / row["courant_critical"], rel=1e-9)
+
+
+def test_what_cannot_be_judged_is_a_row_with_its_reason():
+    found = percuss.stability(
+        percuss.load(HUNEK, {"bodies.short.bar.elements": 5, "bodies.long.bar.elements": 5, "method.contact": "tied"}),
+        {"time.courant": [0.5]}, None, ["closed-form", "pencil", "black-box"],
+    )  # fmt: skip
+    assert [row["courant_critical"] is None for row in found] == [True, True, False]
+    assert "tied" in found[0]["reason"]
+    assert "tied" in found[1]["reason"]
+
+
+def test_a_value_that_is_wrong_is_a_row_unless_all_are():
+    case = percuss.load(HUNEK)
+    found = percuss.stability(case, {"method.contact.beta_s": [-1, 1]})
+    assert [row["courant_critical"] is None for row in found] == [True, False]
+    assert "greater than 0" in found[0]["reason"]
+    with pytest.raises(percuss.InputError, match="greater than 0"):
+        percuss.stability(case, {"method.contact.beta_s": [-1, -2]})
+    with pytest.raises(percuss.InputError, match="Did you mean 'pencil'"):
+        percuss.stability(case, {}, {}, ["pensil"])
+
+
+def test_the_command_line_saves_draws_and_prints(tmp_path):
+    pytest.importorskip("matplotlib")
+    args = ["stability", SDNV, "--set", "bodies.beam.bar.elements=8", "--set", f"method.integrator={CD}"]
+    vary = ["--vary", "method.contact.beta_s=0.1:10:log:4", "--curves", "method.contact.ratio=inf,1"]
+    done = percuss_cli(
+        *args, *vary, "--by", "closed-form,black-box", "-o", "a.csv", "--plot", "a.svg", "--json", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["rows"]
+    assert len(told) == 16
+    with (tmp_path / "a.csv").open(encoding="utf-8") as file:
+        saved = list(csv.DictReader(file))
+    assert [float(row["courant_critical"]) for row in saved] == [row["courant_critical"] for row in told]
+    drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert "<svg" in drawn
+    plain = percuss_cli(*args, *vary, cwd=tmp_path)
+    assert plain.returncode == 0
+    assert "C critical, pencil" in plain.stdout
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["stability", HUNEK, "--by", "pensil"], "Did you mean 'pencil'?"),
+        (["stability", HUNEK, "--plot", "a.svg"], "expected one or two --vary, found 0"),
+        (["stability", HUNEK, "--vary", "method.contact.beta_z=1"], "Did you mean 'beta_s'?"),
+        (["stability", HUNEK, "--vary", "refine=1:2"], "expected a range"),
+        (["stability", HUNEK, "-o", "nowhere/a.csv"], "expected a folder"),
+        (["waves", HUNEK, "--contact", "tap"], "Did you mean 'tip'?"),
+        (["waves", HUNEK, "--plot", "a.bmp"], "png"),
+    ],
+    ids=lambda value: " ".join(value[2:]) if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_clear_message(args, said, tmp_path):
+    done = percuss_cli(*args, cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+# ----------------------------------------------------------------------------------------------------------- waves
+
+
+def transmission(frequency, beta, ratio):
+    """Transmission between identical endless bars, central difference (Kopacka et al. 2018)."""
+    return 1 / (1 + 1j * frequency * np.sqrt(1 - frequency**2 / 4) / (2 * beta * (1 - frequency**2 / (4 * ratio))))
+
+
+def by_wu(frequency, beta, ratio, courant):
+    turn = 2 * np.arcsin(courant * frequency / 2)
+    s = 4 * courant**2  # dt^2 times the Delassus operator, over h/EA
+    kappa = beta / (1 + beta * s / (4 * ratio * courant**2) - beta * s)
+    return 1 / (1 + 1j * frequency * np.sqrt(1 - frequency**2 / 4) * np.exp(-1j * turn) / (2 * kappa))
+
+
+@pytest.mark.parametrize(("beta", "ratio"), [(0.25, 1.0), (1.0, INF), (3.0, 2.0), (10.0, 0.7)])
+@pytest.mark.parametrize("integrator", [CD, WU])
+def test_transmission_is_that_of_the_formula(integrator, beta, ratio):
+    law = {"name": "bipenalty", "beta_s": beta, "ratio": ratio}
+    found = waves(Model(percuss.load(hunek(n=8, courant=0.3, integrator=integrator, contact=law))))
+    expected = transmission(found.frequency, beta, ratio)
+    if integrator == WU:
+        expected = by_wu(found.frequency, beta, ratio, 0.3)
+    assert np.abs(found.transmitted - expected).max() < 1e-10
+    assert np.abs(found.formula - expected).max() < 1e-10
+    if integrator == CD:
+        assert np.abs(found.kept - 1).max() < 1e-9
+
+
+def test_a_wave_packet_gets_through_as_the_interface_says():
+    """Two long bars held together by the weight of a load: a packet through the interface, over one through a bar."""
+    courant, n, law = 0.5, 300, {"name": "penalty", "beta_s": 0.5}
+    material = {"young": 1.0, "density": 1.0}
+    bars = {name: {"bar": {"length": n, "elements": n}, "at": n * k, "material": material, "area": 1.0} for k, name in
+            enumerate(("a", "b"))}  # fmt: skip
+    case = {
+        "percuss": 1,
+        "bodies": bars,
+        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
+        "method": {"integrator": CD, "contact": law},
+        "time": {"steps": 1, "courant": courant},
+    }
+    from percuss.blackbox import ClosedStep, Motions
+
+    model = Model(percuss.load(case))
+    step = ClosedStep(Motions(model), model.dt, [0])
+    x, omega = np.arange(2 * n + 2) - np.r_[np.zeros(n + 1), np.ones(n + 1)], 0.9
+    k = 2 * np.arcsin(omega / 2)
+    turn = 2 * np.arcsin(courant * omega / 2)
+    speed = np.cos(k / 2) / np.sqrt(1 - (courant * omega / 2) ** 2)
+
+    def packet(time):
+        at = x - 150 - speed * time
+        return np.exp(-((at / 25) ** 2)) * np.cos(k * (x - 150) - turn / courant * time)
+
+    root = np.sqrt(model.mass)
+    now, before = packet(0.0), packet(-courant)
+    state = np.concatenate([root * now, root * (now - before)])
+    for _ in range(round(300 / speed / courant)):
+        state = step(state)
+    after = state[: 2 * n + 2] / root
+    found = waves(model)
+    expected = abs(np.interp(omega, found.frequency, np.abs(found.transmitted)))
+    energy = (np.diff(after[n + 1 :]) ** 2).sum() / (np.diff(now[: n + 1]) ** 2).sum()
+    assert math.sqrt(energy) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_wall_throws_everything_back():
+    found = waves(Model(percuss.load(wall(1.0, 2.0))))
+    assert np.abs(np.abs(found.reflected) - 1).max() < 1e-9
+    assert np.abs(found.transmitted).max() == 0
+    assert "identical bars" in found.reason
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("law", ["lagrange", "tied"])
+def test_bars_kept_together_are_one_bar(integrator, law):
+    found = waves(Model(percuss.load(hunek(n=6, integrator=integrator, contact={"name": law}))))
+    assert np.abs(found.transmitted - 1).max() < 1e-9
+    assert np.abs(found.reflected).max() < 1e-9
+
+
+def test_unlike_bars_keep_the_energy_of_waves():
+    case = wall(2.0, 2.0)
+    case["bodies"]["c"] = {
+        "bar": {"length": 1.0, "elements": 80}, "at": -1.0, "area": 2.0, "material": {"young": 3.0, "density": 2.0},
+    }  # fmt: skip
+    case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
+    found = waves(Model(percuss.load(case)))
+    inside = found.frequency * 80 * math.sqrt(1.5) / 60 < 2.0  # of the other bar
+    assert np.abs(found.kept - 1).max() < 1e-9
+    assert (np.abs(found.reflected[~inside]) > 1 - 1e-9).all()
+    impedance = 2 * math.sqrt(6), 1.0
+    assert abs(found.transmitted[0]) == pytest.approx(2 * impedance[0] / sum(impedance), rel=1e-2)
+
+
+def test_the_command_line_measures_waves(tmp_path):
+    pytest.importorskip("matplotlib")
+    done = percuss_cli("waves", HUNEK, "--plot", "w.svg", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["rows"]
+    assert len(told) == 200
+    assert all(abs(row["transmission"] - row["formula"]) < 1e-9 for row in told)
+    assert (tmp_path / "w.svg").exists()
+    assert "transmitted" in percuss_cli("waves", HUNEK, cwd=tmp_path).stdout
+
+
+# ---------------------------------------------------------------------------------------------- the step chosen
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("pair", [(i, {"name": law["name"]}) for i in INTEGRATORS for law in LAWS if len(law) == 1],
+                         ids=pair_id)  # fmt: skip
+def test_the_chosen_step_is_certified_on_every_case(case, pair):
+    model = settled(
+        percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time.courant": "auto"})
+        if "courant" in percuss.load(case).data["time"]
+        else percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time": AUTO})
+    )
+    found = certificate(model)
+    assert found["stable"] == "yes"
+    assert found["margin"] == pytest.approx(SAFETY, rel=1e-6)
+
+
+AUTO = {"end": 1e-6, "courant": "auto"}
+
+
+@pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
+@given(case=rows())
+def test_the_chosen_step_is_certified(pair, case):
+    case = with_pair(case, pair)
+    case["time"]["courant"] = "auto"
+    try:
+        model = settled(percuss.load(case))
+    except (percuss.InputError, percuss.RefusedPair) as error:
+        event(str(error)[:60])
+        assume(False)
+    found = certificate(model)
+    assert found["stable"] == "yes"
+    assert found["margin"] <= SAFETY * (1 + 1e-5)
+    lets_go = any("until" in load or "from" in load for load in case["loads"].values())
+    assert lets_go or found["margin"] == pytest.approx(SAFETY, rel=1e-5)
+
+
+def test_a_chosen_step_runs_is_told_and_survives_a_nudge():
+    case = percuss.load(hunek(n=20), {"time.courant": "auto"})
+    result = percuss.run(case, nudge=True)
+    assert result.summary["courant"] == pytest.approx(SAFETY, rel=1e-9)
+    assert result.summary["exact"]["fragile"] is False
+    assert result.provenance["resolved"]["dt"] == result.summary["dt"]
+
+
+def test_a_law_that_no_step_makes_stable_is_said(tmp_path):
+    """A spring that pulls together what overlaps."""
+    text = (
+        "from dataclasses import dataclass\n"
+        "from percuss import ContactLaw\n"
+        "from percuss.contracts import ContactPoints\n"
+        "from typing import NamedTuple\n"
+        "class Bound(NamedTuple):\n"
+        "    stiffness: object\n"
+        "@dataclass(frozen=True)\n"
+        "class Glue(ContactLaw):\n"
+        '    """A law."""\n'
+        '    name = "glue"\n'
+        '    summary = "pulls"\n'
+        "    def bind(self, points, dt):\n"
+        "        return Bound(points.stiffness * 1.0)\n"
+        "    @staticmethod\n"
+        "    def multipliers(bound, trial, multiplier):\n"
+        "        for p in range(multiplier.size):\n"
+        "            multiplier[p] = bound.stiffness[p] * min(trial.gap[p], 0.0)\n"
+    )
+    (tmp_path / "glue.py").write_text(text)
+    case = percuss.load({**wall(1.0, 1.0), "method": {"integrator": CD, "contact": "glue"}},
+                        {"time.courant": "auto"}, plugins=[tmp_path / "glue.py"])  # fmt: skip
+    with pytest.raises(percuss.InputError, match="some step is stable"):
+        percuss.run(case)
