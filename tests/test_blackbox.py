@@ -293,7 +293,7 @@ def test_nothing_planted_nothing_found(integrator):
 def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch):
     def forgets(model, dt):
         said = closed(model, dt)
-        return judges.Closed(0.0 * said.stiffness, said.inertia, said.predicted, said.unknown, said.energy)
+        return judges.Closed(0.0 * said.stiffness, said.inertia, said.predicted, said.unknown, said.energy, "")
 
     monkeypatch.setattr(judges, "closed", forgets)
     with pytest.raises((AssertionError, IndexError)):
@@ -333,6 +333,44 @@ def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
     monkeypatch.setattr(loop, "correct", twice)
     with pytest.raises(AssertionError):
         limit_of(unlike_pair(integrator))
+
+
+def planted_run(monkeypatch, name, defect):
+    """Run two unlike bars under central difference and bipenalty in plain Python, a part of the loop replaced."""
+    law = {"name": "bipenalty", "beta_s": 1.0, "ratio": 1.0}
+    case = hunek(n=10, integrator=CD, contact=law)
+    case["bodies"]["long"] |= {"area": 2.0, "fixed": []}
+    if defect is not None:
+        monkeypatch.setattr(loop, name, defect)
+    return percuss.run(percuss.load(case), compiled=False).summary
+
+
+def test_a_clamped_tension_is_seen(monkeypatch):
+    """Bipenalty pulls before release; without that it is no longer the closed linear step that keeps its energy."""
+    solve = loop.solve
+
+    def clamped(points, others, dt):
+        sound = solve(points, others, dt)
+        for p in points:
+            p.multiplier = max(p.multiplier, 0.0)
+        return sound
+
+    assert planted_run(monkeypatch, "", None)["energy_growth"]["between_switchings"] < 1e-12
+    assert planted_run(monkeypatch, "solve", clamped)["energy_growth"]["between_switchings"] > 1e-6
+
+
+def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
+    def lumped(points, entries, special, dt):
+        for p in points:
+            for k in range(p.start, p.stop):
+                q = special[entries[k].place]
+                extra = p.weight_acceleration / p.sigma  # eps_m on each node by itself
+                q.new_v += (
+                    dt * (entries[k].normal * p.multiplier - extra * (q.bulk_v - q.old_v) / dt) / (q.mass + extra)
+                )
+
+    assert planted_run(monkeypatch, "", None)["momentum"]["error"] < 1e-13
+    assert planted_run(monkeypatch, "correct", lumped)["momentum"]["error"] > 1e-3
 
 
 # ---------------------------------------------------------------------------------------------------- courant 1

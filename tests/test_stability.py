@@ -93,6 +93,7 @@ def test_verdicts(changes, stable, energy):
     found = certificate(Model(percuss.load(HUNEK, changes)))
     assert (found["stable"], found["energy"]) == (stable, energy)
     assert found["why"]
+    assert found["energy_why"]
     assert bool(found["cure"]) == (stable == "no")
 
 

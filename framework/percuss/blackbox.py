@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 DEPTH = 64.0  # of overlap and closing, over what a perturbation makes of either
 DENSE = 240  # largest state of which all eigenvalues are found; above, the largest by Arnoldi's iteration
 KRYLOV = 24  # vectors kept
-RESTARTS = 12
+RESTARTS = 12  # half as many for states above
+HUGE = 5000
 LINEAR = 1e-6
 BARELY = 1e-6  # below 1, where the radius of what contact does not damp ends
 MOST_TOGETHER = 3  # contacts of which every combination is tried; above, none, each one, and all
@@ -246,8 +247,16 @@ def _basis(model: Model, pencil: Pencil) -> Any:
     return sparse.csr_array((values, (dofs, place)), shape=(model.n_nodes * model.dim, nodes.size))
 
 
-def examine(motions: Motions, dt: float, closed: Sequence[int]) -> Found:
-    """Return what the step of length `dt` says of itself with given contacts closed."""
+def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = False) -> Found:
+    """Return what the step of length `dt` says of itself with given contacts closed.
+
+    Parameters
+    ----------
+    motions, dt, closed
+        As for `ClosedStep`.
+    sure
+        Whether a longer step was found to be stable: then a large model is not searched again for what grows.
+    """
     step = ClosedStep(motions, dt, closed)
     if not step.linear():
         return Found(np.nan, None, whole=False)
@@ -257,7 +266,7 @@ def examine(motions: Motions, dt: float, closed: Sequence[int]) -> Found:
         return Found(1.0 if motions.pencil.definite(dt, nothing, nothing)[0] else np.inf, theta, whole=True)
     idle: Floats = np.kron(np.eye(2), motions.idle(dt, closed)).astype(np.float64)
     if 2 * step.size > DENSE:
-        return Found(_largest(step, idle), theta, whole=False)
+        return Found(1.0 if sure else _largest(step, idle), theta, whole=False)
     matrix = step.matrix()
     rest = matrix - idle @ (idle.T @ matrix)
     rest -= (rest @ idle) @ idle.T
@@ -308,7 +317,7 @@ def _largest(step: ClosedStep, idle: Floats) -> float:
             ncv=KRYLOV,
             which="LM",
             v0=np.random.default_rng(0).standard_normal(size),
-            maxiter=RESTARTS,
+            maxiter=RESTARTS if size < HUGE else RESTARTS // 2,
             tol=1e-9,
             return_eigenvectors=False,
         )

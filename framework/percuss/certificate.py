@@ -67,24 +67,26 @@ def certificate(model: Model) -> dict[str, Any]:
     -------
     dict
         ``stable`` (yes, marginal, no, unknown; of the closed linear step), ``energy`` (what the pair guarantees over
-        switching), ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over the former),
+        switching) and ``energy_why``, ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over the former),
         ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or black-box), ``why``,
         ``cure``.
     """
     judge = judge_of(model)
+    free, critical = judge.free, judge.critical()
     found = judge.judge(model.dt)
-    free = judge.free
-    critical = judge.critical() if found.known else free
+    critical = critical if found.known else free
     margin = model.dt / critical if critical > 0 else np.inf
     if found.stable and not found.worst and critical < free * (1.0 - EDGE):  # what becomes unstable first
         found = dataclasses.replace(found, worst=judge.judge(critical * (1.0 + 1e-5)).worst)
     verdict, why = _verdict(model, found, free, critical, margin)
-    energy = closed(model, model.dt).energy
+    said = closed(model, model.dt)
+    energy, energy_why = said.energy, said.why
     if energy in {NEVER_GROWS, BETWEEN} and (verdict == "no" or (found.theta is not None and found.theta >= 1.0)):
-        energy = NOT_GUARANTEED
+        energy, energy_why = NOT_GUARANTEED, "that takes a stable closed step, with theta below 1"
     return {
         "stable": verdict,
         "energy": energy,
+        "energy_why": energy_why,
         "dt_critical": critical,
         "dt_critical_free": free,
         "courant_critical": 0.5 * critical * model.omega,

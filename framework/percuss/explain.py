@@ -52,7 +52,7 @@ def explanation(model: Model) -> Explanation:
         "Stability of the closed linear step",
         f"  {known['stable']}: {known['why']}",
         "Energy over opening and closing",
-        f"  {known['energy']}",
+        f"  {known['energy']}: {known['energy_why']}",
     ]
     lines += [f"  measured, {law}: {words}" for law, words in measured.items()]
     if known["stable"] == "no":

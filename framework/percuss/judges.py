@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
 NOT_GUARANTEED, UNKNOWN = "not guaranteed", "unknown"
 WEAKEST_LAST = (NEVER_GROWS, BETWEEN, NOT_GUARANTEED, UNKNOWN)
+BY_END = "the force follows from the gap at the end of the step: energy and what contacts store never exceed the work"
+NO_CONTACT = "without contact the step conserves energy"
+JUMPS = "the force follows from the gap at the current state: energy jumps as a contact closes or opens, either way"
+PULLS = "with its mass the contact pulls before it opens, and each opening or closing may gain energy"
+SHARED = "contacts share an end: one may open or close another against what was predicted"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
 
@@ -44,8 +49,8 @@ class Closed:
         Whether the law is judged at the predicted gap.
     unknown
         Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate.
-    energy
-        What the pair guarantees of the energy, the weakest of all contacts.
+    energy, why
+        What the pair guarantees of the energy, the weakest of all contacts, and the reason in words.
     """
 
     stiffness: Floats
@@ -53,6 +58,7 @@ class Closed:
     predicted: Any
     unknown: tuple[str, ...]
     energy: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ def closed(model: Model, dt: float) -> Closed:
     stiffness, inertia = np.zeros(count), np.zeros(count)
     predicted = np.zeros(count, dtype=bool)
     unknown: list[str] = []
-    energy = [NEVER_GROWS if count else BETWEEN]
+    energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
     table = model.case.method.integrator.bind(dt)
     for entry in model.laws:
         law, where = entry["law"], entry["where"]
@@ -108,12 +114,13 @@ def closed(model: Model, dt: float) -> Closed:
         answered = table.explicit.answer[2] if table.explicit.gap == "predicted" else 1.0
         inertia[where] = rows["acceleration"] / rows["sigma"] * answered
         if table.explicit.gap == "current":
-            energy.append(NOT_GUARANTEED if inertia[where].any() else BETWEEN)
+            energy.append((NOT_GUARANTEED, PULLS) if inertia[where].any() else (BETWEEN, JUMPS))
         elif _share_an_end(model, where):
-            energy.append(NOT_GUARANTEED)
+            energy.append((NOT_GUARANTEED, SHARED))
     if unknown:
-        energy.append(UNKNOWN)
-    return Closed(stiffness, inertia, predicted, tuple(unknown), max(energy, key=WEAKEST_LAST.index))
+        energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
+    weakest, why = max(energy, key=lambda one: WEAKEST_LAST.index(one[0]))
+    return Closed(stiffness, inertia, predicted, tuple(unknown), weakest, why)
 
 
 def _share_an_end(model: Model, where: list[int]) -> bool:
@@ -210,6 +217,7 @@ class BlackBoxJudge:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.motions = Motions(model)
+        self._limits: list[tuple[int, ...]] | None = None  # combinations unstable at the free step, once that is known
 
     @cached_property
     def free(self) -> float:
@@ -224,7 +232,7 @@ class BlackBoxJudge:
         if 2 ** len(self.model.meetings) > len(tried):
             doubt = "tried were no contact, each one and all of them closed"
         for one in tried:
-            found = examine(self.motions, dt, one)
+            found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
             if not found.linear:
                 names = ", ".join(f"'{self.model.meetings[p].name}'" for p in one) or "none"
                 return Finding(
@@ -241,10 +249,18 @@ class BlackBoxJudge:
         return Finding(True, worst, theta, doubt)
 
     def critical(self) -> float:
-        """Return the largest stable step, within `LOOSE`; a combination stable at the free step is so below it."""
-        limits = [
-            one for one in combinations(len(self.model.meetings)) if not self._examined(self.free * (1.0 - EDGE), one)
+        """Return the largest stable step, within `LOOSE`; a combination stable at the free step is so below it.
+
+        0 where the step is not linear, of which nothing can be said.
+        """
+        tried = [
+            (one, examine(self.motions, self.free * (1.0 - EDGE), one))
+            for one in combinations(len(self.model.meetings))
         ]
+        if not all(found.linear for _, found in tried):
+            return 0.0
+        limits = [one for one, found in tried if not found.stable]
+        self._limits = limits
         if not limits:
             return self.free
         return largest(lambda dt: all(self._examined(dt, one) for one in limits), self.free, LOOSE)
