@@ -67,9 +67,9 @@ def certificate(model: Model) -> dict[str, Any]:
     -------
     dict
         ``stable`` (yes, marginal, no, unknown; of the closed linear step), ``energy`` (what the pair guarantees over
-        switching) and ``energy_why``, ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over the former),
-        ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or black-box), ``why``,
-        ``cure``.
+        switching) and ``energy_why``, ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over
+        the critical one), ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or
+        black-box), ``why``, ``cure``.
     """
     judge = judge_of(model)
     free, critical = judge.free, judge.critical()
