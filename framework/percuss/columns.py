@@ -26,7 +26,7 @@ METRICS = {
     "energy_kept": "energy at the end over the largest energy that was put in; kinetic and elastic, at t_n+1/2",
     "energy_max": "largest energy over the largest energy that was put in; kinetic and elastic, at t_n+1/2",
     "ledger_error": "largest closure of the energy ledger over the largest energy so far",
-    "energy_growth": "largest rise of energy with what contacts store above its smallest so far, over the largest energy or work",
+    "energy_growth": "largest rise of energy with what contacts store above its smallest, over the largest energy",
     "force_error_l1": "L1 norm of force less exact force over that of the exact, both averaged over each step" + _EXACT,
     "force_error_l2": "L2 norm of force less exact force over that of the exact, both averaged over each step" + _EXACT,
     "impulse_error": "largest error of the cumulative impulse over the largest exact one" + _EXACT,
@@ -58,7 +58,7 @@ class Column:
     kind: str
     arguments: tuple[tuple[str, Any], ...] = ()
 
-    def take(self, result: Result) -> float | str | bool | None:
+    def take(self, result: Result) -> Any:
         """Return the value, None where this result has none."""
         arguments = dict(self.arguments)
         if self.kind == "metric":
@@ -130,7 +130,9 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
     if section.contact is not None and section.contact not in contacts:
         raise ValueError(f"there is no contact '{section.contact}'", suggestion(section.contact, contacts), "contact")
     if section.probe is not None and section.probe.partition(".")[0] not in bodies:
-        raise ValueError(f"there is no body '{section.probe.partition('.')[0]}'", suggestion(section.probe, bodies), "probe")
+        raise ValueError(
+            f"there is no body '{section.probe.partition('.')[0]}'", suggestion(section.probe, bodies), "probe"
+        )
     if quantity.kind == "history" and section.take == "value" and section.at is None:
         raise ValueError("missing (the time of the value)", "Add `at:`, or `take: mean` or the like.", "at")
     if quantity.kind == "scalar" and section.take != "value":
@@ -142,7 +144,9 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
     when = (
         f" from {section.during[0]:g} to {section.during[1]:g}"
         if section.during
-        else f" at {section.at:g}" if section.at is not None else ""
+        else f" at {section.at:g}"
+        if section.at is not None
+        else ""
     )
     taken = f"{section.take} of " if section.take != "value" else ""
     arguments = {
@@ -190,7 +194,8 @@ def worst(exact: dict[str, Any] | None, name: str) -> float | None:
 
 def metric(result: Result, name: str) -> Any:
     """Return one of `METRICS` of a result."""
-    return _METRIC.get(name, lambda summary: worst(summary["exact"], name))(result.summary)
+    take = _METRIC.get(name)
+    return take(result.summary) if take is not None else worst(result.summary["exact"], name)
 
 
 def _of_contacts(summary: Mapping[str, Any], name: str) -> list[Any]:

@@ -82,7 +82,7 @@ def first_steps(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Mapp
     kinds: dict[tuple[Any, ...], Task] = {}
     for task in planned:
         kinds.setdefault((task.case, task.integrator, task.contact), task)
-    summaries = []
+    summaries: list[Mapping[str, Any]] = []
     for task in kinds.values():
         case = cases[task.case]
         changes = {path: value for path, value in task.changes.items() if path.split(".")[0] != "time"}

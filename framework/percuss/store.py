@@ -20,7 +20,7 @@ from percuss.records import Record, unpacked
 __all__ = ["Store"]
 
 FORMAT = "percuss-study-1"
-TABLES = f"""
+TABLES = """
 BEGIN;
 CREATE TABLE IF NOT EXISTS facts (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS sessions (number INTEGER PRIMARY KEY, provenance TEXT NOT NULL);
@@ -29,7 +29,7 @@ CREATE TABLE IF NOT EXISTS runs (
     key TEXT PRIMARY KEY, status TEXT NOT NULL, reason TEXT NOT NULL, said_by TEXT NOT NULL, fragile INTEGER,
     seconds REAL, measures TEXT, session INTEGER NOT NULL);
 CREATE TABLE IF NOT EXISTS histories (key TEXT PRIMARY KEY, arrays BLOB NOT NULL);
-INSERT OR REPLACE INTO facts VALUES ('format', '"{FORMAT}"');
+INSERT OR REPLACE INTO facts VALUES ('format', '"percuss-study-1"');
 COMMIT;
 """
 LOST = "worker"  # who says so of a run that killed its worker: of such a run nothing is known, it is made again

@@ -27,7 +27,9 @@ __all__ = [
 class MethodsSection:
     """Integrators and contact laws; every pair is run."""
 
-    integrators: Annotated[Any, Doc("names of integrators, or {name: ..., option: ...}; by default the case's own")] = ()
+    integrators: Annotated[
+        Any, Doc("names of integrators, or {name: ..., option: ...}; by default the case's own")
+    ] = ()
     contacts: Annotated[Any, Doc("names of contact laws, or {name: ..., option: ...}; by default the case's own")] = ()
 
 
@@ -37,9 +39,9 @@ class SampleSection:
 
     count: Annotated[int, Ge(1), Unit("1"), Doc("number of points")]
     of: Annotated[Any, Doc("by path: {from: ..., to: ..., scale: linear or log}")]
-    method: Annotated[
-        Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")
-    ] = "latin-hypercube"
+    method: Annotated[Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")] = (
+        "latin-hypercube"
+    )
     seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
 
 
@@ -64,9 +66,9 @@ class MeasureSection:
 
     name: Annotated[str, Doc("name of the column")]
     quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
-    take: Annotated[
-        Literal["mean", "max", "min", "final", "integral", "value"], Doc("what is made of a history")
-    ] = "value"
+    take: Annotated[Literal["mean", "max", "min", "final", "integral", "value"], Doc("what is made of a history")] = (
+        "value"
+    )
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[str, Expects("an address, as short.right"), Doc("which end")] | None = None
     component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
@@ -99,7 +101,7 @@ class Condition:
         if self.op in {"==", "!="}:
             return bool(found == value) == (self.op == "==")
         try:
-            order = (found > value) - (found < value)
+            order = int(found > value) - int(found < value)
         except TypeError:  # a word and a number have no order
             return True
         return {"<": order < 0, "<=": order <= 0, ">": order > 0, ">=": order >= 0}[self.op]

@@ -113,7 +113,9 @@ class _StudyReader:
             reader.finish()
         if data.get("percuss-study") != 1 or isinstance(data.get("percuss-study"), bool | float):
             message = f"expected version 1 of the format, found {found(data.get('percuss-study'))}"
-            near = "This is a case: run it with `percuss run`." if "percuss" in data else "Begin with `percuss-study: 1`."
+            near = (
+                "This is a case: run it with `percuss run`." if "percuss" in data else "Begin with `percuss-study: 1`."
+            )
             reader.wrong(("percuss-study",), message, near)
             reader.finish()
         body = {("percuss_study" if key == "percuss-study" else key): value for key, value in data.items()}
@@ -212,7 +214,7 @@ class _StudyReader:
             self.reader.wrong(path, f"expected a list of names, found {found(given)}", f"Write as [{known[0]}].")
             return {}
         out: dict[str, Any] = {}
-        names = [one.get("name") if isinstance(one, Mapping) else one for one in given]
+        names: list[Any] = [one.get("name") if isinstance(one, Mapping) else one for one in given]
         for i, one in enumerate(given):
             at = (*path, i, "name") if isinstance(one, Mapping) else (*path, i)
             if not isinstance(names[i], str):
@@ -256,7 +258,7 @@ class _StudyReader:
         if not isinstance(given, tuple):
             self.reader.wrong(("paired",), f"expected a list of mappings, found {found(given)}", "Begin with a dash.")
             return []
-        out = []
+        out: list[dict[str, Any]] = []
         for i, one in enumerate(given):
             point = self.reader.mapping(("paired", i), one, "a mapping of paths to values")
             if point is not None and out and set(point) != set(out[0]):
@@ -322,7 +324,9 @@ class _StudyReader:
         try:
             if isinstance(one, str):
                 return named(one)
-            inside = self.reader.mapping(at, one, "a name, or a measure as {name: plateau, quantity: contact_force, ...}")
+            inside = self.reader.mapping(
+                at, one, "a name, or a measure as {name: plateau, quantity: contact_force, ...}"
+            )
             made = self.reader.section(MeasureSection, at, inside, "the measure") if inside is not None else None
             if made is None:
                 return None

@@ -123,9 +123,18 @@ def tasks(
         for point in points:
             names = _own(point, "method.integrator") or one, _own(point, "method.contact") or two
             yield Task(label, *names, point, {**changes, **point})
-    for (one, first), point in itertools.product(firsts, points if tied else ()):
+    for (one, first), point in itertools.product(firsts, _without_law(points) if tied else ()):
         changes = _change("method.integrator", first)
         yield Task(label, _own(point, "method.integrator") or one, TIED, point, {**changes, **point}, tied=True)
+
+
+def _without_law(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the points without what belongs to the law that the twin does not have, each once."""
+    law = ("method.contact", "method.contact.")
+    bare = [
+        {path: v for path, v in point.items() if path != law[0] and not path.startswith(law[1])} for point in points
+    ]
+    return list({repr(sorted(point.items())): point for point in bare}.values())
 
 
 def _change(path: str, value: Any) -> dict[str, Any]:
@@ -141,7 +150,9 @@ def _own(point: Mapping[str, Any], path: str) -> str:
     return name if isinstance(name, str) else ""
 
 
-def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Row, InputError | None]:
+def perform(  # noqa: PLR0911 - a way out for each way to end
+    case: Case, task: Task, *, nudge: bool = False
+) -> tuple[Row, InputError | None]:
     """Make one run.
 
     Parameters

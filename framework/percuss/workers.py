@@ -40,12 +40,20 @@ class Batches:
         self.waiting = deque(jobs)
         self.workers = workers
         self.seconds: float | None = None  # of a run, as the last ones took
+        self.alone: set[str] = set()  # runs that are suspected of killing workers
 
     def take(self) -> list[Job]:
         """Return the next batch; the first ones are single runs, from which the size of later ones follows."""
         count = 1 if self.seconds is None else int(SECONDS / max(self.seconds, SECONDS / MOST))
         share = -(-len(self.waiting) // (2 * self.workers))  # towards the end no worker is left without
-        return [self.waiting.popleft() for _ in range(min(max(1, min(count, share)), len(self.waiting)))]
+        batch: list[Job] = []
+        while self.waiting and len(batch) < max(1, min(count, share)):
+            if self.waiting[0].key in self.alone and batch:
+                break
+            batch.append(self.waiting.popleft())
+            if batch[0].key in self.alone:
+                break
+        return batch
 
     def back(self, jobs: Sequence[Job], made: Sequence[Record]) -> None:
         """Learn from a batch, and have what it left over wait in front."""
@@ -180,7 +188,9 @@ class _Lost:
                 if self.strikes[job.key] < STRIKES:
                     self.suspects.append(job)
                 else:
-                    reason = f"its worker process died {STRIKES} times; the next time the study is run it is tried again"
+                    reason = (
+                        f"its worker process died {STRIKES} times; the next time the study is run it is tried again"
+                    )
                     given_up.append(Record(job.key, "failed", reason, LOST))
         self.batches = []
         return given_up
