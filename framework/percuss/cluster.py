@@ -1,4 +1,7 @@
-"""Many runs on the workers of a Dask scheduler; everything they need travels with the first batch that they see."""
+"""Many runs on the workers of a Dask scheduler; everything they need travels with each batch.
+
+It is some kilobytes, and so a worker may join or leave at any moment.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,11 @@ import functools
 import pickle
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from typing import Any
 
 from percuss.bench import Bench, Job
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, RunError
 from percuss.records import Record
 from percuss.store import LOST
 from percuss.workers import Batches
@@ -39,10 +43,16 @@ def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, sto
     ------
     InputError
         If distributed is not installed, or nobody answers at `address`.
+    RunError
+        If the scheduler goes away meanwhile.
     """
     client = _client(address)
     try:
-        _spread(client, pickle.dumps(bench), jobs, keep, stop)
+        with client.as_current():
+            _spread(client, pickle.dumps(bench), jobs, keep, stop)
+    except (CancelledError, OSError) as error:
+        said = "the scheduler is gone; what came back is kept, and the same command goes on from there"
+        raise RunError(f"{address}: {said} ({type(error).__name__})") from error
     finally:
         client.close()
 
@@ -66,13 +76,11 @@ def _spread(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: th
 
     workers = max(1, sum(client.nthreads().values()))
     batches = Batches(jobs, workers)
-    # the bytes are sent once to each worker; with each batch goes only where to find them
-    shared = client.scatter(bench, broadcast=True)
     flying: dict[Any, list[Job]] = {}
     while (batches.waiting or flying) and not stop.is_set():
         while batches.waiting and len(flying) < 2 * workers:
             batch = batches.take()
-            flying[client.submit(_work, shared, batch, pure=False)] = batch
+            flying[client.submit(_work, bench, batch, pure=False)] = batch
         for future in _finished(list(flying)):
             batch = flying.pop(future)
             try:
