@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def run(
     else:
         outcome = march.run(progress, marginal=known["stable"] == "marginal")
     outcome.seconds["total"] = time.perf_counter() - started
-    with np.errstate(all="ignore" if outcome.status == "unstable" else "warn"):  # what overflowed is told by the stop
+    with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop tells what overflowed
         result = _result(march, outcome, known)
     if outcome.status == "unstable":
         raise RunError(stop_message(outcome.stop), result)
