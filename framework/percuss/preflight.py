@@ -33,15 +33,21 @@ def check_points(spec: StudySpec, points: Sequence[Mapping[str, Any]]) -> None:
         wrong = _wrong_everywhere(spec, point)
         for problem in wrong:
             mine = [path for path in point if problem.place.startswith(f"--set {path}=")]
-            if mine:
-                inside = "" if problem.path in {"", mine[0]} else f"{problem.path}: "
-                where = at if at[0] != "paired" else (*at, mine[0])
-                problem = spec.source.problem(where, inside + problem.message, problem.advice)  # noqa: PLW2901
-            problems[problem] = None
+            problems[_placed(spec, at, mine[0], problem) if mine else problem] = None
         if wrong and len(problems) > 20:
             break
     if problems:
         raise InputError(problems)
+
+
+def _placed(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Problem:
+    """Return a mistake of a value that the study gives, with its place in the study."""
+    inside = "" if problem.path in {"", path} else f"{problem.path}: "
+    if at[0] == "paired":
+        at = (*at, path)
+    if problem.message.startswith("unknown key"):  # of all its values
+        return spec.source.problem(at[: at.index(path) + 1], inside + problem.message, problem.advice, key=True)
+    return spec.source.problem(at, inside + problem.message, problem.advice)
 
 
 def _tried(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
@@ -79,9 +85,10 @@ def first_steps(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Mapp
 
     It compiles what the workers will need, once; they find it in the user's cache folder.
     """
-    kinds: dict[tuple[Any, ...], Task] = {}
+    kinds: dict[tuple[str, str], Task] = {}
     for task in planned:
-        kinds.setdefault((task.case, task.integrator, task.contact), task)
+        # a twin is expensive to begin, and what it compiles does not depend on the case
+        kinds.setdefault(("", task.contact) if task.tied else (task.case, task.contact), task)
     summaries: list[Mapping[str, Any]] = []
     for task in kinds.values():
         case = cases[task.case]

@@ -16,6 +16,7 @@ from typing import Any
 
 from percuss.errors import InputError, Problem
 from percuss.records import Record, unpacked
+from percuss.result import replacing
 
 __all__ = ["Store"]
 
@@ -54,14 +55,16 @@ class Store:
     def __init__(self, path: str | os.PathLike[str], *, new: bool = False) -> None:
         self.path = Path(path)
         self.session = 0
-        if not new and not self.path.is_file():
-            raise self._wrong("expected the file of a study, found nothing", "Make one with `percuss study`.")
-        if new and not self.path.parent.is_dir():
-            raise self._wrong(f"expected a folder {self.path.parent}, found none", "Make it first.")
         if self.path.is_dir():
             raise self._wrong("expected a file, found a folder", "Name a file in it.")
+        if not new and not self.path.is_file():
+            raise self._wrong("expected the file of a study, found nothing", "Make one with `percuss study`.")
+        if new and not (self.path.is_file() and self.path.stat().st_size):
+            with replacing(self.path, ".sqlite") as beside, closing(sqlite3.connect(beside)) as db:
+                db.execute("PRAGMA journal_mode = WAL")
+                db.executescript(TABLES)
         with self._open(write=new) as db:
-            self._own(db, empty=new)
+            self._check(db)
 
     def _wrong(self, message: str, advice: str = "") -> InputError:
         return InputError([Problem(str(self.path), "", message, advice)])
@@ -78,18 +81,14 @@ class Store:
                 raise self._wrong(f"cannot be {what}: {error}", "Name another file with -o.") from error
             raise self._wrong(f"expected the file of a study, found something else ({error})") from error
 
-    def _own(self, db: sqlite3.Connection, *, empty: bool) -> None:
+    def _check(self, db: sqlite3.Connection) -> None:
         tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if tables and "facts" not in tables:
-            raise self._wrong("expected the file of a study, found another SQLite file", "Name another file with -o.")
-        if not tables and not empty:
-            raise self._wrong("expected the file of a study, found an empty one", "Make one with `percuss study`.")
-        if empty and not tables:
-            db.execute("PRAGMA journal_mode = WAL")
-            db.executescript(TABLES)
+        if "facts" not in tables:
+            kind = "another SQLite file" if tables else "an empty one"
+            raise self._wrong(f"expected the file of a study, found {kind}", "Name another file.")
         found = self._fact(db, "format")
         if found != FORMAT:
-            raise self._wrong(f"expected the format {FORMAT}, found {found}", "Name another file with -o.")
+            raise self._wrong(f"expected the format {FORMAT}, found {found}", "Name another file.")
 
     @staticmethod
     def _fact(db: sqlite3.Connection, name: str) -> Any:

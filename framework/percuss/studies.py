@@ -141,8 +141,8 @@ class Study:
             if suffix == ".csv":
                 table.to_csv(beside, index=False)
             else:
-                words = table.select_dtypes("object").columns  # a column of words and numbers is one of text
-                mixed = [c for c in words if len({type(v) for v in table[c] if v is not None}) > 1]
+                # a column of words and numbers becomes one of words: parquet has one type a column
+                mixed = [name for name in table if len({type(v) for v in table[name] if v is not None}) > 1]
                 table.astype(dict.fromkeys(mixed, str)).to_parquet(beside, index=False)
 
     def __repr__(self) -> str:
@@ -226,17 +226,26 @@ def study(
         raise InputError([Problem("--workers", "", f"expected a number of at least 1, found {workers}")])
     spec = read_study(given, [Path(file) for file in plugins])
     jobs, bench = _planned(spec)
-    store = Store(out if out is not None else f"{spec.name}.sqlite", new=True)
-    known = store.known()
+    path = Path(out) if out is not None else Path(f"{spec.name}.sqlite")
+    known = Store(path).known() if path.exists() and path.stat().st_size else _nothing_at(path)
     missing = list({job.key: job for job in jobs if job.key not in known}.values())
     if missing:
         _rehearse(spec, missing)
+    store = Store(path, new=True)
     _begin(store, spec, jobs)
     done = Study(store.path)
     done.found = sum(job.key in known for job in jobs)
     if missing:
         _make(bench, missing, store, workers, scheduler, _counted(progress, jobs, known))
     return done
+
+
+def _nothing_at(path: Path) -> set[str]:
+    """Return the keys that a file holds which is still to be made, if it can be made."""
+    attempt = replacing(path, path.suffix)
+    attempt.__enter__()
+    attempt.__exit__(OSError, None, None)
+    return set()
 
 
 def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:

@@ -204,7 +204,7 @@ class _StudyReader:
             self.reader.problems.append(((1, 0, 0), problem))
             return
         said = f"{problem.path}: {problem.message}" if problem.path not in ("", mine[0][-1]) else problem.message
-        self.reader.wrong(mine[0], said, problem.advice)
+        self.reader.wrong(mine[0], said, problem.advice, key=problem.message.startswith("unknown key"))
 
     def methods(self, family: str, given: Any) -> dict[str, Any]:
         """Return label and value of each method named."""

@@ -45,6 +45,24 @@ def _tell_best(console: Any, done: list[dict[str, Any]], measured: list[str], ke
     shown = [name for name in SHOWN if name in {*measured, "seconds"}] or measured[:7]
     if by and by not in shown:
         shown = [by, *shown]
+    if not by or len({row["case"] for row in done}) == 1 or len(keys[3 : keys.index("status")]):
+        _tell_ranked(console, done, by, shown, keys)
+    else:
+        _tell_cases(console, done, by)
+
+
+def _tell_cases(console: Any, done: list[dict[str, Any]], by: str) -> None:
+    """Print a line a case and a column a pair of methods."""
+    pairs = list(dict.fromkeys((row["integrator"], row["contact"]) for row in done))
+    table = Table("case", *(escape(f"{one}\n{two}") for one, two in pairs), title=by)
+    found = {(row["case"], row["integrator"], row["contact"]): row[by] for row in done}
+    for case in dict.fromkeys(row["case"] for row in done):
+        table.add_row(escape(case), *(_number(found.get((case, *pair)), 3) for pair in pairs))
+    console.print(table)
+
+
+def _tell_ranked(console: Any, done: list[dict[str, Any]], by: str, shown: list[str], keys: list[str]) -> None:
+    """Print the rows with the smallest values of a measure, else the first."""
     varied = [key for key in keys[3 : keys.index("status")] if len({str(row[key]) for row in done}) > 1]
     cases = ["case"] if len({row["case"] for row in done}) > 1 else []
     heads = [*cases, "integrator", "contact", *varied, *shown]

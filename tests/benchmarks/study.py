@@ -9,6 +9,7 @@ The ratio is to be at least 1.6 on two cores that are free.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import tempfile
 import threading
@@ -32,10 +33,8 @@ def plain(runs: int) -> tuple[float, float]:
     percuss.run(case)
     started, busy = time.perf_counter(), time.process_time()
     for beta in np.geomspace(FIRST, LAST, runs):
-        try:
+        with contextlib.suppress(percuss.RunError):
             percuss.run(case, {"method.contact.beta_s": float(beta)})
-        except percuss.RunError:
-            pass
     return runs / (time.perf_counter() - started), (time.process_time() - busy) / runs
 
 
@@ -98,9 +97,11 @@ def main() -> None:
     speed, busy, peak = study(given.runs, given.workers)
     after = plain(loop_runs)  # the machine may be busier than it was
     loop, alone = (0.5 * (one + two) for one, two in zip(before, after, strict=True))
-    print(f"plain loop   {loop:8.1f} runs/s, {1e3 * alone:.2f} core-ms a run (before {before[0]:.1f}, after {after[0]:.1f})")
-    print(f"study        {speed:8.1f} runs/s, {1e3 * busy:.2f} core-ms a run, {given.workers} workers, start-up included")
-    print(f"ratio        {speed / loop:8.2f} by the clock, {given.workers * alone / busy:.2f} by core time: what free cores give")
+    spread = f"before {before[0]:.1f}, after {after[0]:.1f}"
+    print(f"plain loop   {loop:8.1f} runs/s, {1e3 * alone:.2f} core-ms a run ({spread})")
+    print(f"study        {speed:8.1f} runs/s, {1e3 * busy:.2f} core-ms a run, {given.workers} workers, with start-up")
+    by_core = given.workers * alone / busy
+    print(f"ratio        {speed / loop:8.2f} by the clock, {by_core:.2f} by core time: what cores that are free give")
     print(f"peak memory  {peak / 2**20:8.0f} MiB, all processes")
 
 
