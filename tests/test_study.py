@@ -270,8 +270,10 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
         while not out.exists() and time.monotonic() - begun < 60:
             time.sleep(0.02)
         time.sleep(draw.uniform(0.0, 2.0))
+        below = [pid for child in children(process.pid) for pid in (child, *children(child))]
         process.kill()
         process.wait()
+        assert ended(below)
         table = percuss.open_study(out).table if out.exists() else ()
         if len(table):
             done = table[table.status != "waiting"]
@@ -279,7 +281,6 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
             before = whole[whole.key.isin(done.key)]
             assert [repr(v) for v in done.impulse] == [repr(v) for v in before.impulse]  # no row is torn
     assert counts == sorted(counts)  # none is lost
-    assert not [one for one in workers_of(file) if one]
     last = subprocess.run(command(file, "-o", out, "--json"), capture_output=True, text=True, check=True)
     told = json.loads(last.stdout)
     assert told["found"] == (counts[-1] if counts else 0)
@@ -287,11 +288,22 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
     assert same(percuss.open_study(out).table, whole)
 
 
-def workers_of(file):
-    """Return processes that still run for a study."""
-    time.sleep(1.0)
-    listed = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=False).stdout
-    return [line for line in listed.splitlines() if str(file) in line]
+def children(pid):
+    """Return the processes that a process started; workers are children of a child."""
+    try:
+        return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except (OSError, ProcessLookupError):
+        return []
+
+
+def ended(pids, within=20.0):
+    """Whether processes end by themselves."""
+    begun = time.monotonic()
+    while any(Path(f"/proc/{pid}").exists() for pid in pids):
+        if time.monotonic() - begun > within:
+            return False
+        time.sleep(0.05)
+    return True
 
 
 def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
@@ -303,19 +315,13 @@ def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
         time.sleep(0.1)
         counts = percuss.open_study(out).counts if out.exists() else {}
         if counts.get("done", 0) > 20 * (1 + killed):
-            for pid in descendants(process.pid)[-1:]:
-                os.kill(pid, signal.SIGKILL)
-                killed += 1
+            workers = [pid for child in children(process.pid) for pid in children(child)]
+            os.kill(workers[-1], signal.SIGKILL)
+            killed += 1
     told = json.loads(process.communicate(timeout=120)[0])
     assert killed
     assert told["counts"] == {"done": 300}
     assert same(percuss.open_study(out).table, whole)
-
-
-def descendants(pid):
-    """Return the workers of a process: the children of its children."""
-    below = [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    return [int(one) for child in below for one in Path(f"/proc/{child}/task/{child}/children").read_text().split()]
 
 
 def test_a_run_that_always_kills_its_worker_is_a_failed_row(tmp_path):
@@ -390,6 +396,77 @@ def test_a_script_without_a_guard_may_run_a_study(tmp_path):
     script.write_text(f"import percuss\nprint(percuss.study({str(file)!r}, 'a.sqlite', workers=2).counts)\n")
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout == "{'done': 20}\n"
+
+
+# ------------------------------------------------------------------------------------ workers somewhere else
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """Yield the address of a Dask scheduler and its two workers, each a process of its own, in folders of their own."""
+    pytest.importorskip("distributed")
+    said = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    place = ["--scheduler-file", str(said)]
+    no_ports = ["--no-dashboard"]
+    started = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *place, *no_ports], **quiet)]
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        worker = [*dask, "worker", *place, "--nthreads", "1", "--no-nanny", *no_ports, "--local-directory", "."]
+        started.append(subprocess.Popen(worker, cwd=tmp_path / name, **quiet))
+    begun = time.monotonic()
+    while not said.exists() and time.monotonic() - begun < 60:
+        time.sleep(0.1)
+    yield json.loads(said.read_text())["address"], started[1:]
+    for process in reversed(started):
+        process.send_signal(signal.SIGTERM)
+    for process in started:
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, scheduler, tmp_path):
+    address, workers = scheduler
+    killed = []
+
+    def progress(done, total):
+        if done > 30 and not killed:
+            workers[0].kill()
+            killed.append(done)
+
+    study = percuss.study(given(**MANY), tmp_path / "a.sqlite", scheduler=address, progress=progress)
+    assert killed
+    assert killed[0] < 300
+    assert same(study.table, whole)
+
+
+def test_plug_ins_and_tables_travel_to_the_workers(scheduler, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    file = law(home)
+    (home / "pulse.csv").write_text("0, 0\n0.1, 0.01\n")
+    case = yaml.safe_load(Path(HUNEK).read_text())
+    case |= {"plugins": ["mine.py"], "loads": {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}}
+    (home / "case.yaml").write_text(yaml.safe_dump(case))
+    made = given(cases=[str(home / "case.yaml")], methods={"contacts": ["mine"]}, vary={"time.courant": [0.4, 0.5]})
+    here = percuss.study(made, tmp_path / "here.sqlite", workers=1).table
+
+    def gone(done, total):  # as on another machine: the files are not there
+        for one in (file, home / "pulse.csv"):
+            one.unlink(missing_ok=True)
+
+    there = percuss.study(made, tmp_path / "there.sqlite", scheduler=scheduler[0], progress=gone)
+    assert list(there.table.status) == ["done", "done"]
+    assert same(there.table, here)
+
+
+def test_nobody_at_the_address(tmp_path):
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="nobody answers"):
+        percuss.study(given(), tmp_path / "a.sqlite", scheduler="tcp://127.0.0.1:9")
 
 
 # -------------------------------------------------------------------------------------------- the wrong input

@@ -65,7 +65,7 @@ def _client(address: str) -> Any:
         problem = Problem("--scheduler", "", "needs distributed, which is not installed", advice)
         raise InputError([problem]) from None
     try:
-        return Client(address, timeout=10, set_as_default=False)
+        return Client(address, timeout=5, set_as_default=False)
     except (OSError, ValueError) as error:
         advice = "Start one with `dask scheduler`, and workers with `dask worker ADDRESS`."
         raise InputError([Problem(f"--scheduler {address}", "", f"nobody answers: {error}", advice)]) from None

@@ -126,8 +126,9 @@ class _StudyReader:
         cases = self.cases(top.cases)
         methods = self.part(MethodsSection, "methods", "the methods")
         keep = self.part(KeepSection, "keep", "keep")
-        integrators = self.methods("integrators", methods.integrators if methods else ())
-        contacts = self.methods("contacts", methods.contacts if methods else ())
+        registries = [case.registry for case in cases.values()] or [self.reader.registry]
+        integrators = self.methods("integrators", methods.integrators if methods else (), registries)
+        contacts = self.methods("contacts", methods.contacts if methods else (), registries)
         if contacts:
             cases = {label: case.with_one_law() for label, case in cases.items()}
         varied, paired, sample = self.varied(), self.paired(), self.sample()
@@ -206,10 +207,10 @@ class _StudyReader:
         said = f"{problem.path}: {problem.message}" if problem.path not in ("", mine[0][-1]) else problem.message
         self.reader.wrong(mine[0], said, problem.advice, key=problem.message.startswith("unknown key"))
 
-    def methods(self, family: str, given: Any) -> dict[str, Any]:
-        """Return label and value of each method named."""
+    def methods(self, family: str, given: Any, registries: list[Registry]) -> dict[str, Any]:
+        """Return label and value of each method named; some case must know it."""
         path: KeyPath = ("methods", family)
-        kind, known = SINGULAR[family], self.reader.registry.names(family)
+        kind, known = SINGULAR[family], sorted({name for one in registries for name in one.names(family)})
         if not isinstance(given, tuple):
             self.reader.wrong(path, f"expected a list of names, found {found(given)}", f"Write as [{known[0]}].")
             return {}
