@@ -26,12 +26,15 @@ _HOME = {
     "RunError": "errors",
     "Shape": "contracts",
     "Solution": "contracts",
+    "Study": "studies",
     "compare": "comparison",
     "hookimpl": "hookspecs",
     "load": "case",
     "open_result": "result",
+    "open_study": "studies",
     "run": "runner",
     "stability": "maps",
+    "study": "studies",
 }
 
 __all__ = [
@@ -50,12 +53,15 @@ __all__ = [
     "RunError",
     "Shape",
     "Solution",
+    "Study",
     "compare",
     "hookimpl",
     "load",
     "open_result",
+    "open_study",
     "run",
     "stability",
+    "study",
 ]
 
 if TYPE_CHECKING:
@@ -67,6 +73,7 @@ if TYPE_CHECKING:
     from percuss.maps import stability
     from percuss.result import Result, open_result
     from percuss.runner import run
+    from percuss.studies import Study, open_study, study
 
 
 def __getattr__(name: str) -> Any:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from percuss.cli_study import study
 from percuss.errors import InputError, PercussError, Problem, RunError
 
 if TYPE_CHECKING:
@@ -175,6 +176,9 @@ def compare(
             raise typer.Exit(1)
 
 
+app.command()(study)
+
+
 @app.command()
 def stability(
     case: CaseFile,
@@ -316,13 +320,17 @@ def plugins(
 
 
 @app.command()
-def schema(plugin: Plugins = None) -> None:
+def schema(
+    plugin: Plugins = None,
+    study: Annotated[bool, typer.Option("--study", help="That of a study file.")] = False,
+) -> None:
     """Print the JSON schema of a case, with every registered component; editors complete cases with it."""
     with reporting(as_json=False):
         from percuss.registry import Registry
-        from percuss.schema import case_schema
+        from percuss.schema import case_schema, study_schema
 
-        _print_json(case_schema(Registry.load(plugin or [])))
+        registry = Registry.load(plugin or [])
+        _print_json(study_schema(registry) if study else case_schema(registry))
 
 
 # -------------------------------------------------------------------------------------------------- helpers

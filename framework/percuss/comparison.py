@@ -2,68 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from percuss.errors import InputError, PercussError, Problem, RefusedPair, RunError, suggestion
-from percuss.runner import run
+from percuss.columns import ERRORS, metric, worst
+from percuss.errors import InputError, Problem, suggestion
+from percuss.sampling import combinations
+from percuss.tasks import Row, perform, tasks
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.result import Result
 
+__all__ = ["ERRORS", "Row", "compare", "metrics", "own_laws", "worst"]
 
-@dataclass(frozen=True)
-class Row:
-    """One run of a comparison.
-
-    Attributes
-    ----------
-    integrator, contact
-        Names of the pair.
-    varied
-        Value of each varied path.
-    status
-        ``done``, ``interrupted``, ``unstable``, ``refused`` or ``failed``.
-    reason
-        Why it is not ``done``; empty if it is.
-    said_by
-        Which component refused the pair; empty otherwise.
-    result
-        The result, also of a run that was stopped; None where there was no run.
-    """
-
-    integrator: str
-    contact: str
-    varied: Mapping[str, Any]
-    status: str
-    reason: str = ""
-    said_by: str = ""
-    result: Result | None = field(default=None, repr=False)
-
-    @property
-    def label(self) -> str:
-        """The pair and what was varied, in one line."""
-        return " ".join(
-            [
-                f"{self.integrator} + {self.contact}",
-                *(f"{k.split('.')[-1]}={v}" for k, v in self.varied.items()),
-            ]
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the row in the terms of JSON."""
-        return {
-            "integrator": self.integrator,
-            "contact": self.contact,
-            **self.varied,
-            "status": self.status,
-            "reason": self.reason,
-            "said_by": self.said_by,
-            "summary": self.result.summary if self.result is not None else None,
-        }
+SHOWN = ("impulse", "peak_force", "penetration", "energy_kept", "energy_max", "ledger_error", *ERRORS, "steps")
 
 
 def compare(
@@ -92,7 +44,7 @@ def compare(
     Returns
     -------
     list of Row
-        In the order integrator, law, varied values.
+        In the order integrator, law, varied values; the tied runs come last.
 
     Raises
     ------
@@ -108,21 +60,16 @@ def compare(
     ]
     if problems:
         raise InputError(problems)
-    varied = dict(vary or {})
     if contacts:
         case = case.with_one_law()
-    rows: list[Row] = []
-    errors: list[InputError] = []
-    own: tuple[str | None, ...] = (None,)
-    for integrator, contact in itertools.product(integrators or own, contacts or own):
-        for values in itertools.product(*varied.values()):
-            point = dict(zip(varied, values, strict=True))
-            row, error = _row(case, integrator, contact, point)
-            rows.append(row)
-            errors += [error] if error is not None else []
-    if len(errors) == len(rows) and errors:
+    listed = {name: name for name in integrators}, {name: name for name in contacts}
+    planned = list(tasks("", case, *listed, combinations(vary or {}), tied=tied))
+    pairs = [task for task in planned if not task.tied]
+    made = [perform(case, task) for task in pairs]
+    errors = [error for _, error in made if error is not None]
+    if errors and len(errors) == len(pairs):
         raise errors[0]
-    return rows + (_twins(case, rows) if tied else [])
+    return [row for row, _ in made] + [perform(case, task)[0] for task in planned if task.tied]
 
 
 def own_laws(case: Case) -> list[str]:
@@ -130,76 +77,9 @@ def own_laws(case: Case) -> list[str]:
     return [name for name, contact in case.contacts.items() if contact.own_law]
 
 
-def _row(
-    case: Case,
-    integrator: str | None,
-    contact: str | None,
-    values: Mapping[str, Any],
-    *,
-    point: Mapping[str, Any] | None = None,
-    label: str = "",
-) -> tuple[Row, InputError | None]:
-    point = values if point is None else point
-    changes = {"method.integrator.name": integrator, "method.contact.name": contact}
-    changes = {path: name for path, name in changes.items() if name is not None}
-    names = (integrator or case.method.integrator.name, label or contact or case.method.contact.name)
-    try:
-        result = run(case, {**changes, **values})
-    except RefusedPair as error:
-        return Row(*names, point, "refused", error.reason, error.said_by), None
-    except RunError as error:
-        return Row(*names, point, "unstable", str(error), result=error.result), None
-    except InputError as error:
-        return Row(*names, point, "failed", str(error)), error
-    except PercussError as error:
-        return Row(*names, point, "failed", str(error)), None
-    reason = "Ctrl-C" if result.status == "interrupted" else ""
-    return Row(*names, point, result.status, reason, result=result), None
-
-
-def _twins(case: Case, rows: list[Row]) -> list[Row]:
-    """Return, for each integrator and varied point, the run with interfaces tied while the exact contact is closed."""
-    twins: dict[tuple[str, str], Row] = {}
-    for row in rows:
-        key = (row.integrator, repr(sorted(row.varied.items())))
-        if key in twins or row.result is None or row.result.exact is None:
-            continue
-        during = {name: contact.closed for name, contact in row.result.exact.contacts.items()}
-        methods = {f"contacts.{name}.method": {"name": "tied", "during": spans} for name, spans in during.items()}
-        twins[key] = _row(case, row.integrator, None, {**row.varied, **methods}, point=row.varied, label="tied")[0]
-    return list(twins.values())
-
-
 def metrics(row: Row) -> dict[str, Any]:
     """Return what the table of a comparison shows of a row; empty where there is no result."""
     if row.result is None:
         return {}
-    summary = row.result.summary
-    contacts = summary["contacts"].values()
-    energy = summary["energy"]
-    put_in = max(energy["initial"], energy["initial"] + energy["external_work"])
-    exact = summary["exact"]
-    return {
-        "impulse": sum(c["impulse"] for c in contacts),
-        "peak_force": max((c["peak_force"] for c in contacts), default=0.0),
-        "penetration": max((c["penetration"]["largest"] for c in contacts), default=0.0),
-        "energy_kept": energy["final"] / put_in if put_in > 0 else None,
-        "energy_max": energy["max"] / put_in if put_in > 0 else None,
-        "ledger_error": energy["ledger_error"],
-        **{name: worst(exact, name) for name in ERRORS},
-        "steps": summary["steps"],
-        "seconds": summary["seconds"]["march"],
-    }
-
-
-ERRORS = ("force_error_l1", "force_error_l2", "impulse_error", "displacement_error")
-
-
-def worst(exact: dict[str, Any] | None, name: str) -> float | None:
-    """Return an error of a run, that of its worst contact where each contact has one; None where it is not known."""
-    if exact is None:
-        return None
-    if name in exact:
-        return exact[name]  # type: ignore[no-any-return]
-    known = [c[name] for c in exact["contacts"].values() if c[name] is not None]
-    return max(known, default=None)
+    seconds = row.result.summary["seconds"]["march"]
+    return {**{name: metric(row.result, name) for name in SHOWN}, "seconds": seconds}

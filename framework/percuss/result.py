@@ -8,7 +8,7 @@ import os
 import platform
 import sys
 import tempfile
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -276,13 +276,19 @@ def open_result(path: str | os.PathLike[str]) -> Result:
     return Result(arrays, coordinates, field_arrays, summary, provenance)
 
 
-def machine() -> dict[str, Any]:
-    """Return what a result depends on besides the case: versions and machine."""
+@cache
+def _versions() -> dict[str, str]:
+    """Return the versions in use; to look them up takes longer than a short run."""
     from importlib.metadata import version
 
     names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}
+
+
+def machine() -> dict[str, Any]:
+    """Return what a result depends on besides the case: versions and machine."""
     return {
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in names}},
+        "versions": dict(_versions()),
         "machine": {
             "system": platform.platform(),
             "processor": platform.machine(),

@@ -14,7 +14,7 @@ from percuss.registry import Registry
 from percuss.sections import CaseSection, Each, Items, Named, Part
 from percuss.wording import fact
 
-__all__ = ["case_schema"]
+__all__ = ["case_schema", "study_schema"]
 
 
 def case_schema(registry: Registry) -> dict[str, Any]:
@@ -35,6 +35,40 @@ def case_schema(registry: Registry) -> dict[str, Any]:
         "title": "percuss case",
         "description": "A case of percuss, format 1",
         **_section(CaseSection, registry),
+    }
+
+
+def study_schema(registry: Registry) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a study.
+
+    Parameters
+    ----------
+    registry
+        Its integrators and contact laws appear by name.
+    """
+    from percuss.columns import METRICS
+    from percuss.studysections import MeasureSection, RangeSection, StudySection
+
+    made = _section(StudySection, registry)
+    properties = {key.replace("_", "-"): value for key, value in made["properties"].items()}
+    values = {"type": "object"}
+    properties["set"] |= values
+    properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
+    properties["paired"] |= {"type": "array", "items": values}
+    for family, one in properties["methods"]["properties"].items():
+        named = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
+        one |= {"type": "array", "items": {"anyOf": named}}
+    ranges = {"type": "object", "additionalProperties": _section(RangeSection, registry)}
+    properties["sample"]["properties"]["of"] |= ranges
+    bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
+    properties["measure"] |= {"type": "array", "items": {"anyOf": [bare, _section(MeasureSection, registry)]}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "percuss study",
+        "description": "A study of percuss, format 1",
+        **made,
+        "properties": properties,
+        "required": [key.replace("_", "-") for key in made["required"]],
     }
 
 

@@ -29,6 +29,7 @@ __all__ = [
     "Part",
     "RecordSection",
     "TimeSpec",
+    "interval",
 ]
 
 _ADDRESS = Expects("an address, as short.right")
@@ -42,7 +43,8 @@ def _dated(text: str) -> str:
     return text
 
 
-def _interval(times: tuple[float, float]) -> tuple[float, float]:
+def interval(times: tuple[float, float]) -> tuple[float, float]:
+    """Return two times as they are; raise ValueError where they are no interval."""
     if not 0 <= times[0] < times[1]:
         raise ValueError("not an interval")
     return times
@@ -238,7 +240,7 @@ class ExpectSection:
     during: (
         Annotated[
             tuple[float, float],
-            AfterValidator(_interval),
+            AfterValidator(interval),
             Expects("two times of at least 0, the later one last"),
             Unit("time"),
             Doc("from when until when"),

@@ -39,9 +39,19 @@ def _facts(annotation: Any) -> Iterator[Any]:
             yield from _facts(branch)
 
 
+# by identity: to hash an annotation takes as long as to walk it; the annotation is kept, so that its id stays its own
+_KNOWN: dict[int, tuple[Any, tuple[Any, ...]]] = {}
+
+
 def fact(annotation: Any, kind: type[T]) -> T | None:
     """Return the first fact of a kind, or None."""
-    return next((one for one in _facts(annotation) if isinstance(one, kind)), None)
+    kept = _KNOWN.get(id(annotation))
+    if kept is None:
+        kept = _KNOWN[id(annotation)] = (annotation, tuple(_facts(annotation)))
+    for one in kept[1]:
+        if isinstance(one, kind):
+            return one
+    return None
 
 
 def _bounded(noun: str, facts: tuple[Any, ...]) -> str:

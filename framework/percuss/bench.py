@@ -1,0 +1,174 @@
+"""The side of a study that workers see: the cases as text, with all files they need, and the runs to be made."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from percuss.case import Case, load
+from percuss.keys import files_named
+from percuss.records import Record, record
+from percuss.registry import Registry
+from percuss.tasks import Task, perform
+
+if TYPE_CHECKING:
+    from percuss.columns import Column
+    from percuss.source import Source
+
+__all__ = ["Bench", "Interrupted", "Job", "packed"]
+
+LONGEST = 1.0  # seconds after which a worker hands back what it has
+
+
+class Interrupted(Exception):
+    """Ctrl-C ended a run of this process; carries the records of the runs before it."""
+
+    def __init__(self, records: list[Record]) -> None:
+        super().__init__()
+        self.records = records
+
+
+class Job(NamedTuple):
+    """A task and the key of what it depends on."""
+
+    key: str
+    task: Task
+
+
+@dataclass(frozen=True)
+class Bench:
+    """All that a worker, on this machine or on another, needs to make the runs of a study.
+
+    Attributes
+    ----------
+    cases
+        Contents of each case, by label.
+    files
+        Files of numbers that each case names, by the path written there.
+    plugins
+        Single-file plug-ins of each case: path and content.
+    columns, nudge, histories
+        What a row is made of.
+    """
+
+    cases: Mapping[str, Source]
+    files: Mapping[str, Mapping[str, bytes]]
+    plugins: Mapping[str, tuple[tuple[str, bytes], ...]]
+    columns: Sequence[Column]
+    nudge: bool
+    histories: int
+
+    def case(self, label: str) -> Case:
+        """Return a case, read with the plug-ins and files as they were when the study began."""
+        registry = Registry.load([_plugin(path, text) for path, text in self.plugins[label]])
+        origin = self.cases[label]
+        return load(dataclasses.replace(origin, folder=_folder(origin.folder, self.files[label])), registry=registry)
+
+    def records(self, jobs: Sequence[Job], note: Callable[[str], None] | None = None) -> list[Record]:
+        """Make runs until all are made, or `LONGEST` has passed; what is left over is to be asked for again.
+
+        Parameters
+        ----------
+        jobs
+            What to run.
+        note
+            Told the key of each run before it begins.
+
+        Raises
+        ------
+        Interrupted
+            If Ctrl-C reached this process.
+        """
+        started = time.perf_counter()
+        made: list[Record] = []
+        for key, task in jobs:
+            if note is not None:
+                note(key)
+            began = time.perf_counter()
+            row, _ = perform(self._kept(task.case), task, nudge=self.nudge)
+            if row.status == "interrupted":
+                raise Interrupted(made)
+            made.append(record(key, row, self.columns, self.histories, time.perf_counter() - began))
+            if time.perf_counter() - started > LONGEST:
+                break
+        return made
+
+    @functools.cached_property
+    def _read(self) -> dict[str, Case]:
+        return {}
+
+    def _kept(self, label: str) -> Case:
+        """Return a case that is read once a process."""
+        if label not in self._read:
+            self._read[label] = self.case(label)
+        return self._read[label]
+
+    def __getstate__(self) -> dict[str, object]:
+        return {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
+
+def packed(cases: Mapping[str, Case], columns: Sequence[Column], *, nudge: bool, histories: int) -> Bench:
+    """Return the bench of a study."""
+    plugins = {
+        label: tuple((str(file), file.read_bytes()) for file in case.registry.files) for label, case in cases.items()
+    }
+    origins = {label: _without_plugins(case.origin) for label, case in cases.items()}
+    files = {label: files_named(case) for label, case in cases.items()}
+    return Bench(origins, files, plugins, columns, nudge, histories)
+
+
+def _without_plugins(origin: Source) -> Source:
+    """Return a case's contents without the plug-ins that it names: they travel as text."""
+    return origin.replaced(("plugins",), ()) if "plugins" in origin.data else origin
+
+
+def _plugin(path: str, text: bytes) -> Path:
+    """Return a file with this content: the one that it was read from, or a copy where that is another by now."""
+    return Path(path) if _holds(Path(path), text) else _copied({Path(path).name: text}) / Path(path).name
+
+
+def _folder(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """Return a folder with these files: the one they were read from, or one of copies."""
+    if all(_holds(folder / name, text) for name, text in files.items()):
+        return folder
+    return _copied(files)
+
+
+def _holds(path: Path, text: bytes) -> bool:
+    try:
+        return path.read_bytes() == text
+    except OSError:
+        return False
+
+
+def _copied(files: Mapping[str, bytes]) -> Path:
+    """Return a folder of copies, whose name says what they hold; several workers may make it at once."""
+    digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
+    folder = Path(tempfile.gettempdir()) / f"percuss-{os.getuid() if hasattr(os, 'getuid') else 0}-{digest}"
+    for name, text in _inside(folder, files):
+        name.parent.mkdir(parents=True, exist_ok=True)
+        beside = name.with_name(f".{name.name}.{os.getpid()}")
+        beside.write_bytes(text)
+        beside.replace(name)
+    return folder
+
+
+def _inside(folder: Path, files: Mapping[str, bytes]) -> Iterator[tuple[Path, bytes]]:
+    for name, text in files.items():
+        target = folder / name
+        if folder.resolve() not in target.resolve().parents:
+            raise ValueError(f"{name} would be copied to outside {folder}")
+        if not _holds(target, text):
+            yield target, text

@@ -1,0 +1,82 @@
+"""The command ``percuss study``, beside the others in `percuss.cli`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="STUDY", help="YAML file of the study.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="File of the rows; else STUDY.sqlite, here.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core. 1: this one.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
+    ] = None,
+    plugin: Annotated[
+        list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A single-file plug-in; repeatable.")
+    ] = None,
+    export: Annotated[
+        Path | None, typer.Option("--export", metavar="FILE", help="Write the table: csv or parquet by suffix.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")
+    ] = False,
+) -> None:
+    """Make the many runs of a study; the same command again goes on where it ended."""
+    from percuss.cli import progress_bar, reporting
+
+    with reporting(as_json):
+        from percuss import studies
+
+        if export is not None:
+            studies.exportable(export)
+        with progress_bar("runs") as progress:
+            told = _Told(progress)
+            made = studies.study(file, out, workers, scheduler, told, plugins=plugin or [])
+        if export is not None:
+            made.export(export)
+        if as_json:
+            from percuss.cli import _print_json
+
+            _print_json(_data(made))
+        else:
+            from percuss.tell_study import tell_study
+
+            tell_study(made)
+        if not made.complete:
+            print("interrupted: the same command goes on from here", file=sys.stderr)
+        if not made.complete or not made.counts.get("done"):
+            raise typer.Exit(1)
+
+
+class _Told:
+    """Says at the first call how many rows were there, and passes the progress on."""
+
+    def __init__(self, progress: Any) -> None:
+        self.progress, self.said = progress, False
+
+    def __call__(self, done: int, total: int) -> None:
+        if not self.said and done:
+            print(f"{done} of {total} runs are there already", file=sys.stderr)
+        self.said = True
+        self.progress(done, total)
+
+
+def _data(made: Any) -> dict[str, Any]:
+    return {
+        "title": made.title,
+        "file": str(made.path),
+        "found": made.found,
+        "complete": made.complete,
+        "counts": made.counts,
+        "columns": made.columns,
+        "rows": made.rows(),
+    }

@@ -1,0 +1,97 @@
+"""What a worker hands back: the row of one run in plain terms, and its histories where they are kept."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.columns import Column
+    from percuss.result import Result
+    from percuss.tasks import Row
+
+__all__ = ["Record", "record", "unpacked"]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run as it is stored.
+
+    Attributes
+    ----------
+    key
+        What it depends on.
+    status, reason, said_by
+        As of a `percuss.tasks.Row`.
+    fragile
+        Whether the answer hangs on round-off; None where nobody asked or there is no exact solution.
+    seconds
+        Wall time of the whole run.
+    measures
+        Value of each column; empty where the run was not done.
+    histories
+        Arrays as one npz file; empty where none are kept.
+    """
+
+    key: str
+    status: str
+    reason: str = ""
+    said_by: str = ""
+    fragile: bool | None = None
+    seconds: float | None = None
+    measures: dict[str, Any] | None = None
+    histories: bytes = b""
+
+
+def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: float) -> Record:
+    """Return the row of a run in plain terms.
+
+    Parameters
+    ----------
+    key
+        Of the task.
+    row
+        What became of it.
+    columns
+        What is measured of a run that is done; a run that was stopped has no number that could be compared.
+    keep
+        At most so many points of each history are kept.
+    seconds
+        How long it took.
+    """
+    from percuss.runner import plain
+
+    if row.result is None or row.status != "done":
+        return Record(key, row.status, row.reason, row.said_by, seconds=seconds)
+    exact = row.result.summary["exact"]
+    fragile = exact["fragile"] if exact is not None else None
+    measures = {one.name: plain(one.take(row.result)) for one in columns}
+    histories = _packed(row.result, keep) if keep else b""
+    return Record(key, row.status, row.reason, row.said_by, fragile, seconds, measures, histories)
+
+
+def _packed(result: Result, points: int) -> bytes:
+    """Return time, contact force and exact force as one npz file, single precision, at most `points` of each.
+
+    Every so many records are kept, from the first on: on a regular axis runs can be compared.
+    """
+    arrays = result.arrays
+    every = max(1, -(-arrays["time"].size // points))
+    kept = {
+        name: arrays[name][::every].astype(np.float32)
+        for name in ("time", "contact_force", "contact_force_exact")
+        if name in arrays
+    }
+    out = io.BytesIO()
+    np.savez(out, allow_pickle=False, contact=np.array(result.coordinates["contact"]), **kept)
+    return out.getvalue()
+
+
+def unpacked(packed: bytes) -> dict[str, Any]:
+    """Return the arrays of a record: ``time``, ``contact``, ``contact_force``, ``contact_force_exact``."""
+    with np.load(io.BytesIO(packed), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

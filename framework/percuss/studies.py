@@ -1,0 +1,368 @@
+"""Studies: many runs, spread over workers, resumed after any interruption, gathered in one table."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from percuss.errors import InputError, Problem
+from percuss.result import machine, replacing
+from percuss.store import Store
+
+if TYPE_CHECKING:
+    import threading
+
+    import pandas as pd
+
+    from percuss.bench import Bench, Job
+    from percuss.records import Record
+    from percuss.studyspec import StudySpec
+
+__all__ = ["Study", "open_study", "study"]
+
+Progress = Callable[[int, int], None]
+NAMES = ("case", "integrator", "contact")
+
+
+class Study:
+    """A study as far as it was run; it reads its file anew for what is asked, so it can be watched while it runs.
+
+    Attributes
+    ----------
+    path
+        The file.
+    found
+        How many rows were there before this call ran any; 0 for a study that was only opened.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.found = 0
+        self._store = Store(self.path)
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """The study file as plain data."""
+        return dict(self._store.fact("spec") or {})
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """What each measured column is, in words: quantity, norm, averaging."""
+        return dict(self._store.fact("columns") or {})
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all."""
+        sessions = self._store.sessions()
+        return {**(sessions[-1] if sessions else {}), "sessions": sessions}
+
+    @property
+    def title(self) -> str:
+        """Title of the study."""
+        return str(self.spec.get("title", ""))
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """A row a run, in the order of the study.
+
+        Columns are ``case``, ``integrator``, ``contact``, the varied paths, ``status`` (done, unstable, refused,
+        failed; waiting where the run is still to be made), ``reason``, ``said_by``, ``fragile``, what is measured,
+        ``seconds`` and ``key``.
+        """
+        import pandas as pd
+
+        rows = self.rows()
+        numbers = [name for name in (*self.columns, "seconds") if rows and name in rows[0]]
+        table = pd.DataFrame(rows, columns=list(rows[0]) if rows else None)
+        for name in numbers:  # a column of nothing but None is one of numbers too
+            if table[name].isna().all():
+                table[name] = table[name].astype(float)
+        return table
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the rows of `table` as plain mappings, all with the same keys."""
+        raw = [(json.loads(row), *rest) for row, *rest in self._store.rows()]
+        varied = dict.fromkeys(path for names, *_ in raw for path in names["varied"])
+        columns = self.columns
+        out = []
+        for names, status, reason, said_by, fragile, measures, seconds, key in raw:
+            measured = json.loads(measures) if measures else {}
+            out.append(
+                {
+                    **{name: names[name] for name in NAMES},
+                    **{path: names["varied"].get(path) for path in varied},
+                    "status": status or "waiting",
+                    "reason": reason or "",
+                    "said_by": said_by or "",
+                    "fragile": bool(fragile) if fragile is not None else None,
+                    **{name: measured.get(name) for name in columns},
+                    "seconds": seconds,
+                    "key": key,
+                }
+            )
+        return out
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many rows have each status."""
+        return dict(Counter(status or "waiting" for _, status, *_ in self._store.rows()))
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run was made."""
+        return "waiting" not in self.counts
+
+    def histories(self, key: str) -> dict[str, Any] | None:
+        """Return what is kept of a run's histories (`keep`); None where nothing is.
+
+        Returns
+        -------
+        dict
+            ``time`` (T,), ``contact`` (names), ``contact_force`` and ``contact_force_exact`` (T, contacts).
+        """
+        return self._store.histories(key)
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write the table as csv or parquet, by suffix; beside and then renamed.
+
+        Raises
+        ------
+        InputError
+            If the suffix is another, the folder cannot be written to, or pyarrow is missing.
+        """
+        suffix = exportable(path)
+        table = self.table
+        with replacing(path, suffix) as beside:
+            if suffix == ".csv":
+                table.to_csv(beside, index=False)
+            else:
+                # a column of words and numbers becomes one of words: parquet has one type a column
+                mixed = [name for name in table if len({type(v) for v in table[name] if v is not None}) > 1]
+                table.astype(dict.fromkeys(mixed, str)).to_parquet(beside, index=False)
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<percuss.Study {self.title!r}: {told or 'no rows'}>"
+
+
+def open_study(path: str | os.PathLike[str]) -> Study:
+    """Return a study written by `study`, also one that is being written.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not of a study.
+    """
+    return Study(path)
+
+
+def exportable(path: str | os.PathLike[str]) -> str:
+    """Return the suffix of a file that a table can be written to.
+
+    Raises
+    ------
+    InputError
+        If it is another, or what writes it is not installed.
+    """
+    from importlib.util import find_spec
+
+    suffix = Path(path).suffix.lower()
+    if suffix not in {".csv", ".parquet"}:
+        problem = Problem(str(path), "", f"expected a name that ends in .csv or .parquet, found '{suffix}'")
+        raise InputError([problem])
+    if suffix == ".parquet" and find_spec("pyarrow") is None:
+        advice = "Install percuss[study], or write csv."
+        raise InputError([Problem(str(path), "", "parquet needs pyarrow, which is not installed", advice)])
+    return suffix
+
+
+def study(
+    given: str | Path | Mapping[str, Any],
+    out: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    *,
+    plugins: Sequence[str | Path] = (),
+) -> Study:
+    """Make the runs of a study that are not made yet.
+
+    Parameters
+    ----------
+    given
+        Path of a study file, or the same as a mapping.
+    out
+        File of the rows; by default the study's name with the ending ``.sqlite``, in the current folder. Runs that
+        it holds and that nothing changed for are not made again.
+    workers
+        Number of processes; by default one a core. With 1 the runs are made in this process.
+    scheduler
+        Address of a Dask scheduler, whose workers then make the runs.
+    progress
+        Called with (rows there, rows in all).
+    plugins
+        Single-file plug-ins beside those that the cases name.
+
+    Returns
+    -------
+    Study
+        Not `complete` where Ctrl-C ended it early: every finished batch is kept, and the same call goes on from there.
+
+    Raises
+    ------
+    InputError
+        If the study, a case or a varied path is wrong; nothing was run then.
+    PluginError
+        If one of `plugins` cannot be used.
+    """
+    from percuss.studyspec import read_study
+
+    if workers is not None and workers < 1:
+        raise InputError([Problem("--workers", "", f"expected a number of at least 1, found {workers}")])
+    spec = read_study(given, [Path(file) for file in plugins])
+    jobs, bench = _planned(spec)
+    path = Path(out) if out is not None else Path(f"{spec.name}.sqlite")
+    known = Store(path).known() if path.exists() and path.stat().st_size else _nothing_at(path)
+    missing = list({job.key: job for job in jobs if job.key not in known}.values())
+    if missing:
+        _rehearse(spec, missing)
+    store = Store(path, new=True)
+    _begin(store, spec, jobs)
+    done = Study(store.path)
+    done.found = sum(job.key in known for job in jobs)
+    if missing:
+        _make(bench, missing, store, workers, scheduler, _counted(progress, jobs, known))
+    return done
+
+
+def _nothing_at(path: Path) -> set[str]:
+    """Return the keys that a file holds which is still to be made, if it can be made."""
+    attempt = replacing(path, path.suffix)
+    attempt.__enter__()
+    attempt.__exit__(OSError, None, None)
+    return set()
+
+
+def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
+    """Return all runs of a study with their keys, and what workers need to make them."""
+    from percuss.bench import Job, packed
+    from percuss.keys import Keys
+    from percuss.preflight import check_points
+    from percuss.sampling import combinations
+    from percuss.tasks import tasks
+
+    points = combinations(spec.vary, spec.paired, spec.sample)
+    check_points(spec, points)
+    keys = Keys(spec.columns, nudge=spec.nudge, histories=spec.histories)
+    jobs = []
+    for label, case in spec.cases.items():
+        for task in tasks(label, case, spec.integrators, spec.contacts, points, tied=spec.tied):
+            names = {"case": label, "integrator": task.integrator, "contact": task.contact, **task.varied}
+            if all(condition.holds(names) for condition in spec.where):
+                jobs.append(Job(keys.of(label, case, task), task))
+    if not jobs:
+        raise InputError([spec.source.problem(("where",), "leaves no run to be made", "Loosen a condition.")])
+    return jobs, packed(spec.cases, spec.columns, nudge=spec.nudge, histories=spec.histories)
+
+
+def _rehearse(spec: StudySpec, missing: Sequence[Job]) -> None:
+    """Make one step of each kind of run: it compiles for all workers, and shows what a summary holds.
+
+    Raises
+    ------
+    InputError
+        If a measure is in none of the summaries.
+    """
+    from percuss.preflight import check_measures, first_steps
+
+    check_measures(spec, first_steps(spec.cases, [job.task for job in missing]))
+
+
+def _begin(store: Store, spec: StudySpec, jobs: Sequence[Job]) -> None:
+    """Write down what the study is and who runs it."""
+    files = {
+        str(path): source.version
+        for case in spec.cases.values()
+        for path in case.registry.files
+        for source in case.registry.sources.values()
+        if source.file == str(path)
+    }
+    facts = {"spec": _listed(spec.data), "columns": {one.name: one.what for one in spec.columns}}
+    plan = (
+        (
+            job.key,
+            {
+                "case": job.task.case,
+                "integrator": job.task.integrator,
+                "contact": job.task.contact,
+                "varied": _listed(job.task.varied),
+            },
+        )
+        for job in jobs
+    )
+    store.begin(facts, {**machine(), "cores": os.cpu_count(), "plugins": files}, plan)
+
+
+def _listed(value: Any) -> Any:
+    """Return plain data as JSON has it."""
+    if isinstance(value, Mapping):
+        return {str(key): _listed(item) for key, item in value.items()}
+    return [_listed(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _counted(progress: Progress | None, jobs: Sequence[Job], known: set[str]) -> Callable[[Sequence[Record]], None]:
+    """Return what counts rows as their records come in."""
+    rows = Counter(job.key for job in jobs)
+    there = sum(count for key, count in rows.items() if key in known)
+
+    def count(records: Sequence[Record]) -> None:
+        nonlocal there
+        there += sum(rows[one.key] for one in records)
+        if progress is not None:
+            progress(there, len(jobs))
+
+    return count
+
+
+def _make(
+    bench: Bench,
+    jobs: Sequence[Job],
+    store: Store,
+    workers: int | None,
+    scheduler: str | None,
+    count: Callable[[Sequence[Record]], None],
+) -> None:
+    """Make runs and keep them batch by batch, until all are made or Ctrl-C."""
+    from percuss.interrupt import interruptible
+    from percuss.workers import run_here, run_local
+
+    def keep(records: Sequence[Record]) -> None:
+        if records:
+            store.add(records)
+            count(records)
+
+    stop: threading.Event
+    with interruptible() as stop:
+        count([])
+        if scheduler is not None:
+            from percuss.cluster import run_cluster
+
+            run_cluster(bench, jobs, scheduler, keep, stop)
+            return
+        number = workers or _cores()
+        if number == 1 or len(jobs) == 1:
+            run_here(bench, jobs, keep, stop)
+        else:
+            run_local(bench, jobs, number, keep, stop)
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

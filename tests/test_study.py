@@ -1,0 +1,594 @@
+"""Studies: every run is a row, no finished batch is ever lost, and what did not change is not run again."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import yaml
+
+import percuss
+from percuss import vary
+from percuss.errors import InputError
+from percuss.registry import Registry
+from percuss.sampling import Sample, combinations
+from percuss.schema import study_schema
+
+ROOT = Path(__file__).parent.parent
+HUNEK = str(ROOT / "cases" / "hunek.yaml")
+SMALL = {"bodies.short.bar.elements": 20, "bodies.long.bar.elements": 40}
+TIMES = ["seconds"]
+LAW = """\
+import os, signal
+from dataclasses import dataclass
+from typing import Annotated
+from percuss import ContactLaw
+from percuss.contracts import Gt, Rows, Unit
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    '''A law of mine.'''
+
+    name = "mine"
+    summary = "Mine"
+
+    beta_s: Annotated[float, Gt(0), Unit("1")] = 0.25
+
+    def bind(self, points, dt):
+        FATE
+        return Rows("explicit", 1.0 / (SOFT * self.beta_s * points.stiffness))
+"""
+
+
+def given(**more):
+    return {"percuss-study": 1, "title": "small", "cases": [HUNEK], "set": SMALL, **more}
+
+
+def write(folder, text="", name="study.yaml", **more):
+    path = folder / name
+    path.write_text(text or yaml.safe_dump(given(**more)))
+    return path
+
+
+def law(folder, soft=1.0, fate="pass"):
+    path = folder / "mine.py"
+    path.write_text(LAW.replace("SOFT", str(soft)).replace("FATE", fate))
+    return path
+
+
+def command(*args):
+    return [sys.executable, "-m", "percuss", "study", *map(str, args)]
+
+
+def same(one, two):
+    """Whether two tables are equal bit for bit in all but times."""
+    assert list(one.columns) == list(two.columns)
+    for name in one.columns.difference(TIMES):
+        assert [repr(value) for value in one[name]] == [repr(value) for value in two[name]], name
+    return True
+
+
+# ---------------------------------------------------------------------------------------------- what is run
+
+
+def test_every_pair_case_and_point_is_a_row(tmp_path):
+    case = {**yaml.safe_load(Path(HUNEK).read_text()), "title": "another"}
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump(case))
+    study = percuss.study(
+        {
+            **given(tied=True, nudge=True, keep={"histories": 40}),
+            "cases": [HUNEK, str(tmp_path / "other.yaml")],
+            "methods": {
+                "integrators": ["central-difference", "wu-predictor-corrector"],
+                "contacts": ["penalty", "lagrange"],
+            },
+            "vary": {"time.courant": [0.5, 0.9], "method.contact.beta_s": "0.5:50:log:2"},
+        },
+        tmp_path / "a.sqlite",
+        workers=1,
+    )
+    table = study.table
+    assert len(table) == 2 * (2 * 2 * 4 + 2 * 2)
+    assert list(table.columns[:5]) == ["case", "integrator", "contact", "time.courant", "method.contact.beta_s"]
+    assert study.complete
+    stiff = table[(table["method.contact.beta_s"] > 49) & (table.contact == "penalty")]
+    assert set(stiff.status) == {"unstable"}
+    assert stiff.reason.str.contains("certificate says no").all()
+    assert stiff.impulse.isna().all()
+    lacks = table[table.contact == "lagrange"]
+    assert set(lacks.status) == {"failed"}
+    assert lacks.reason.str.contains("unknown key 'beta_s'").all()
+    done = table[table.status == "done"]
+    assert {False} <= set(done.fragile)
+    twins = table[table.contact == "tied"]
+    assert len(twins) == 8
+    assert twins["method.contact.beta_s"].isna().all()
+    assert (twins.status == "done").all()
+    kept = study.histories(done.key.iloc[0])
+    assert kept["contact_force"].shape == (len(kept["time"]), 1)
+    assert len(kept["time"]) <= 40
+    assert kept["contact_force"].dtype == kept["contact_force_exact"].dtype == np.float32
+    assert study.histories(stiff.key.iloc[0]) is None
+    assert study.provenance["versions"]["percuss"] == percuss.__version__
+    assert study.spec["title"] == "small"
+    assert "norm" in study.columns["force_error_l2"]
+
+
+def test_a_row_is_what_the_run_says(tmp_path):
+    study = percuss.study(
+        given(
+            vary={"method.contact.beta_s": [0.5]},
+            measure=[
+                "impulse",
+                "energy.final",
+                "contacts.*.peak_force",
+                "exact.contacts.*.force_error_l2",
+                {
+                    "name": "plateau",
+                    "quantity": "contact_force",
+                    "contact": "tip",
+                    "during": [0.02, 0.18],
+                    "take": "mean",
+                },
+                {"name": "tip", "quantity": "displacement", "probe": "short.right", "take": "final"},
+            ],
+        ),
+        tmp_path / "a.sqlite",
+        workers=1,
+    )
+    (row,) = study.rows()
+    result = percuss.run(percuss.load(HUNEK), {**SMALL, "method.contact.beta_s": 0.5})
+    assert row["impulse"] == row_of(result)["impulse"]
+    assert row["energy.final"] == result.summary["energy"]["final"]
+    assert row["contacts.*.peak_force"] == result.summary["contacts"]["tip"]["peak_force"]
+    assert row["exact.contacts.*.force_error_l2"] == result.summary["exact"]["contacts"]["tip"]["force_error_l2"]
+    force = result.histories["contact_force"].sel(contact="tip", time=slice(0.02, 0.18))
+    assert row["plateau"] == pytest.approx(float(force.mean()), rel=1e-12)
+    assert row["tip"] == float(result.arrays["displacement"][-1, result.coordinates["probe"].index("short.right"), 0])
+    assert study.columns["plateau"] == "mean of contact_force of tip from 0.02 to 0.18"
+
+
+def row_of(result):
+    from percuss.comparison import Row, metrics
+
+    return metrics(Row("", "", {}, "done", result=result))
+
+
+def test_a_comparison_is_the_same_runs(tmp_path):
+    laws = ["penalty", "bipenalty", "lagrange"]
+    case = percuss.load(HUNEK, {**SMALL, "method.contact.beta_s": 100})
+    rows = percuss.compare(case, ["central-difference"], laws, {"refine": [1, 2]}, tied=True)
+    study = percuss.study(
+        given(
+            set={**SMALL, "method.contact.beta_s": 100},
+            methods={"integrators": ["central-difference"], "contacts": laws},
+            vary={"refine": [1, 2]},
+            tied=True,
+        ),
+        tmp_path / "a.sqlite",
+        workers=1,
+    )
+    told = [(r.integrator, r.contact, r.varied["refine"], r.status, r.reason) for r in rows]
+    assert told == list(study.table[["integrator", "contact", "refine", "status", "reason"]].itertuples(index=False))
+    assert [row_of(r.result)["impulse"] for r in rows if r.status == "done"] == [
+        r["impulse"] for r in study.rows() if r["status"] == "done"
+    ]
+
+
+def test_values_that_go_together_and_conditions(tmp_path):
+    study = percuss.study(
+        given(
+            vary={"time.courant": [0.3, 0.5, 0.7]},
+            paired=[
+                {"method.contact.beta_s": 0.5, "method.contact.ratio": 1},
+                {"method.contact.beta_s": 1.0, "method.contact.ratio": "matched"},
+            ],
+            where=[{"path": "time.courant", "op": "<", "value": 0.6}],
+        ),
+        tmp_path / "a.sqlite",
+        workers=1,
+    )
+    found = list(study.table[["time.courant", "method.contact.beta_s", "method.contact.ratio"]].itertuples(index=False))
+    assert found == [(c, *pair) for c in (0.3, 0.5) for pair in ((0.5, 1), (1.0, "matched"))]
+
+
+@pytest.mark.parametrize("method", ["random", "latin-hypercube", "sobol", "halton"])
+def test_a_sample_is_reproducible_and_within_its_box(method):
+    axes = {"a": (1.0, 3.0, False), "b": (0.01, 100.0, True)}
+    points = Sample(64, method, 7, axes).points()
+    assert points == Sample(64, method, 7, axes).points()
+    assert points != Sample(64, method, 8, axes).points()
+    a, b = (np.array([one[name] for one in points]) for name in "ab")
+    assert ((a >= 1) & (a <= 3)).all()
+    assert ((b >= 0.01) & (b <= 100)).all()
+    assert 16 < np.sum(b < 1) < 48  # half of them in half of the decades
+    if method == "latin-hypercube":
+        assert sorted(np.floor((a - 1) * 32).astype(int)) == list(range(64))
+
+
+def test_combinations_are_those_of_the_one_grammar():
+    assert [one["p"] for one in combinations({"p": vary.values("0:1:3")})] == [0.0, 0.5, 1.0]
+    assert len(combinations({"p": [1, 2], "q": [1, 2, 3]}, [{"r": 1}, {"r": 2}])) == 12
+
+
+def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
+    file = law(tmp_path, fate="1 / 0 if self.beta_s > 0.3 else None")
+    study = percuss.study(
+        given(methods={"contacts": ["mine", "penalty"]}, vary={"method.contact.beta_s": [0.2, 0.4]}),
+        tmp_path / "a.sqlite",
+        workers=1,
+        plugins=[file],
+    )
+    assert [row["status"] for row in study.rows()] == ["done", "failed", "done", "done"]
+    assert study.rows()[1]["reason"] == "ZeroDivisionError: division by zero"
+
+
+# ------------------------------------------------------------------------------------- running and resuming
+
+MANY = {"vary": {"method.contact.beta_s": "0.05:2:log:300"}}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The table of a study that nothing interrupts, made in one process."""
+    folder = tmp_path_factory.mktemp("whole")
+    return percuss.study(given(**MANY), folder / "a.sqlite", workers=1).table
+
+
+def test_workers_give_what_one_process_gives(whole, tmp_path):
+    seen = []
+    study = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2, progress=lambda *at: seen.append(at))
+    assert same(study.table, whole)
+    assert seen[0] == (0, 300)
+    assert seen[-1] == (300, 300)
+    assert seen == sorted(seen)
+
+
+def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
+    first = percuss.study(given(vary={"method.contact.beta_s": "0.05:2:log:300"}), tmp_path / "a.sqlite", workers=2)
+    assert first.found == 0
+    monkeypatch.setattr("percuss.tasks.run", None)
+    again = percuss.study(given(**MANY), tmp_path / "a.sqlite")
+    assert again.found == 300
+    assert same(again.table, whole)
+
+
+def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
+    file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
+    draw = np.random.default_rng(int(os.environ.get("PERCUSS_SEED", "3")))
+    counts = []
+    for _ in range(6):
+        process = subprocess.Popen(command(file, "-o", out, "--workers", 2), stderr=subprocess.DEVNULL)
+        begun = time.monotonic()
+        while not out.exists() and time.monotonic() - begun < 60:
+            time.sleep(0.02)
+        time.sleep(draw.uniform(0.0, 2.0))
+        below = [pid for child in children(process.pid) for pid in (child, *children(child))]
+        process.kill()
+        process.wait()
+        assert ended(below)
+        table = percuss.open_study(out).table if out.exists() else ()
+        if len(table):
+            done = table[table.status != "waiting"]
+            counts.append(len(done))
+            before = whole[whole.key.isin(done.key)]
+            assert [repr(v) for v in done.impulse] == [repr(v) for v in before.impulse]  # no row is torn
+    assert counts == sorted(counts)  # none is lost
+    last = subprocess.run(command(file, "-o", out, "--json"), capture_output=True, text=True, check=True)
+    told = json.loads(last.stdout)
+    assert told["found"] == (counts[-1] if counts else 0)
+    assert f"{told['found']} of 300 runs are there already" in last.stderr or not told["found"]
+    assert same(percuss.open_study(out).table, whole)
+
+
+def children(pid):
+    """Return the processes that a process started; workers are children of a child."""
+    try:
+        return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except (OSError, ProcessLookupError):
+        return []
+
+
+def ended(pids, within=20.0):
+    """Whether processes end by themselves."""
+    begun = time.monotonic()
+    while any(Path(f"/proc/{pid}").exists() for pid in pids):
+        if time.monotonic() - begun > within:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
+    file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
+    process = subprocess.Popen(command(file, "-o", out, "--workers", 2, "--json"), stdout=subprocess.PIPE, text=True)
+    killed = 0
+    begun = time.monotonic()
+    while killed < 2 and process.poll() is None and time.monotonic() - begun < 60:
+        time.sleep(0.1)
+        counts = percuss.open_study(out).counts if out.exists() else {}
+        if counts.get("done", 0) > 20 * (1 + killed):
+            workers = [pid for child in children(process.pid) for pid in children(child)]
+            os.kill(workers[-1], signal.SIGKILL)
+            killed += 1
+    told = json.loads(process.communicate(timeout=120)[0])
+    assert killed
+    assert told["counts"] == {"done": 300}
+    assert same(percuss.open_study(out).table, whole)
+
+
+def test_a_run_that_always_kills_its_worker_is_a_failed_row(tmp_path):
+    fate = "os.kill(os.getpid(), signal.SIGKILL) if 0.9 < self.beta_s < 1.1 and dt < 0.01 else None"
+    file = law(tmp_path, fate=fate)
+    methods = {"contacts": ["mine"]}
+    values = [0.1, 0.2, 0.3, 1.0, 0.4, 0.5]
+    out = tmp_path / "a.sqlite"
+    text = write(tmp_path, methods=methods, vary={"method.contact.beta_s": values})
+    done = subprocess.run(
+        command(text, "-o", out, "--workers", 2, "--plugin", file),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    table = percuss.open_study(out).table.set_index("method.contact.beta_s")
+    assert list(table.status[[0.1, 0.2, 0.3, 0.4, 0.5]]) == ["done"] * 5
+    assert table.status[1.0] == "failed"
+    assert "died 3 times" in table.reason[1.0]
+
+
+def test_ctrl_c_keeps_what_is_finished(whole, tmp_path):
+    file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
+    for workers in (1, 2):
+        process = subprocess.Popen(
+            command(file, "-o", out, "--workers", workers), stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        begun = time.monotonic()
+        before = len(whole) if not out.exists() else percuss.open_study(out).counts.get("done", 0)
+        while process.poll() is None and time.monotonic() - begun < 60:
+            time.sleep(0.05)
+            if out.exists() and percuss.open_study(out).counts.get("done", 0) not in {0, before}:
+                break
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        said = process.communicate(timeout=60)[1]
+        assert process.returncode == 1
+        assert "the same command goes on from here" in said
+        assert "Traceback" not in said
+    assert 0 < percuss.open_study(out).counts["done"] < 300
+    assert same(percuss.study(file, out).table, whole)
+
+
+def test_what_changed_is_run_again_and_only_that(tmp_path):
+    out = tmp_path / "a.sqlite"
+    study = given(methods={"contacts": ["mine", "penalty"]}, vary={"method.contact.beta_s": [0.2, 0.4]})
+    first = percuss.study(study, out, workers=1, plugins=[law(tmp_path)]).table
+    assert percuss.study(study, out, workers=1, plugins=[law(tmp_path)]).found == 4
+    again = percuss.study(study, out, workers=1, plugins=[law(tmp_path, soft=0.5)])
+    assert again.found == 2  # those of the other law
+    changed = again.table.peak_force != first.peak_force
+    assert list(changed) == [True, True, False, False]
+    file = tmp_path / "mine.py"
+    changes = [
+        ({"title": "called otherwise"}, 4),
+        ({"vary": {"method.contact.beta_s": [0.3, 0.4]}}, 2),
+        ({"set": {**SMALL, "time.courant": 0.4}}, 0),
+        ({"nudge": True}, 0),
+        ({"measure": ["impulse"]}, 0),
+        ({}, 4),  # what is not asked for any more is not forgotten
+    ]
+    assert [percuss.study({**study, **one}, out, workers=1, plugins=[file]).found for one, _ in changes] == [
+        found for _, found in changes
+    ]
+    assert same(percuss.study(study, out, workers=1, plugins=[file]).table, again.table)
+
+
+def test_a_script_without_a_guard_may_run_a_study(tmp_path):
+    file = write(tmp_path, vary={"method.contact.beta_s": "0.1:1:20"})
+    script = tmp_path / "script.py"
+    script.write_text(f"import percuss\nprint(percuss.study({str(file)!r}, 'a.sqlite', workers=2).counts)\n")
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == "{'done': 20}\n"
+
+
+# ------------------------------------------------------------------------------------ workers somewhere else
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """Yield the address of a Dask scheduler and its two workers, each a process of its own, in folders of their own."""
+    pytest.importorskip("distributed")
+    said = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "dask"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    place = ["--scheduler-file", str(said)]
+    no_ports = ["--no-dashboard"]
+    started = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *place, *no_ports], **quiet)]
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        worker = [*dask, "worker", *place, "--nthreads", "1", "--no-nanny", *no_ports, "--local-directory", "."]
+        started.append(subprocess.Popen(worker, cwd=tmp_path / name, **quiet))
+    begun = time.monotonic()
+    while not said.exists() and time.monotonic() - begun < 60:
+        time.sleep(0.1)
+    yield json.loads(said.read_text())["address"], started[1:]
+    for process in reversed(started):
+        process.send_signal(signal.SIGTERM)
+    for process in started:
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, scheduler, tmp_path):
+    address, workers = scheduler
+    killed = []
+
+    def progress(done, total):
+        if done > 30 and not killed:
+            workers[0].kill()
+            killed.append(done)
+
+    study = percuss.study(given(**MANY), tmp_path / "a.sqlite", scheduler=address, progress=progress)
+    assert killed
+    assert killed[0] < 300
+    assert same(study.table, whole)
+
+
+def test_plug_ins_and_tables_travel_to_the_workers(scheduler, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    file = law(home)
+    (home / "pulse.csv").write_text("0, 0\n0.1, 0.01\n")
+    case = yaml.safe_load(Path(HUNEK).read_text())
+    case |= {"plugins": ["mine.py"], "loads": {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}}
+    (home / "case.yaml").write_text(yaml.safe_dump(case))
+    made = given(cases=[str(home / "case.yaml")], methods={"contacts": ["mine"]}, vary={"time.courant": [0.4, 0.5]})
+    here = percuss.study(made, tmp_path / "here.sqlite", workers=1).table
+
+    def gone(done, total):  # as on another machine: the files are not there
+        for one in (file, home / "pulse.csv"):
+            one.unlink(missing_ok=True)
+
+    there = percuss.study(made, tmp_path / "there.sqlite", scheduler=scheduler[0], progress=gone)
+    assert list(there.table.status) == ["done", "done"]
+    assert same(there.table, here)
+
+
+def test_nobody_at_the_address(tmp_path):
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="nobody answers"):
+        percuss.study(given(), tmp_path / "a.sqlite", scheduler="tcp://127.0.0.1:9")
+
+
+# -------------------------------------------------------------------------------------------- the wrong input
+
+WRONG = {
+    "no version": (
+        "cases: [hunek.yaml]\n",
+        "study.yaml:1:1: percuss-study: expected version 1 of the format, found null",
+    ),
+    "a case": ("percuss: 1\n", "This is a case: run it with `percuss run`."),
+    "unknown key": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvari: {refine: [1]}\n",
+        "study.yaml:3:1: vari: unknown key 'vari' of the study",
+    ),
+    "no such case": ("percuss-study: 1\ncases: [hunec.yaml]\n", "study.yaml:2:9: cases.0: no such file: "),
+    "unknown method": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {contacts: [penalti]}\n",
+        "study.yaml:3:22: methods.contacts.0: unknown contact law 'penalti'",
+    ),
+    "unknown path": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary:\n  method.contact.beta: [1, 2]\n",
+        "study.yaml:4:3: vary.method.contact.beta: unknown key 'beta' of the contact law bipenalty",
+    ),
+    "wrong value": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 0]}\n",
+        "study.yaml:3:20: vary.refine.1: expected a whole number of at least 1, found 0",
+    ),
+    "wrong range": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: '1:2'}\n",
+        "study.yaml:3:16: vary.refine: expected a range, found '1:2'",
+    ),
+    "set": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nset: {refin: 2}\n",
+        "study.yaml:3:7: set.refin: unknown key 'refin' of the case",
+    ),
+    "unknown measure": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmeasure: [impuls]\n",
+        "study.yaml:3:11: measure.0: unknown measure 'impuls'",
+    ),
+    "unknown entry": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmeasure: [energy.finl]\n",
+        "study.yaml:3:11: measure.0: the summary of a run has no 'energy.finl'",
+    ),
+    "measure without a time": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmeasure: [{name: a, quantity: gap}]\n",
+        "study.yaml:3:11: measure.0.at: missing (the time of the value)",
+    ),
+    "condition": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nwhere: [{path: refine, op: <, value: 2}]\n",
+        "study.yaml:3:16: where.0.path: 'refine' is not varied",
+    ),
+    "sample": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nsample: {count: 4, of: {time.courant: {from: 1, to: 0.5}}}\n",
+        "study.yaml:3:25: sample.of.time.courant: has no width: `to` 0.5 is not above `from` 1",
+    ),
+    "pairs unlike": (
+        "percuss-study: 1\ncases: [hunek.yaml]\npaired: [{refine: 1}, {time.courant: 1}]\n",
+        "study.yaml:3:23: paired.1: has time.courant, and the first has refine",
+    ),
+}
+
+
+@pytest.mark.parametrize("text", WRONG, ids=str)
+def test_a_wrong_study_is_one_clear_message(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("hunek.yaml").write_text(Path(HUNEK).read_text())
+    study, said = WRONG[text]
+    Path("study.yaml").write_text(study)
+    with pytest.raises(InputError) as caught:
+        percuss.study("study.yaml")
+    assert said in str(caught.value)
+    assert len(caught.value.problems) == 1
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["hunek.yaml", "study.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["nowhere.yaml"], "no such file"),
+        (["study.yaml", "--workers", "0"], "--workers: expected a number of at least 1, found 0"),
+        (["study.yaml", "--export", "a.xls"], "expected a name that ends in .csv or .parquet"),
+        (["study.yaml", "-o", "nowhere/a.sqlite"], "expected a folder nowhere"),
+        (["study.yaml", "-o", "study.yaml"], "expected the file of a study, found something else"),
+    ],
+    ids=str,
+)
+def test_wrong_use_of_the_command_is_one_clear_message(args, said, tmp_path):
+    write(tmp_path)
+    done = subprocess.run(command(*args), cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [one.name for one in tmp_path.iterdir()] == ["study.yaml"]
+
+
+def test_the_schema_of_a_study():
+    schema = study_schema(Registry.load())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    full = given(
+        methods={"integrators": ["central-difference"], "contacts": ["penalty", {"name": "bipenalty", "ratio": 1}]},
+        vary={"refine": [1, 2], "time.courant": "0.1:1:5"},
+        sample={"count": 4, "of": {"method.contact.beta_s": {"from": 0.1, "to": 1, "scale": "log"}}},
+        measure=["impulse", "energy.final", {"name": "a", "quantity": "gap", "take": "min", "during": [0, 1]}],
+        where=[{"path": "refine", "op": "<", "value": 2}],
+        keep={"histories": 5},
+    )
+    assert [error.message for error in validator.iter_errors(full)] == []
+    for wrong in ({"vari": {}}, {"percuss-study": 2}, {"methods": {"contacts": ["penalti"]}}, {"sample": {"count": 0}}):
+        assert not validator.is_valid({**full, **wrong})
+
+
+def test_the_table_can_be_exported(tmp_path, whole):
+    import pandas as pd
+
+    file = write(tmp_path, **MANY)
+    args = command(file, "--workers", 1, "--export", "a.csv")
+    done = subprocess.run(args, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "300 runs: 300 done" in done.stdout
+    table = pd.read_csv(tmp_path / "a.csv")
+    assert list(table.columns) == list(whole.columns)
+    assert (table.impulse == whole.impulse).all()
+    pytest.importorskip("pyarrow")
+    percuss.open_study(tmp_path / "study.sqlite").export(tmp_path / "a.parquet")
+    assert (pd.read_parquet(tmp_path / "a.parquet").impulse == whole.impulse).all()
