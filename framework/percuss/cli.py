@@ -259,6 +259,21 @@ def waves(
 
 
 @app.command()
+def report(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="What `percuss study` made.")],
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="The page (html).")] = None,
+    figures: Annotated[Path | None, typer.Option("--figures", metavar="DIR", help="Pictures as svg and pdf.")] = None,
+) -> None:
+    """Tell a study as one HTML page that needs nothing beside it, or as pictures for print."""
+    with reporting(as_json=False):
+        from percuss.studies import open_study
+        from percuss.study_report import written
+
+        for path in written(open_study(study), study, out, figures):
+            print(path)
+
+
+@app.command()
 def verify(
     cases: Annotated[list[Path], typer.Argument(metavar="CASE...", help="YAML files of cases.")],
     plugin: Plugins = None,

@@ -1,4 +1,4 @@
-"""One HTML file about a study: it holds all it needs, loads nothing, and says what was asked and how to ask it again."""
+"""One HTML file about a study: it holds all it needs, loads nothing, and says what was asked, and how to ask again."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import study_data
+from percuss.errors import InputError, Problem
 from percuss.figures import COLOURS, number, one_line
 from percuss.result import replacing
 from percuss.runner import plain
@@ -61,6 +62,19 @@ def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
     return [target] if beside is None else [target, beside]
 
 
+def written(study: StudyLike, source: Path, page: Path | None, folder: Path | None) -> list[Path]:
+    """Write what the command line asks for: pictures into `folder`, and the page, by default named after `source`."""
+    from percuss.study_figures import study_figures
+
+    if page is not None and page.suffix.lower() != ".html":
+        message = f"expected a page ending in .html, found {page.suffix or 'no ending'}"
+        raise InputError([Problem(str(page), "", message, "Name it report.html.")])
+    out = study_figures(study, folder) if folder is not None else []
+    if page is not None or folder is None:
+        out += study_report(study, page or source.with_suffix(".html"))
+    return out
+
+
 def report_html(study: StudyLike, beside: str = "") -> str:
     """Return a study as HTML; the same study gives the same text.
 
@@ -81,7 +95,7 @@ def report_html(study: StudyLike, beside: str = "") -> str:
         "lost": _lost(study.table),
         "methods": _methods(study),
         "again": _again(study),
-        "provenance": _nested(plain(study.provenance)),
+        "provenance": _nested({k: v for k, v in plain(study.provenance).items() if k != "command"}),
         "data": _script_json(data),
         "licence": escape(_file("vendor", "tabulator", "LICENSE")),
         "tabulator_css": _unmapped(_file("vendor", "tabulator", "tabulator_simple.min.css")),
@@ -281,7 +295,7 @@ def _again(study: StudyLike) -> str:
     command = study.provenance.get("command")
     words = command if isinstance(command, str) else shlex.join(map(str, command)) if command else ""
     run = f'<pre class="command">{escape(words)}</pre>' if words else "<p>The command was not recorded.</p>"
-    text = yaml.safe_dump(plain(study.spec), sort_keys=False, allow_unicode=True, width=100)
+    text = yaml.safe_dump(plain(study.spec), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(text)}</pre>"
 
 

@@ -7,6 +7,7 @@ const STAYED = "share of runs that stayed stable";
 const DISTINCT = 40;
 const BINS = 24;
 const PAPER_WIDTH = 680;
+const MOST_PANELS = 12;
 const charts = {};
 
 const varying = columns.filter((one) => one.role === "varied" && distinct(one).length > 1);
@@ -80,10 +81,10 @@ function axis(words, extent, { log = false, labels = null, gap = 30, horizontal 
   const small = { color: look.soft, fontSize: 12 };
   return {
     type: "value", min: ends[0], max: ends[1], name: words, nameLocation: "middle", nameGap: gap,
-    nameTextStyle: { color: look.ink, fontSize: 13 }, axisLine: { show: true, lineStyle: { color: look.soft } },
+    nameTextStyle: { color: look.ink, fontSize: 13 }, axisLine: { show: true, onZero: false, lineStyle: { color: look.soft } },
     axisTick: { show: true, customValues: given },
     axisLabel: {
-      ...small, formatter, hideOverlap: true, customValues: given, showMinLabel: labels ? true : false, showMaxLabel: labels ? true : false,
+      ...small, formatter, hideOverlap: true, customValues: given, showMinLabel: Boolean(given), showMaxLabel: Boolean(given),
       ...(horizontal && labels ? { width: 110, overflow: "truncate", rotate: labels.join("").length > 44 ? 30 : 0 } : {}),
     },
     splitLine: { show: !labels, lineStyle: { color: look.grid } },
@@ -131,18 +132,8 @@ function show(id, option, { height = null } = {}) {
   }
   const chart = charts[id].chart;
   chart.resize(printing ? { width: PAPER_WIDTH, height: height ?? undefined } : { height: height ?? undefined });
-  const look = looks();
-  chart.setOption(
-    {
-      animation: false, backgroundColor: "transparent", textStyle: { color: look.ink, fontFamily: getComputedStyle(document.body).fontFamily },
-      tooltip: {
-        trigger: "item", confine: true, backgroundColor: look.paper, borderColor: look.soft, textStyle: { color: look.ink, fontSize: 13 },
-        extraCssText: "max-width:330px;white-space:normal;overflow-wrap:anywhere",
-      },
-      ...option,
-    },
-    { notMerge: true },
-  );
+  const textStyle = { color: looks().ink, fontFamily: getComputedStyle(document.body).fontFamily };
+  chart.setOption({ animation: false, backgroundColor: "transparent", textStyle, ...option }, { notMerge: true });
   return chart;
 }
 
@@ -157,8 +148,8 @@ function tools(id) {
   };
 }
 
-function say(id, words) {
-  show(id, { title: { text: words, left: "center", top: "middle", textStyle: { color: looks().soft, fontSize: 14, fontWeight: "normal", width: $(id).clientWidth - 40, overflow: "break" } } });
+function say(id, words, { height = null } = {}) {
+  show(id, { title: { text: words, left: "center", top: "middle", textStyle: { color: looks().soft, fontSize: 14, fontWeight: "normal", width: $(id).clientWidth - 40, overflow: "break" } } }, { height });
 }
 
 const grid = { left: 64, right: 18, top: 30, bottom: 52 };
@@ -168,8 +159,8 @@ function points(k, data, name) {
   const { colour, symbol } = style(k);
   const many = data.length > 400;
   return {
-    type: "scatter", name, data, symbol, symbolSize: many ? 5 : 8, z: 3, cursor: "pointer",
-    itemStyle: { color: colour, borderColor: colour, opacity: many ? 0.35 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
+    type: "scatter", name, data, symbol, symbolSize: many ? 4 : 8, z: 3, cursor: "pointer",
+    itemStyle: { color: colour, borderColor: colour, opacity: many ? 0.25 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
   };
 }
 
@@ -270,7 +261,10 @@ function drawVaried() {
   // methods stand beside each other where the axis holds words
   const beside = (k) => (words ? (0.64 * (present.indexOf(k) - (present.length - 1) / 2)) / Math.max(present.length, 1) : 0);
   const xOf = (row) => (words ? x.codes[row] + beside(methodOf[row]) : x.values[row]);
-  const { data, words: said } = placed(rows, xOf, (row) => y.values[row], logX, logY);
+  const level = words ? [] : levels(x, y, rows, logY);
+  const across = rows.filter((row) => !level[methodOf[row]]);
+  const { data, words: missed } = placed(across, xOf, (row) => y.values[row], logX, logY);
+  const said = level.some(Boolean) ? `A method without this value is a level line at its median. ${missed}` : missed;
   const stored = whole() && page.bands[`${y.name}|${x.name}`];
   const put = ([place, ...values]) => [logX ? Math.log10(place) : place, ...values.map((v) => (logY ? Math.log10(Math.max(v, 1e-300)) : v))];
   const bands = page.methods.map((method, k) => {
@@ -283,16 +277,27 @@ function drawVaried() {
     $("vary-note").textContent = said;
     return say("vary", "No run with both values passes the filters.");
   }
-  const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...bandSeries(k, bands[k], words)]);
   const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((one) => one[0]));
+  const flat = (k) => (level[k] ? [line(k, spread.map((place) => [place, level[k][0]]))] : []);
+  const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...bandSeries(k, bands[k], words), ...flat(k)]);
   const chart = show("vary", {
     grid: words ? { ...grid, bottom: 76 } : grid, toolbox: tools("varied"), series,
     xAxis: axis(x.label, spread, { log: logX, labels: words ? x.levels.map((level) => level || "none") : null, gap: words ? 54 : 30, horizontal: true }),
-    yAxis: axis(y.label, extentOf(all.map((one) => one[1])), { log: logY, gap: 48 }),
+    yAxis: axis(y.label, extentOf([...all.map((one) => one[1]), ...level.filter(Boolean).flat()]), { log: logY, gap: 48 }),
     tooltip: tooltip(({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]])),
   });
   followZoom(chart, { xAxis: logX, yAxis: logY });
   $("vary-note").textContent = `${scope(Boolean(stored), "Medians and bands")} ${said}`;
+}
+
+/** The median of each method none of whose runs has the varied value: [median], or nothing. */
+function levels(x, y, rows, log) {
+  return page.methods.map((_, k) => {
+    const own = rows.filter((row) => methodOf[row] === k);
+    if (!own.length || own.some((row) => Number.isFinite(x.values[row]))) return null;
+    const known = own.map((row) => y.values[row]).filter((v) => Number.isFinite(v) && (!log || v > 0)).sort((a, b) => a - b);
+    return known.length ? [log ? Math.log10(quantile(known, 0.5)) : quantile(known, 0.5)] : null;
+  });
 }
 
 function storedBand(text) {
@@ -371,14 +376,16 @@ function drawMap() {
   const [x, y] = [column[$("map-x").value], column[$("map-y").value]];
   const value = column[$("map-v").value];
   const rows = visible(active);
-  const shown = page.methods.map((_, k) => k).filter((k) => rows.some((row) => methodOf[row] === k)).slice(0, 12);
+  const shown = page.methods.map((_, k) => k).filter((k) => rows.some((row) => methodOf[row] === k)).slice(0, MOST_PANELS);
   if (!x || !y || x === y || !shown.length) {
     $("map-scale").replaceChildren();
-    return say("map", x && y && x !== y ? "No run passes the filters." : "A map needs two varied values.");
+    return say("map", x && y && x !== y ? "No run passes the filters." : "A map needs two different varied values.", { height: 120 });
   }
   const few = page.seed === null ? [DISTINCT, BINS] : [16, 12];
   const bins = [binned(x, rows, x.log, ...few), binned(y, rows, y.log, ...few)];
-  const panels = shown.map((k) => ({ k, cells: cellsOf(k, rows, ...bins, value) }));
+  const every = shown.map((k) => ({ k, cells: cellsOf(k, rows, ...bins, value) }));
+  const panels = every.filter(({ cells }) => cells.length);
+  if (!panels.length) return say("map", "No run has both values.", { height: 120 });
   const log = Boolean(value && value.log);
   const known = panels.flatMap(({ cells }) => cells.map((cell) => cell.value)).filter((v) => Number.isFinite(v) && (!log || v > 0));
   const ends = value ? extentOf(known) : [0, 1];
@@ -386,16 +393,18 @@ function drawMap() {
   const share = (v) => (ends[1] > ends[0] ? (scale(Math.max(v, ends[0])) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
   const words = value ? `median ${value.label}` : STAYED;
   drawMapPanels(panels, x, y, bins, share, words);
-  drawScale(words, known.length ? ends : null, panels);
-  const left = rows.length && shown.length === 12 && page.methods.length > 12 ? "The first 12 methods are shown. " : "";
-  $("map-note").textContent = left + (page.seed === null ? "" : "The map is of the sample.");
+  drawScale(words, known.length ? ends : null, panels, bins[0].places.length * bins[1].places.length);
+  const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
+  const lacking = bare.length ? `Without these two values, and not on the map: ${bare.join(", ")}. ` : "";
+  const left = shown.length === MOST_PANELS && page.methods.length > MOST_PANELS ? `The first ${MOST_PANELS} methods are shown. ` : "";
+  $("map-note").textContent = lacking + left + (page.seed === null ? "" : "The map is of the sample.");
 }
 
 function drawMapPanels(panels, x, y, bins, share, words) {
   const look = looks();
   const width = printing ? PAPER_WIDTH : $("map").clientWidth;
   const across = Math.max(1, Math.min(panels.length, 4, Math.floor(width / 290)));
-  const [left, right, top, bottom, high] = [64, 14, 34, 66, 330];
+  const [left, right, top, bottom, high] = [64, 14, 46, 62, 330];
   const tall = Math.ceil(panels.length / across) * high;
   const each = width / across;
   const [inside, up] = [Math.min(each - left - right, 520), high - top - bottom];
@@ -405,8 +414,8 @@ function drawMapPanels(panels, x, y, bins, share, words) {
     const [gx, gy] = [(n % across) * each + left, Math.floor(n / across) * high + top];
     option.grid.push({ left: gx, top: gy, width: inside, height: up });
     option.title.push({
-      text: page.methods[k], left: gx - 4, top: gy - 26,
-      textStyle: { color: look.ink, fontSize: 13, fontWeight: "bold", width: inside, overflow: "truncate" },
+      text: page.methods[k].replace(" + ", "\n+ "), left: gx - 4, top: gy - 42,
+      textStyle: { color: look.ink, fontSize: 13, lineHeight: 16, fontWeight: "bold", width: inside, overflow: "truncate" },
     });
     const category = { type: "category", axisTick: { show: false }, axisLine: { lineStyle: { color: look.soft } }, splitLine: { show: false }, nameLocation: "middle", nameTextStyle: { color: look.ink, fontSize: 12 } };
     const label = { color: look.soft, fontSize: 11, hideOverlap: true, width: 90, overflow: "truncate" };
@@ -432,20 +441,20 @@ function mapSeries(cells, n, [wide, high], share, look) {
   return [
     {
       ...shared, symbol: "rect", symbolSize: [Math.max(wide - 1, 1), Math.max(high - 1, 1)], z: 2,
-      data: filled.map((cell) => ({ ...at(cell), itemStyle: { color: mixed(share(cell.value)) } })),
+      data: filled.map((cell) => ({ ...at(cell), itemStyle: { color: mixed(share(cell.value)), opacity: 1 } })),
     },
     {
       ...shared, symbol: CROSS, symbolSize: small, z: 3,
       data: cross.map((cell) => ({
         ...at(cell),
-        itemStyle: Number.isFinite(cell.value) ? { color: "#ffffff", borderColor: "#000000", borderWidth: 1 } : { color: look.alarm },
+        itemStyle: Number.isFinite(cell.value) ? { color: "#ffffff", borderColor: "#000000", borderWidth: 1, opacity: 1 } : { color: look.alarm, opacity: 1 },
       })),
     },
     { ...shared, symbol: BAR, symbolSize: [small, small / 4], z: 3, itemStyle: { color: look.soft }, data: bar.map(at) },
   ];
 }
 
-function drawScale(words, ends, panels) {
+function drawScale(words, ends, panels, filled) {
   const made = [element("span", words)];
   if (ends) {
     const ramp = element("span", "", { class: "ramp" });
@@ -462,6 +471,7 @@ function drawScale(words, ends, panels) {
   };
   if (cells.some((cell) => cell.counts.unstable)) made.push(entry("✕", "unstable, at least one run"));
   if (cells.some((cell) => !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "refused or failed"));
+  if (panels.some((panel) => panel.cells.length < filled)) made.push(element("span", "blank: no run"));
   $("map-scale").replaceChildren(...made);
 }
 
@@ -520,14 +530,14 @@ function drawForce() {
     }),
   );
   $("force-note").textContent = forceNote(bare);
-  if (!series.length) return say("force", bare.length ? "No history of this run is in the page." : "No run is chosen.");
+  if (!series.length) return say("force", bare.length ? "No history of this run is in the page." : "No run is chosen.", { height: 90 });
   const all = series.flatMap((one) => one.data);
   show("force", {
     grid: { left: 74, right: 18, top: 30, bottom: 48 }, toolbox: tools("force"), series,
     xAxis: axis("time", extentOf(all.map((one) => one[0])), { gap: 28 }),
     yAxis: { ...axis("contact force", boundOf(series), { gap: 56 }) },
     tooltip: { ...tooltip(tipOfTime), trigger: "axis" },
-  });
+  }, { height: 340 });
 }
 
 /** Keep what the exact force tells, or the runs that are done, from being flattened by a run that ran away. */
@@ -544,19 +554,22 @@ function tipOfTime(items) {
 function forceNote(bare) {
   const kept = Object.keys(page.histories).length;
   if (!kept) return "This study kept no histories.";
-  if (!bare.length) return `The page has the histories of ${kept} runs, extremes kept; at most ${MOST_PICKED} are shown.`;
+  if (!bare.length) return `The page has the histories of ${kept} runs; it begins with the least force error of each method, and shows ${MOST_PICKED} at most.`;
   const keys = column.key ? ` (${bare.map((row) => textAt(column.key, row)).join(", ")})` : "";
   return `No history in the page of ${bare.length === 1 ? "one chosen run" : `${bare.length} chosen runs`}${keys}; it has those of ${kept} runs.`;
 }
 
-/** The first run of each method in one case, so that something is seen before anything is chosen. */
+/** The run of least error of each method in one case, so that something is seen before anything is chosen. */
 function pickFirst() {
   const rows = Object.keys(page.histories).map(Number);
-  const first = new Map();
+  const error = column.force_error_l1;
+  const best = new Map();
   for (const row of rows) {
-    if (isDone(row) && column.case.codes[row] === column.case.codes[rows[0]] && !first.has(methodOf[row])) first.set(methodOf[row], row);
+    const method = methodOf[row];
+    if (!isDone(row) || column.case.codes[row] !== column.case.codes[rows[0]]) continue;
+    if (!best.has(method) || (error && error.values[row] < error.values[best.get(method)])) best.set(method, row);
   }
-  picked.push(...[...first.values()].slice(0, 3));
+  picked.push(...[...best.values()].slice(0, 4));
 }
 
 // ---------------------------------------------------------------------------------------------- the whole

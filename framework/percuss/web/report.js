@@ -92,7 +92,7 @@ function swatch({ colour, symbol, dash, width = 2 }) {
   const shape = symbol ? shapes[symbol.replace("empty", "").toLowerCase()] : "";
   const holder = document.createElement("template");
   holder.innerHTML = `<svg width="34" height="14" aria-hidden="true"><path d="M0 7h34" stroke="${colour}" stroke-width="${width}"
-    stroke-dasharray="${dash.join(" ")}"/><g fill="${empty ? looks().paper : colour}" stroke="${colour}" stroke-width="1.5">${shape}</g></svg>`;
+    stroke-dasharray="${dash.join(" ")}"/><g fill="${empty ? "#ffffff" : colour}" stroke="${colour}" stroke-width="1.5">${shape}</g></svg>`;
   return holder.content.firstChild;
 }
 
@@ -136,9 +136,9 @@ function tableColumn(one, k) {
   const numeric = one.kind !== "text";
   const sample = numeric ? 9 : Math.max(...one.levels.map((level) => level.length));
   const shared = {
-    title: escaped(one.label), field: `c${k}`, headerFilter: "input", headerFilterPlaceholder: numeric ? "> < .." : "contains",
+    title: escaped(one.label).replace(/[._]/g, "$&<wbr>"), field: `c${k}`, headerFilter: "input", headerFilterPlaceholder: numeric ? "> < .." : "contains",
     headerFilterFunc: (wanted, value) => passes(String(wanted), value, numeric),
-    width: Math.min(Math.max(8 * sample + 28, numeric ? 116 : 96, Math.min(4.6 * one.label.length + 40, 170)), 330),
+    width: Math.min(Math.max(8 * sample + 28, numeric ? 112 : 100, Math.min(5 * one.label.length + 44, 170)), 330),
   };
   if (!numeric) return one.name === "status" ? { ...shared, formatter: statusCell } : shared;
   return {
@@ -169,7 +169,8 @@ const toldColumns = columns
   .filter(([one]) => (one.kind === "text" ? one.levels.some((level) => level !== "") : one.values.some((v) => !Number.isNaN(v))));
 
 const table = new Tabulator("#table", {
-  data: tableRows(), index: "i", height: 430, layout: "fitDataFill", nestedFieldSeparator: false, headerWordWrap: true,
+  data: tableRows(), index: "i", height: 440, layout: "fitDataFill", nestedFieldSeparator: false,
+  columnDefaults: { headerWordWrap: true },
   columns: toldColumns.map(([one, k]) => tableColumn(one, k)), placeholder: "No run passes these filters",
   rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().i)),
 });
