@@ -37,6 +37,7 @@ DISTINCT = 40  # more values than that are put in bins
 BINS = 24
 QUANTILES = (0.1, 0.5, 0.9)
 SEED = 0
+ROUND_OFF = 1e-10  # of the largest: what is below has no place on a logarithmic axis
 
 
 class StudyLike(Protocol):
@@ -150,7 +151,7 @@ def packed(values: Any, kind: str = "<f4") -> str:
 def is_log(values: Any) -> bool:
     """Whether numbers belong on a logarithmic axis: none below zero, and spread over a factor of 30 or more."""
     found = values[np.isfinite(values)]
-    above = found[found > 0]
+    above = found[found > ROUND_OFF * found.max(initial=0)]
     return bool(above.size and (found >= 0).all() and above.max() > 30 * above.min())
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from percuss import study_data
 from percuss.errors import InputError, Problem
-from percuss.figures import COLOURS, DASHES, drawing, header, legend, one_line, say, settle, write
+from percuss.figures import COLOURS, DASHES, RAISED, drawing, header, one_line, say, settle, write
 from percuss.study_data import COSTS, Columns, StudyLike
 
 if TYPE_CHECKING:
@@ -88,10 +88,11 @@ def work_figure(title: str, done: Any, known: Columns) -> Figure:
                 line = axes.plot(*study_data.front(x, y), color=look["color"], linestyle=look["linestyle"], lw=1.8)
                 entries[method] = line[0]
                 line[0].set(marker=look["marker"], markersize=4)
-            axes.set(xscale="log", yscale="log", xlabel=known.measures[cost])
+            axes.set_xlabel(known.measures[cost])
+            _scales(axes, (True, True))
         if errors and costs:
             panels[0].set_ylabel(known.measures[errors[0]])
-            _legend(figure, panels[0], entries)
+        _legend(figure, entries)
         settle(figure)
     return figure
 
@@ -99,7 +100,7 @@ def work_figure(title: str, done: Any, known: Columns) -> Figure:
 def varied_figure(title: str, done: Any, known: Columns, path: str) -> Figure:
     """Return measures against one varied value: medians as lines, bands that hold eight of ten runs."""
     names = [name for name in SHOWN if name in known.measures][:4]
-    note = "every point is a run that is done; lines join medians, bands hold 8 of 10 runs"
+    note = "points are runs that are done; lines join medians, bands hold 8 of 10; level: a method without this value"
     with drawing():
         from matplotlib.figure import Figure
 
@@ -113,8 +114,7 @@ def varied_figure(title: str, done: Any, known: Columns, path: str) -> Figure:
             axes.set_xlabel(one_line(path), parse_math=False)
         for axes in panels.flat[len(names) :]:
             axes.set_axis_off()
-        if entries:
-            _legend(figure, panels[0, 0], entries)
+        _legend(figure, entries)
         settle(figure)
     return figure
 
@@ -134,12 +134,18 @@ def _against(axes: Axes, done: Any, path: str, name: str) -> dict[str, Any]:
             x = np.array([words.index(text) for text in study_data.texts(rows[path])]) + aside
         else:
             x = study_data.numbers(rows[path])
+        if not np.isfinite(y).any():
+            continue
         if not (np.isfinite(x) & np.isfinite(y)).any():
+            style = {"color": look["color"], "linestyle": look["linestyle"]}
+            entries[method] = axes.axhline(np.nanmedian(y), lw=1.8, **style)
             continue
         _dots(axes, x, y, look, log=log)
         entries[method] = _band(axes, x, y, look, joined=values is not None)
-    axes.set_xscale("log" if log[0] else "linear")
-    axes.set_yscale("log" if log[1] else "linear")
+    _scales(axes, log)
+    if log[1]:
+        above = measured[measured > study_data.ROUND_OFF * np.nanmax(measured)]
+        axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.6 * above.min()))
     if values is None:
         axes.set_xticks(range(len(words)), [one_line(word) or "none" for word in words])
         for label in axes.get_xticklabels():
@@ -176,6 +182,37 @@ def _methods(done: Any) -> Iterator[tuple[str, Any, dict[str, Any]]]:
         yield method, done[every == method], look | {"linestyle": DASHES[k % len(DASHES)]}
 
 
-def _legend(figure: Figure, axes: Axes, entries: dict[str, Any]) -> None:
-    """Put the legend over all panels, above the first."""
-    legend(axes, entries, room=int(12 * figure.get_figwidth()))
+def _scales(axes: Axes, log: tuple[bool, bool]) -> None:
+    """Set logarithmic axes, with the numbers 1, 2, 5 where there are few decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis, wanted, scale in zip((axes.xaxis, axes.yaxis), log, (axes.set_xscale, axes.set_yscale), strict=True):
+        if not wanted:
+            continue
+        scale("log")
+        low, high = axis.get_view_interval()
+        if high < 80 * low:
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(_power))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _power(value: float, _: object = None) -> str:
+    """Return a tick's number in plain letters: no mathematics, which is drawn ten times as slowly."""
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    head, power = f"{value:.0e}".split("e")
+    raised = str(int(power)).translate(RAISED)
+    return f"10{raised}" if head == "1" else f"{head}×10{raised}"
+
+
+def _legend(figure: Figure, entries: dict[str, Any]) -> None:
+    """Put one legend below all panels; the names are the user's text, never mathematics."""
+    if not entries:
+        return
+    longest = max(map(len, entries))
+    columns = max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
+    names = [f" {one_line(name)}" for name in entries]  # matplotlib drops a label that begins with _
+    made = figure.legend(list(entries.values()), names, loc="outside lower center", ncols=columns)
+    for text in made.get_texts():
+        text.set_parse_math(False)

@@ -6,6 +6,7 @@ const BAR = "path://M-1,-0.16h2v0.32h-2z";
 const STAYED = "share of runs that stayed stable";
 const DISTINCT = 40;
 const BINS = 24;
+const ROUND_OFF = 1e-10;
 const PAPER_WIDTH = 680;
 const MOST_PANELS = 12;
 const charts = {};
@@ -180,19 +181,23 @@ function tipOfRun(row, ...pairs) {
 /** How many runs are not drawn and why, in words. */
 function missing(gone, zero) {
   const parts = [];
-  if (zero) parts.push(`${zero.toLocaleString("en")} runs at zero or below have no place on a logarithmic axis.`);
+  if (zero) parts.push(`${zero.toLocaleString("en")} runs at zero (or below 10⁻¹⁰ of the largest) have no place on a logarithmic axis.`);
   if (gone) parts.push(`${gone.toLocaleString("en")} runs lack one of the two values.`);
   return parts.join(" ");
 }
+
+/** What is not above this is zero but for round-off. */
+const floorOf = (values) => ROUND_OFF * Math.max(0, extentOf(values.filter(Number.isFinite))[1]);
 
 /** Split rows into those with a place on the axes, and counts of the rest. */
 function placed(rows, xOf, yOf, logX, logY) {
   let [gone, zero] = [0, 0];
   const data = page.methods.map(() => []);
+  const [lowX, lowY] = [logX ? floorOf(rows.map(xOf)) : -Infinity, logY ? floorOf(rows.map(yOf)) : -Infinity];
   for (const row of rows) {
     const [x, y] = [xOf(row), yOf(row)];
     if (!Number.isFinite(x) || !Number.isFinite(y)) gone += 1;
-    else if ((logX && x <= 0) || (logY && y <= 0)) zero += 1;
+    else if (x <= lowX || y <= lowY) zero += 1;
     else data[methodOf[row]].push([logX ? Math.log10(x) : x, logY ? Math.log10(y) : y, row]);
   }
   return { data, words: missing(gone, zero) };
@@ -266,11 +271,12 @@ function drawVaried() {
   const { data, words: missed } = placed(across, xOf, (row) => y.values[row], logX, logY);
   const said = level.some(Boolean) ? `A method without this value is a level line at its median. ${missed}` : missed;
   const stored = whole() && page.bands[`${y.name}|${x.name}`];
-  const put = ([place, ...values]) => [logX ? Math.log10(place) : place, ...values.map((v) => (logY ? Math.log10(Math.max(v, 1e-300)) : v))];
+  const lowest = floorOf(rows.map((row) => y.values[row]));
+  const put = ([place, ...values]) => [logX ? Math.log10(place) : place, ...values.map((v) => (logY ? Math.log10(Math.max(v, lowest)) : v))];
   const bands = page.methods.map((method, k) => {
     if (hidden.has(k)) return [];
     const found = stored ? storedBand(stored[method]) : bandOf(x, y, data[k].map((one) => one[2]), logX, beside(k));
-    return found.filter(([place, , middle]) => Number.isFinite(middle) && (!logX || place > 0) && (!logY || middle > 0)).map(put);
+    return found.filter(([place, , middle]) => Number.isFinite(middle) && (!logX || place > 0) && (!logY || middle > lowest)).map(put);
   });
   const all = data.flat();
   if (!all.length) {
