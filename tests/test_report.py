@@ -178,6 +178,21 @@ def test_bands_are_quantiles_of_all_done_runs(large):
     assert found[method, "noise"][1:, 2] == pytest.approx(own["noise"].quantile([0.1, 0.5, 0.9]).to_numpy())
 
 
+def test_maps_count_every_run_once(large):
+    table = large.table
+    found = {(x, y): one for x, y, one in study_data.maps(table, ["noise"], list(study_data.columns(large).varied))}
+    assert len(found) == 6
+    one = found["time.courant", "refine"]
+    assert one["up"].tolist() == [1, 2, 4, 8, 16, 32]
+    assert sum(told[kind].sum() for told in one["methods"].values() for kind in ("done", "unstable", "other")) == 20_000
+    method = "wu-predictor-corrector + penalty"
+    low, high = table["time.courant"].min(), table["time.courant"].max()
+    own = table[(np.array(study_data.methods(table)) == method) & (table["refine"] == 2) & (table["status"] == "done")]
+    first = own[own["time.courant"] < low + (high - low) / study_data.MAP_BINS]
+    assert one["methods"][method]["done"][study_data.MAP_BINS] == len(first)
+    assert one["methods"][method]["noise"][study_data.MAP_BINS] == pytest.approx(first["noise"].median())
+
+
 def test_bins_hold_every_number_and_few_values_are_their_own():
     places, where = study_data.binned(np.array([3.0, 1.0, np.nan, 3.0]))
     assert (places.tolist(), where.tolist()) == ([1, 3], [1, 0, -1, 1])
@@ -207,7 +222,7 @@ def test_histories_are_few_thin_and_spread(small):
     long = {"time": np.linspace(0, 1, 50_000), "contact_force": np.zeros((50_000, 6)), "contact_force_exact": None}
     study.kept = dict.fromkeys(study.table["key"], long)
     kept = study_data.kept_histories(study, study.table)
-    assert 40 < len(kept) <= study_data.MOST_HISTORIES
+    assert 100 < len(kept) <= study_data.MOST_HISTORIES
     assert len({study_data.methods(study.table)[row] for row in kept}) == 6
     one = next(iter(kept.values()))
     assert len(one["force"]) == study_data.MOST_CONTACTS
@@ -422,6 +437,19 @@ def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):
         assert opened.page.inner_text("#count") == "5,000 rows sampled from 20,000"
         opened.filter("case", "hunek")
         assert "of the sample" in opened.page.inner_text("#vary-note")
+        assert "of the sample" in opened.page.inner_text("#map-note")
+        opened.page.click("#clear")
+        opened.page.wait_for_function('document.getElementById("map-note").textContent.includes("all 20,000 rows")')
+        shares = opened.page.evaluate(
+            """() => {
+              const [x, y] = [column["refine"], column["time.courant"]];
+              const cells = (one, other) => storedMap(one, other).cells(0, null);
+              const key = (i, j) => `${i} ${j}`;
+              const turned = new Map(cells(y, x).map((cell) => [key(cell.j, cell.i), cell.value]));
+              return cells(x, y).every((cell) => turned.get(key(cell.i, cell.j)) === cell.value);
+            }"""
+        )
+        assert shares is True
         assert "kept no histories" in opened.page.inner_text("#force-note")
 
 

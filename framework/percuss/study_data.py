@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -30,11 +31,14 @@ MEASURES = {
 COSTS = ("seconds", "steps")
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
 MOST_ROWS = 5000  # of which a browser draws and sorts every one without a pause
-MOST_HISTORIES = 60
+MOST_HISTORIES = 120
+MOST_ASKED = 1000  # runs that are asked for their history
 MOST_CONTACTS = 4
-POINTS = 600  # of a history, its extremes kept
+POINTS = 400  # of a history, its extremes kept
 DISTINCT = 40  # more values than that are put in bins
 BINS = 24
+MAP_DISTINCT, MAP_BINS = 16, 12  # along each side of a map
+MOST_MAPPED = 4  # varied values, each pair of which has a map of all rows
 QUANTILES = (0.1, 0.5, 0.9)
 SEED = 0
 ROUND_OFF = 1e-10  # of the largest: what is below has no place on a logarithmic axis
@@ -98,7 +102,7 @@ def numbers(column: Any) -> Any:
 
 
 def _as_floats(column: Any) -> Any:
-    return column.where(column.notna(), np.nan).astype(float).to_numpy()
+    return column.to_numpy(dtype=float, na_value=np.nan)
 
 
 def as_text(value: Any) -> str:
@@ -155,22 +159,22 @@ def is_log(values: Any) -> bool:
     return bool(above.size and (found >= 0).all() and above.max() > 30 * above.min())
 
 
-def binned(values: Any) -> tuple[Any, Any]:
+def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:
     """Return the place on the axis of each bin and the bin of each value, -1 where it has none.
 
-    Few distinct values are their own bins.
+    Up to `most` distinct values are their own bins.
     """
     good = np.isfinite(values)
     distinct, own = np.unique(values[good], return_inverse=True)
     where = np.full(values.size, -1)
-    if distinct.size <= DISTINCT:
+    if distinct.size <= most:
         where[good] = own
         return distinct, where
     log = is_log(values)
     good &= (values > 0) | (not log)
     scaled = np.log10(values[good]) if log else values[good]
-    edges = np.linspace(scaled.min(), scaled.max(), BINS + 1)
-    where[good] = np.clip(np.searchsorted(edges, scaled, side="right") - 1, 0, BINS - 1)
+    edges = np.linspace(scaled.min(), scaled.max(), bins + 1)
+    where[good] = np.clip(np.searchsorted(edges, scaled, side="right") - 1, 0, bins - 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
     return (10**middles if log else middles), where
 
@@ -195,6 +199,39 @@ def bands(table: Any, names: Sequence[str], path: str) -> Iterator[tuple[str, st
         of_method = of_method[of_method.index >= 0]
         for name in names:
             yield method, name, np.vstack([places[of_method.index], of_method[name].to_numpy().T])
+
+
+def maps(table: Any, names: Sequence[str], paths: Sequence[str]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield a map over each pair of varied numbers: what became of the runs in each cell, and medians of done ones.
+
+    Yields
+    ------
+    tuple
+        The paths across and up, and ``across`` and ``up`` (the places of the cells) and ``methods``: for each method
+        ``done``, ``unstable`` and ``other`` (counts) and each measure, cells in rows from below.
+    """
+    every, status = np.array(methods(table)), table["status"].to_numpy()
+    kinds = {"done": status == "done", "unstable": status == "unstable"}
+    kinds["other"] = ~(kinds["done"] | kinds["unstable"])
+    numeric = {path: numbers(table[path]) for path in paths}
+    placed = {
+        path: binned(values, MAP_DISTINCT, MAP_BINS)
+        for path, values in numeric.items()
+        if values is not None and np.unique(values[np.isfinite(values)]).size > 1
+    }
+    for x, y in itertools.combinations(list(placed)[:MOST_MAPPED], 2):
+        (across, i), (up, j) = placed[x], placed[y]
+        size, cell = across.size * up.size, np.where((i < 0) | (j < 0), -1, j * across.size + i)
+        done = kinds["done"] & (cell >= 0)
+        medians = table.loc[done, list(names)].astype(float).groupby([every[done], cell[done]]).median()
+        of_methods = {}
+        for method in dict.fromkeys(every.tolist()):
+            own = (every == method) & (cell >= 0)
+            told = {kind: np.bincount(cell[own & mask], minlength=size) for kind, mask in kinds.items()}
+            known = medians.loc[method].reindex(range(size)) if told["done"].any() else None
+            told |= {name: known[name].to_numpy() for name in names} if known is not None else {}
+            of_methods[method] = told
+        yield x, y, {"across": across, "up": up, "methods": of_methods}
 
 
 def front(cost: Any, error: Any) -> Any:
@@ -228,21 +265,26 @@ def kept_histories(study: StudyLike, table: Any) -> dict[int, dict[str, Any]]:
     for row, (method, status) in enumerate(zip(methods(table), texts(table["status"]), strict=True)):
         if status in {"done", "unstable", "interrupted"}:
             turns.setdefault(method, []).append(row)
-    share = max(1, MOST_HISTORIES // max(len(turns), 1))
+    queues = [iter(dict.fromkeys([*_best(table, rows), *_spread(rows, MOST_ASKED)])) for rows in turns.values()]
+    # more are asked for than are wanted: a study may have kept the histories of some runs only
+    in_turn = (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None)
     out: dict[int, dict[str, Any]] = {}
-    for rows in turns.values():
-        found = missed = 0
-        # the extra chances are for studies that kept the histories of some runs only
-        for row in _spread(rows, 8 * share):
-            history = study.histories(table["key"].iloc[row])
-            if history is None:
-                missed += 1
-            else:
-                out[row] = _packed_history(history)
-                found += 1
-            if found == share or (not out and missed > 4 * share):
-                break
+    for row in itertools.islice(in_turn, MOST_ASKED):
+        history = study.histories(table["key"].iloc[row])
+        if history is not None:
+            out[row] = _packed_history(history)
+        if len(out) == MOST_HISTORIES:
+            break
     return dict(sorted(out.items()))
+
+
+def _best(table: Any, rows: list[int]) -> list[int]:
+    """Return the done run of least force error among some, or none."""
+    if "force_error_l1" not in table:
+        return []
+    own = table.iloc[rows]
+    errors = numbers(own["force_error_l1"].where(own["status"] == "done"))
+    return [rows[int(np.nanargmin(errors))]] if errors is not None and np.isfinite(errors).any() else []
 
 
 def _spread(rows: list[int], most: int) -> list[int]:

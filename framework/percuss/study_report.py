@@ -129,6 +129,7 @@ def payload(study: StudyLike, known: Columns) -> dict[str, Any]:
         "costs": [name for name in COSTS if name in known.measures],
         "columns": [_column(table, name, role, known.measures.get(name, name)) for name, role in roles.items()],
         "bands": _bands(study.table, known) if sampled else {},
+        "maps": _maps(study.table, known) if sampled else {},
         "fronts": _fronts(study.table, known, every) if sampled else {},
         "histories": study_data.kept_histories(study, table),
     }
@@ -153,6 +154,20 @@ def _bands(table: Any, known: Columns) -> dict[str, dict[str, str]]:
         for method, measure, band in study_data.bands(table, list(known.measures), path):
             out.setdefault(f"{measure}|{path}", {})[method] = study_data.packed(band)
     return out
+
+
+def _maps(table: Any, known: Columns) -> dict[str, Any]:
+    def told(method: dict[str, Any]) -> dict[str, str]:
+        return {name: study_data.packed(values) for name, values in method.items()}
+
+    return {
+        f"{x}|{y}": {
+            "across": study_data.packed(one["across"]),
+            "up": study_data.packed(one["up"]),
+            "methods": {method: told(values) for method, values in one["methods"].items()},
+        }
+        for x, y, one in study_data.maps(table, list(known.measures), known.varied)
+    }
 
 
 def _fronts(table: Any, known: Columns, every: list[str]) -> dict[str, dict[str, str]]:
@@ -198,9 +213,9 @@ def _sampled(data: dict[str, Any], beside: str) -> str:
     where = f" Every row is in <code>{escape(beside)}</code>, beside this page." if beside else ""
     return (
         f'<p class="notice">This page carries {data["rows"]:,} of the {data["total"]:,} rows: a random sample '
-        f"(seed {data['seed']}). Table, single points and maps show the sample. Medians, bands and lines of the best, "
-        "the counts above and the reasons below are those of all rows; with a filter set they are the sample's, "
-        f"and a chart then says so.{where}</p>"
+        f"(seed {data['seed']}). Table and single points show the sample. Medians, bands, lines of the best, maps, "
+        "the counts above and the reasons below are those of all rows; with a filter set they are the sample's. "
+        f"Each chart says of which it is.{where}</p>"
     )
 
 

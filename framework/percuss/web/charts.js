@@ -6,6 +6,7 @@ const BAR = "path://M-1,-0.16h2v0.32h-2z";
 const STAYED = "share of runs that stayed stable";
 const DISTINCT = 40;
 const BINS = 24;
+const [MAP_DISTINCT, MAP_BINS] = [16, 12];
 const ROUND_OFF = 1e-10;
 const PAPER_WIDTH = 680;
 const MOST_PANELS = 12;
@@ -159,8 +160,10 @@ const grid = { left: 64, right: 18, top: 30, bottom: 52 };
 function points(k, data, name) {
   const { colour, symbol } = style(k);
   const many = data.length > 400;
+  // small and pale, an open mark would be a white speck
+  const mark = many ? symbol.replace("empty", "").toLowerCase() : symbol;
   return {
-    type: "scatter", name, data, symbol, symbolSize: many ? 4 : 8, z: 3, cursor: "pointer",
+    type: "scatter", name, data, symbol: mark, symbolSize: many ? 4 : 8, z: 3, cursor: "pointer",
     itemStyle: { color: colour, borderColor: colour, opacity: many ? 0.25 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
   };
 }
@@ -387,9 +390,10 @@ function drawMap() {
     $("map-scale").replaceChildren();
     return say("map", x && y && x !== y ? "No run passes the filters." : "A map needs two different varied values.", { height: 120 });
   }
-  const few = page.seed === null ? [DISTINCT, BINS] : [16, 12];
-  const bins = [binned(x, rows, x.log, ...few), binned(y, rows, y.log, ...few)];
-  const every = shown.map((k) => ({ k, cells: cellsOf(k, rows, ...bins, value) }));
+  const stored = whole() ? storedMap(x, y) : null;
+  const few = page.seed === null ? [DISTINCT, BINS] : [MAP_DISTINCT, MAP_BINS];
+  const bins = stored ? stored.bins : [binned(x, rows, x.log, ...few), binned(y, rows, y.log, ...few)];
+  const every = shown.map((k) => ({ k, cells: stored ? stored.cells(k, value) : cellsOf(k, rows, ...bins, value) }));
   const panels = every.filter(({ cells }) => cells.length);
   if (!panels.length) return say("map", "No run has both values.", { height: 120 });
   const log = Boolean(value && value.log);
@@ -403,7 +407,30 @@ function drawMap() {
   const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
   const lacking = bare.length ? `Without these two values, and not on the map: ${bare.join(", ")}. ` : "";
   const left = shown.length === MOST_PANELS && page.methods.length > MOST_PANELS ? `The first ${MOST_PANELS} methods are shown. ` : "";
-  $("map-note").textContent = lacking + left + (page.seed === null ? "" : "The map is of the sample.");
+  $("map-note").textContent = lacking + left + (page.seed === null ? "" : stored ? `The map is of all ${page.total.toLocaleString("en")} rows.` : "The map is of the sample.");
+}
+
+/** Of a sampled study the map of all its rows over two varied values, whichever of them lies across. */
+function storedMap(x, y) {
+  const turned = !page.maps[`${x.name}|${y.name}`];
+  const found = page.maps[turned ? `${y.name}|${x.name}` : `${x.name}|${y.name}`];
+  if (!found) return null;
+  const places = [unpacked(found.across, "<f4"), unpacked(found.up, "<f4")];
+  const bins = places.map((one) => ({ places: [...one], labels: Array.from(one, (place) => told(place, 2)) }));
+  const cells = (k, value) => {
+    const method = found.methods[page.methods[k]];
+    const [done, unstable, other] = [method.done, method.unstable, method.other].map((text) => unpacked(text, "<f4"));
+    const medians = value && method[value.name] ? unpacked(method[value.name], "<f4") : null;
+    return Array.from(done, (_, at) => at).flatMap((at) => {
+      const counts = { done: done[at], unstable: unstable[at], "refused or failed": other[at] };
+      for (const [kind, many] of Object.entries(counts)) if (!many) delete counts[kind];
+      if (!Object.keys(counts).length) return [];
+      const [i, j] = [at % places[0].length, Math.floor(at / places[0].length)];
+      const share = done[at] / (done[at] + unstable[at]);
+      return [{ i: turned ? j : i, j: turned ? i : j, counts, value: value ? (medians ? medians[at] : NaN) : share }];
+    });
+  };
+  return { bins: turned ? bins.reverse() : bins, cells };
 }
 
 function drawMapPanels(panels, x, y, bins, share, words) {
@@ -441,7 +468,7 @@ function mapSeries(cells, n, [wide, high], share, look) {
   const at = (cell) => ({ value: [cell.i, cell.j], row: cell.row, cell });
   const shared = { type: "scatter", xAxisIndex: n, yAxisIndex: n, cursor: "pointer" };
   const filled = cells.filter((cell) => Number.isFinite(cell.value));
-  const small = Math.max(5, 0.42 * Math.min(wide, high, 34));
+  const small = Math.max(5, 0.5 * Math.min(wide, high, 30));
   const cross = cells.filter((cell) => cell.counts.unstable);
   const bar = cells.filter((cell) => !cell.counts.done && !cell.counts.unstable);
   return [
@@ -453,7 +480,7 @@ function mapSeries(cells, n, [wide, high], share, look) {
       ...shared, symbol: CROSS, symbolSize: small, z: 3,
       data: cross.map((cell) => ({
         ...at(cell),
-        itemStyle: Number.isFinite(cell.value) ? { color: "#ffffff", borderColor: "#000000", borderWidth: 1, opacity: 1 } : { color: look.alarm, opacity: 1 },
+        itemStyle: Number.isFinite(cell.value) ? { color: "#ffffff", borderColor: "#000000", borderWidth: 0.7, opacity: 1 } : { color: look.alarm, opacity: 1 },
       })),
     },
     { ...shared, symbol: BAR, symbolSize: [small, small / 4], z: 3, itemStyle: { color: look.soft }, data: bar.map(at) },

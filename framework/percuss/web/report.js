@@ -235,7 +235,7 @@ function drawPrinted() {
   const made = element("table", "", { class: "plain" });
   const head = element("tr");
   head.append(...chosen.map((one) => element("th", one.label.split(".").pop())));
-  made.append(head);
+  made.createTHead().append(head); // stands again on every sheet
   for (const row of rows) {
     const line = element("tr");
     line.append(...chosen.map((one) => element("td", textAt(one, row))));
