@@ -9,11 +9,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
 from fake_studies import FakeStudy, drawn_study, run_study
 from percuss import study_data
-from percuss.errors import InputError
-from percuss.study_report import report_html, study_report, written
+from percuss.cli import app
+from percuss.cli_report import written
+from percuss.study_report import report_html, study_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 EVIL = """</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">{{js}} 'it' & "that" """
@@ -149,6 +151,26 @@ def test_an_empty_or_bare_study_still_makes_a_page():
 # ------------------------------------------------------------------------------------------------------ data
 
 
+def test_a_study_may_say_what_its_columns_are(small):
+    study = copy.deepcopy(small)
+    study.table["exact.contacts.*.noise"] = study.table["noise"]
+    study.table["offset"] = 1.0
+    study.table["contact"] = study.table["contact"].replace("penalty", "{name: penalty, beta_s: 2}")
+    study.table.loc[:2, "status"] = "waiting"
+    study.columns = {
+        name: f"words of {name}" for name in ("force_error_l1", "noise", "exact.contacts.*.noise", "steps")
+    }
+    known = study_data.columns(study)
+    assert "offset" in known.varied
+    assert "exact.contacts.*.noise" in known.measures
+    words = " ".join(Tags(report_html(study)).words)
+    assert "words of noise" in words
+    assert "3 still to be run" in words
+    assert "{name: penalty, beta_s: 2}" in words
+    assert "lambda = eps_s <-g>" in words
+    assert sum(group["count"] for group in study_data.lost(study.table)) == study.table["reason"].ne("").sum()
+
+
 def test_columns_are_told_apart(small):
     known = study_data.columns(small)
     assert known.varied == ("method.contact.beta_s", "time.courant", "refine")
@@ -232,8 +254,8 @@ def test_histories_are_few_thin_and_spread(small):
 
 def test_the_command_line_names_what_it_wrote(small, tmp_path):
     assert written(small, tmp_path / "s.db", None, None) == [tmp_path / "s.html"]
-    with pytest.raises(InputError, match=r"\.html"):
-        written(small, tmp_path / "s.db", tmp_path / "s.pdf", None)
+    told = CliRunner().invoke(app, ["report", str(tmp_path / "s.db"), "-o", str(tmp_path / "s.pdf")])
+    assert told.exit_code == 2
 
 
 def test_pictures_for_print(small, tmp_path):
@@ -320,8 +342,11 @@ class Opened:
         place = self.page.evaluate("(name) => columns.findIndex((one) => one.name === name)", title)
         box = self.page.locator(f'#table .tabulator-col[tabulator-field="c{place}"] input')
         box.fill("")
+        before = self.page.inner_text("#count")
         box.press_sequentially(text)
-        self.page.wait_for_timeout(500)  # Tabulator waits for the end of typing
+        # Tabulator waits for the end of typing
+        self.page.wait_for_function('(before) => document.getElementById("count").textContent !== before', arg=before)
+        self.page.wait_for_timeout(400)
 
 
 @pytest.mark.parametrize("width", [390, 1280])
@@ -360,8 +385,8 @@ def test_sorting_and_filtering(browser, pages, small):
         assert opened.colours("work") != before
         opened.filter("time.courant", "0.4..0.6")
         assert page.inner_text("#count") == "4 of 132 rows"
-        opened.filter("time.courant", ">0.5")
-        assert set(opened.cells("time.courant")) == {"0.9"}
+        opened.filter("time.courant", ">=0.5")
+        assert set(opened.cells("time.courant")) == {"0.5", "0.9"}
         page.click("#clear")
         page.wait_for_function('document.getElementById("count").textContent === "132 rows"')
         page.select_option("#filters select >> nth=2", "2")

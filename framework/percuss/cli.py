@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from percuss.cli_report import report
 from percuss.errors import InputError, PercussError, Problem, RunError
 
 if TYPE_CHECKING:
@@ -258,19 +259,7 @@ def waves(
             tell_waves(loaded.title, found)
 
 
-@app.command()
-def report(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="What `percuss study` made.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="The page (html).")] = None,
-    figures: Annotated[Path | None, typer.Option("--figures", metavar="DIR", help="Pictures as svg and pdf.")] = None,
-) -> None:
-    """Tell a study as one HTML page that needs nothing beside it, or as pictures for print."""
-    with reporting(as_json=False):
-        from percuss.studies import open_study
-        from percuss.study_report import written
-
-        for path in written(open_study(study), study, out, figures):
-            print(path)
+app.command()(report)
 
 
 @app.command()

@@ -22,13 +22,17 @@ MEASURES = {
     "overshoot": "overshoot of the peak",
     "penetration": "largest penetration",
     "peak_force": "peak force",
+    "impulse": "impulse",
     "energy_kept": "energy kept at the end",
     "energy_max": "largest energy",
+    "energy_growth": "growth of energy",
+    "ledger_error": "closure of the energy ledger",
     "courant_critical": "critical Courant number",
     "steps": "steps",
-    "seconds": "seconds of the march",
+    "seconds.march": "seconds of the march",
+    "seconds": "seconds of the run",
 }
-COSTS = ("seconds", "steps")
+COSTS = ("seconds.march", "seconds", "steps")
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
 MOST_ROWS = 5000  # of which a browser draws and sorts every one without a pause
 MOST_HISTORIES = 120
@@ -41,6 +45,7 @@ MAP_DISTINCT, MAP_BINS = 16, 12  # along each side of a map
 MOST_MAPPED = 4  # varied values, each pair of which has a map of all rows
 QUANTILES = (0.1, 0.5, 0.9)
 SEED = 0
+WAITING = "waiting"  # a run that is still to be made
 ROUND_OFF = 1e-10  # of the largest: what is below has no place on a logarithmic axis
 
 
@@ -53,7 +58,7 @@ class StudyLike(Protocol):
     table: Any
 
     def histories(self, key: Any) -> dict[str, Any] | None:
-        """Return ``time``, ``contact_force`` and ``contact_force_exact`` of one run, or None where none were kept."""
+        """Return ``time``, ``contact_force``, ``contact_force_exact``, ``contact`` (names) of a run; None if not kept."""
 
 
 @dataclass(frozen=True)
@@ -74,20 +79,29 @@ class Columns:
 
 def columns(study: StudyLike) -> Columns:
     """Return which columns of a study's table were varied and which measured."""
-    named = {path for part in ("vary", "sample") for path in _paths(study.spec.get(part))}
     others = [str(name) for name in study.table.columns if name not in ABOUT]
-    varied = [n for n in others if n in named or (n not in MEASURES and ("." in n or n == "refine"))]
+    told = words(study)
+    if told:
+        varied = [name for name in others if name not in told and name != "seconds"]
+    else:
+        named = {path for part in ("vary", "sample", "paired") for path in _paths(study.spec.get(part))}
+        varied = [n for n in others if n in named or (n not in MEASURES and ("." in n or n == "refine"))]
     known = [name for name in MEASURES if name in others and name not in varied]
     more = [name for name in others if name not in varied and name not in MEASURES]
     numeric = [name for name in (*known, *more) if numbers(study.table[name]) is not None]
-    told = [name for name in numeric if np.isfinite(_as_floats(study.table[name])).any()]
-    return Columns(tuple(varied), {name: MEASURES.get(name, name.replace("_", " ")) for name in told})
+    measured = [name for name in numeric if np.isfinite(_as_floats(study.table[name])).any()]
+    return Columns(tuple(varied), {name: MEASURES.get(name, name.replace("_", " ")) for name in measured})
+
+
+def words(study: StudyLike) -> dict[str, str]:
+    """Return what each measured column is, in the study's own words; empty for a study that says nothing of it."""
+    return dict(getattr(study, "columns", None) or {})
 
 
 def _paths(part: Any) -> list[str]:
-    """Return the paths that one part of a study file names, a mapping or a list of mappings."""
+    """Return the paths that one part of a study file names: a mapping, a list of mappings, or a sample `of` one."""
     if isinstance(part, dict):
-        return [str(path) for path in part]
+        return [str(path) for path in part.get("of", part)]
     return [path for item in part for path in _paths(item)] if isinstance(part, list) else []
 
 
@@ -248,7 +262,7 @@ def front(cost: Any, error: Any) -> Any:
 
 def lost(table: Any) -> list[dict[str, Any]]:
     """Return why runs are not done: a line for each kind of reason, the numbers in it aside, most frequent first."""
-    rows = table[table["status"] != "done"]
+    rows = table[~table["status"].isin(["done", WAITING])]
     who = methods(rows)
     said, why, status = (texts(rows[name]) for name in ("said_by", "reason", "status"))
     groups: dict[Any, dict[str, Any]] = {}
@@ -304,4 +318,5 @@ def _packed_history(history: dict[str, Any]) -> dict[str, Any]:
         force = np.asarray(values, dtype=float).reshape(time.size, -1)
         return [[packed(part) for part in thinned(time, one, POINTS)] for one in force.T[:MOST_CONTACTS]]
 
-    return {"force": lines("contact_force"), "exact": lines("contact_force_exact")}
+    names = [str(name) for name in history.get("contact", [])][:MOST_CONTACTS]
+    return {"contacts": names, "force": lines("contact_force"), "exact": lines("contact_force_exact")}

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import study_data
-from percuss.errors import InputError, Problem
 from percuss.figures import COLOURS, number, one_line
 from percuss.result import replacing
 from percuss.runner import plain
@@ -25,15 +24,10 @@ from percuss.study_data import COSTS, Columns, StudyLike
 if TYPE_CHECKING:
     from percuss.registry import Registry
 
+AGAIN = "study.yaml"
 MOST_REASONS = 100
 MOST_VALUES = 12  # of a varied value that are told one by one
-STATUSES = {
-    "done": "done",
-    "unstable": "unstable",
-    "refused": "refused: the methods do not go together",
-    "failed": "failed",
-    "interrupted": "interrupted",
-}
+STATUSES = ("done", "unstable", "refused", "failed", "interrupted")
 DOI = re.compile(r"\bdoi:?\s*(10\.\d{4,9}/[^\s,;]+)", re.IGNORECASE)
 
 
@@ -62,19 +56,6 @@ def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
     return [target] if beside is None else [target, beside]
 
 
-def written(study: StudyLike, source: Path, page: Path | None, folder: Path | None) -> list[Path]:
-    """Write what the command line asks for: pictures into `folder`, and the page, by default named after `source`."""
-    from percuss.study_figures import study_figures
-
-    if page is not None and page.suffix.lower() != ".html":
-        message = f"expected a page ending in .html, found {page.suffix or 'no ending'}"
-        raise InputError([Problem(str(page), "", message, "Name it report.html.")])
-    out = study_figures(study, folder) if folder is not None else []
-    if page is not None or folder is None:
-        out += study_report(study, page or source.with_suffix(".html"))
-    return out
-
-
 def report_html(study: StudyLike, beside: str = "") -> str:
     """Return a study as HTML; the same study gives the same text.
 
@@ -92,6 +73,7 @@ def report_html(study: StudyLike, beside: str = "") -> str:
         "question": _question(study, data),
         "sampled": _sampled(data, beside),
         "varied": _varied(study, known),
+        "measured": _measured(study, known),
         "lost": _lost(study.table),
         "methods": _methods(study),
         "again": _again(study),
@@ -197,7 +179,11 @@ def _question(study: StudyLike, data: dict[str, Any]) -> str:
     asked = f'<p class="question">{escape(str(question))}</p>' if question else ""
     counts = study.table["status"].value_counts().to_dict()
     told = [f"{counts[status]:,} {status}" for status in STATUSES if status in counts]
-    told += [f"{count:,} {escape(str(status))}" for status, count in counts.items() if status not in STATUSES]
+    told += [
+        f"{count:,} {'still to be run' if status == study_data.WAITING else escape(str(status))}"
+        for status, count in counts.items()
+        if status not in STATUSES
+    ]
     cases = study.table["case"].nunique()
     words = [_many(data["total"], "run"), _many(len(data["methods"]), "pair", " of methods"), _many(cases, "case")]
     return f'{asked}<p class="counts">{"  ·  ".join(words)}  ·  <strong>{", ".join(told)}</strong></p>'
@@ -235,10 +221,21 @@ def _varied(study: StudyLike, known: Columns) -> str:
     return _table(["what", "values"], lines)
 
 
+def _measured(study: StudyLike, known: Columns) -> str:
+    own = study_data.words(study)
+    lines = [
+        [escape(label), f"<code>{escape(name)}</code>", escape(own.get(name, ""))]
+        for name, label in known.measures.items()
+    ]
+    return _table(["measure", "column", "what it is"], lines) if own else ""
+
+
 def _lost(table: Any) -> str:
     groups = study_data.lost(table)
+    waiting = int((table["status"] == study_data.WAITING).sum())
+    still = f"<p>{_many(waiting, 'run')} still to be made.</p>" if waiting else ""
     if not groups:
-        return "<p>Every run came to its end.</p>"
+        return still or "<p>Every run came to its end.</p>"
     lines = [
         [
             f'<span class="status">{escape(group["status"])}</span>',
@@ -252,7 +249,7 @@ def _lost(table: Any) -> str:
     left = sum(group["count"] for group in groups[MOST_REASONS:])
     more = f"<p>{left:,} more runs have rarer reasons; the table has them.</p>" if left else ""
     note = '<p class="soft">Runs whose reasons differ by numbers alone are one line, with the words of the first.</p>'
-    return note + _table(["status", "runs", "method", "reason"], lines) + more
+    return still + note + _table(["status", "runs", "method", "reason"], lines) + more
 
 
 def _methods(study: StudyLike) -> str:
@@ -261,16 +258,32 @@ def _methods(study: StudyLike) -> str:
     registry: Registry = getattr(study, "registry", None) or Registry.load()
     families = {"integrators": "integrator", "contacts": "contact"}
     told = [
-        _component(registry, family, name)
+        _component(registry, family, name, variants)
         for family, column in families.items()
-        for name in dict.fromkeys(study_data.texts(study.table[column]))
-        if name
+        for name, variants in _named(study_data.texts(study.table[column])).items()
     ]
     return "".join(told)
 
 
-def _component(registry: Registry, family: str, name: str) -> str:
+def _named(labels: list[str]) -> dict[str, list[str]]:
+    """Return each method's name and how it is written in the table, where that is more than its name."""
+    import yaml
+
+    out: dict[str, list[str]] = {}
+    for label in filter(None, dict.fromkeys(labels)):
+        try:
+            read = yaml.safe_load(label) if label.startswith("{") else label
+        except yaml.YAMLError:
+            read = label
+        name = str(read.get("name", label)) if isinstance(read, dict) else label
+        out.setdefault(name, []).extend([label] if name != label else [])
+    return out
+
+
+def _component(registry: Registry, family: str, name: str, variants: list[str]) -> str:
     head = f'<h3><code>{escape(name)}</code> <span class="soft">{family[:-1]}</span></h3>'
+    if variants:
+        head += f"<p>As {', '.join(f'<code>{escape(one)}</code>' for one in variants)}.</p>"
     if (family, name) not in registry.components:
         words = "Not registered where this page was made; the provenance below names the plug-ins of the study."
         return f'<article class="method">{head}<p class="soft">{words}</p></article>'
@@ -308,8 +321,9 @@ def _again(study: StudyLike) -> str:
     import yaml
 
     command = study.provenance.get("command")
-    words = command if isinstance(command, str) else shlex.join(map(str, command)) if command else ""
-    run = f'<pre class="command">{escape(words)}</pre>' if words else "<p>The command was not recorded.</p>"
+    words = command if isinstance(command, str) else shlex.join(map(str, command or ("percuss", "study", AGAIN)))
+    saved = f"<p>With the file below saved as <code>{AGAIN}</code> where its cases are found from:</p>"
+    run = f'{"" if command else saved}<pre class="command">{escape(words)}</pre>'
     text = yaml.safe_dump(plain(study.spec), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(text)}</pre>"
 

@@ -547,7 +547,7 @@ function drawForce() {
       entries.push([{ colour: look.color, dash: [], width: 5 }, `exact, ${what}`]);
     }
     history.force.forEach((one, contact) => {
-      const name = history.force.length > 1 ? `${words}, contact ${contact + 1}` : words;
+      const name = history.force.length > 1 ? `${words}, ${history.contacts[contact] ?? `contact ${contact + 1}`}` : words;
       series.push({
         type: "line", name, data: pairs(one), symbol: "none", z: 3, itemStyle: { color: colour },
         lineStyle: { color: colour, width: contact ? 1 : 2, type: dash.length ? dash : "solid" },

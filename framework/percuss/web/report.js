@@ -176,6 +176,7 @@ const table = new Tabulator("#table", {
 });
 table.on("rowClick", (_, row) => pick(row.getData().i));
 table.on("dataFiltered", (_, rows) => {
+  if (rows.length === page.rows && active.length === page.rows) return; // told at the start too, when all is drawn
   active = rows.map((row) => row.getData().i);
   count();
   drawStudy();
