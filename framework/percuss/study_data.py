@@ -58,7 +58,7 @@ class StudyLike(Protocol):
     table: Any
 
     def histories(self, key: Any) -> dict[str, Any] | None:
-        """Return ``time``, ``contact_force``, ``contact_force_exact``, ``contact`` (names) of a run; None if not kept."""
+        """Return ``time``, ``contact_force``, ``contact_force_exact``, ``contact`` (names); None if not kept."""
 
 
 @dataclass(frozen=True)
