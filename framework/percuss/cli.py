@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from percuss.cli_report import report
 from percuss.cli_study import study
 from percuss.errors import InputError, PercussError, Problem, RunError
 
@@ -260,6 +261,9 @@ def waves(
             from percuss.tell import tell_waves
 
             tell_waves(loaded.title, found)
+
+
+app.command()(report)
 
 
 @app.command()

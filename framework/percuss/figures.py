@@ -280,11 +280,11 @@ def not_computed(axes: Axes, result: Result, *, word: bool = True, upwards: bool
     axes.text(*where, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
 
 
-def thinned(time: Any, values: Any) -> tuple[Any, Any]:
+def thinned(time: Any, values: Any, most: int = MOST_POINTS) -> tuple[Any, Any]:
     """Return a line as it is, or the smallest and the largest value of each of many stretches, in order."""
-    if time.size <= MOST_POINTS:
+    if time.size <= most:
         return time, values
-    starts = np.linspace(0, time.size, MOST_POINTS // 2 + 1).astype(np.int64)
+    starts = np.linspace(0, time.size, most // 2 + 1).astype(np.int64)
     kept = {0, time.size - 1}
     for a, b in pairwise(starts.tolist()):
         kept.update((a + int(values[a:b].argmin()), a + int(values[a:b].argmax())))

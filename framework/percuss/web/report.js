@@ -1,0 +1,247 @@
+"use strict";
+// The page's data, the table of runs, the filters. Text of the study reaches the page as text alone.
+
+const page = JSON.parse(document.getElementById("data").textContent);
+const $ = (id) => document.getElementById(id);
+const SYMBOLS = ["circle", "rect", "triangle", "diamond", "emptyCircle", "emptyRect", "emptyTriangle", "emptyDiamond"];
+const DASHES = [[], [9, 3], [9, 3, 2, 3], [4, 2], [12, 3, 4, 3, 4, 3], [2, 2]];
+const MOST_PICKED = 6;
+const MOST_PRINTED = 40;
+
+function unpacked(text, kind) {
+  const raw = atob(text);
+  const bytes = new Uint8Array(raw.length);
+  for (let k = 0; k < raw.length; k++) bytes[k] = raw.charCodeAt(k);
+  return new { "<f4": Float32Array, "<f8": Float64Array, "<u2": Uint16Array }[kind](bytes.buffer);
+}
+
+const columns = page.columns.map((column) => {
+  if (column.kind !== "text") return { ...column, values: unpacked(column.data, column.kind) };
+  return { ...column, codes: unpacked(column.data, "<u2") };
+});
+const column = Object.fromEntries(columns.map((one) => [one.name, one]));
+const textAt = (one, row) => (one.kind === "text" ? one.levels[one.codes[row]] : told(one.values[row]));
+const methodOf = new Int32Array(page.rows);
+for (let row = 0; row < page.rows; row++) {
+  methodOf[row] = page.methods.indexOf(`${textAt(column.integrator, row)} + ${textAt(column.contact, row)}`);
+}
+const isDone = (row) => textAt(column.status, row) === "done";
+
+let active = Array.from({ length: page.rows }, (_, row) => row);
+const hidden = new Set();
+const picked = [];
+
+// ---------------------------------------------------------------------------------------------- words
+
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+
+function told(value, digits = 4) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "";
+  if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
+  const size = Math.abs(value);
+  if (value === 0 || (size >= 1e-3 && size < 1e6)) return String(Number(value.toPrecision(digits))).replace("-", "−");
+  const [head, power] = value.toExponential(digits - 1).split("e");
+  const raised = String(Number(power)).replace(/./g, (letter) => RAISED[letter]);
+  const factor = String(Number(head)).replace("-", "−");
+  return factor === "1" ? `10${raised}` : `${factor}×10${raised}`;
+}
+
+function escaped(text) {
+  return String(text).replace(/[&<>"']/g, (letter) => `&#${letter.charCodeAt(0)};`);
+}
+
+function element(tag, text = "", attributes = {}) {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  return made;
+}
+
+/** What tells a run from the others: case, method, varied values. */
+function nameOf(row) {
+  const cases = column.case.levels.length > 1 ? [textAt(column.case, row)] : [];
+  const values = columns
+    .filter((one) => one.role === "varied" && textAt(one, row) !== "")
+    .map((one) => `${one.name.split(".").pop()} = ${textAt(one, row)}`);
+  return [page.methods[methodOf[row]], ...cases, ...values].join(", ");
+}
+
+// ---------------------------------------------------------------------------------------------- looks
+
+const LIGHT = { ink: "#1a1a1a", soft: "#5a5a5a", grid: "#e4e4e4", paper: "#ffffff", alarm: "#b33a00", exact: "#9a9a9a", swap: {} };
+const DARK = {
+  ink: "#e8e8e8", soft: "#a9aeb4", grid: "#2b3035", paper: "#15181b", alarm: "#ff8f57", exact: "#8d949b",
+  swap: { "#0072B2": "#3f97d3" }, // the darkest of the colours is lost on a dark page
+};
+const prefersDark = matchMedia("(prefers-color-scheme: dark)");
+let printing = false;
+const looks = () => (prefersDark.matches && !printing ? DARK : LIGHT);
+
+/** The colour, mark and dash of the k-th line; colours come round after six, marks after eight. */
+function style(k) {
+  const colour = page.colours[k % page.colours.length];
+  return { colour: looks().swap[colour] || colour, symbol: SYMBOLS[k % SYMBOLS.length], dash: DASHES[k % DASHES.length] };
+}
+
+function swatch({ colour, symbol, dash, width = 2 }) {
+  const empty = symbol && symbol.startsWith("empty");
+  const shapes = {
+    circle: '<circle cx="17" cy="7" r="4.5"/>', rect: '<path d="M12.5 2.5h9v9h-9z"/>',
+    triangle: '<path d="M17 2l5 9.5h-10z"/>', diamond: '<path d="M17 1l5 6-5 6-5-6z"/>',
+  };
+  const shape = symbol ? shapes[symbol.replace("empty", "").toLowerCase()] : "";
+  const holder = document.createElement("template");
+  holder.innerHTML = `<svg width="34" height="14" aria-hidden="true"><path d="M0 7h34" stroke="${colour}" stroke-width="${width}"
+    stroke-dasharray="${dash.join(" ")}"/><g fill="${empty ? "#ffffff" : colour}" stroke="${colour}" stroke-width="1.5">${shape}</g></svg>`;
+  return holder.content.firstChild;
+}
+
+function drawLegend() {
+  const entries = page.methods.map((method, k) => {
+    const entry = element("button", "", { type: "button", "aria-pressed": String(!hidden.has(k)) });
+    entry.append(swatch(style(k)), element("span", method));
+    entry.addEventListener("click", () => {
+      if (!hidden.delete(k)) hidden.add(k);
+      drawLegend();
+      drawStudy();
+    });
+    return entry;
+  });
+  $("legend").replaceChildren(...entries);
+}
+
+// ---------------------------------------------------------------------------------------------- table
+
+/** Whether a number fits 0.5, <1e-3, >=2 or 0.1..0.5. */
+function fits(value, wanted) {
+  const text = wanted.replace(/\s|−/g, (letter) => (letter === "−" ? "-" : ""));
+  const span = text.split("..").map(Number);
+  if (span.length === 2 && !span.some(Number.isNaN)) return value >= span[0] && value <= span[1];
+  const found = /^(<=|>=|<|>|=)?([-+.\de]+)$/i.exec(text);
+  if (!found || Number.isNaN(Number(found[2]))) return told(value).includes(wanted);
+  const bound = Number(found[2]);
+  const near = Math.abs(value - bound) <= 1e-6 * Math.abs(bound);
+  return { "<": value < bound, ">": value > bound, "<=": value <= bound || near, ">=": value >= bound || near }[found[1]] ?? near;
+}
+
+function passes(wanted, value, numeric) {
+  const text = wanted.trim();
+  if (text === "") return true;
+  if (value === null || value === undefined) return false;
+  if (numeric) return fits(value, text);
+  return text.startsWith("=") ? value === text.slice(1) : value.toLowerCase().includes(text.toLowerCase());
+}
+
+function tableColumn(one, k) {
+  const numeric = one.kind !== "text";
+  const sample = numeric ? 9 : Math.max(...one.levels.map((level) => level.length));
+  const shared = {
+    title: escaped(one.label).replace(/[._]/g, "$&<wbr>"), field: `c${k}`, headerFilter: "input", headerFilterPlaceholder: numeric ? "> < .." : "contains",
+    headerFilterFunc: (wanted, value) => passes(String(wanted), value, numeric),
+    width: Math.min(Math.max(8 * sample + 28, numeric ? 112 : 100, Math.min(5 * one.label.length + 44, 170)), 330),
+  };
+  if (!numeric) return one.name === "status" ? { ...shared, formatter: statusCell } : shared;
+  return {
+    ...shared, hozAlign: "right", sorter: "number", sorterParams: { alignEmptyValues: "bottom" },
+    formatter: (cell) => escaped(told(cell.getValue())),
+  };
+}
+
+function statusCell(cell) {
+  const made = element("span", cell.getValue());
+  if (cell.getValue() !== "done") made.className = "alarm";
+  return made;
+}
+
+function tableRows() {
+  return active.map((row) => {
+    const line = { i: row };
+    columns.forEach((one, k) => {
+      const value = one.kind === "text" ? textAt(one, row) : one.values[row];
+      line[`c${k}`] = Number.isNaN(value) ? null : value;
+    });
+    return line;
+  });
+}
+
+const toldColumns = columns
+  .map((one, k) => [one, k])
+  .filter(([one]) => (one.kind === "text" ? one.levels.some((level) => level !== "") : one.values.some((v) => !Number.isNaN(v))));
+
+const table = new Tabulator("#table", {
+  data: tableRows(), index: "i", height: 440, layout: "fitDataFill", nestedFieldSeparator: false,
+  columnDefaults: { headerWordWrap: true },
+  columns: toldColumns.map(([one, k]) => tableColumn(one, k)), placeholder: "No run passes these filters",
+  rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().i)),
+});
+table.on("rowClick", (_, row) => pick(row.getData().i));
+table.on("dataFiltered", (_, rows) => {
+  if (rows.length === page.rows && active.length === page.rows) return; // told at the start too, when all is drawn
+  active = rows.map((row) => row.getData().i);
+  count();
+  drawStudy();
+});
+table.on("tableBuilt", () => {
+  count();
+  document.documentElement.dataset.ready = "yes";
+});
+
+function count() {
+  const all = page.rows.toLocaleString("en");
+  const of = page.seed === null ? "" : ` sampled from ${page.total.toLocaleString("en")}`;
+  $("count").textContent = active.length < page.rows ? `${active.length.toLocaleString("en")} of ${all} rows${of}` : `${all} rows${of}`;
+}
+
+$("clear").addEventListener("click", () => {
+  for (const chosen of document.querySelectorAll("#filters select")) chosen.value = "";
+  table.clearHeaderFilter();
+});
+
+$("csv").addEventListener("click", () => {
+  const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const raw = (one, row) => (one.kind === "text" ? textAt(one, row) : Number.isNaN(one.values[row]) ? "" : String(one.values[row]));
+  const lines = table.getRows("active").map((row) => columns.map((one) => quoted(raw(one, row.getData().i))).join(","));
+  const text = [columns.map((one) => quoted(one.name)).join(","), ...lines, ""].join("\n");
+  const link = element("a", "", { download: "runs.csv", href: URL.createObjectURL(new Blob([text], { type: "text/csv" })) });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+});
+
+/** A choice above the charts for every case and every varied value that has few values; it sets the table's filter. */
+function drawFilters() {
+  for (const [one, k] of toldColumns) {
+    if (one.name !== "case" && one.role !== "varied") continue;
+    const values = one.kind === "text" ? one.levels : [...new Set(one.values)].filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
+    if (values.length < 2 || values.length > 16) continue;
+    const chosen = element("select");
+    chosen.append(element("option", "all", { value: "" }));
+    for (const value of values) {
+      chosen.append(element("option", one.kind === "text" ? value : told(value), { value: one.kind === "text" ? `=${value}` : value }));
+    }
+    chosen.addEventListener("change", () => table.setHeaderFilterValue(`c${k}`, chosen.value));
+    const label = element("label", `${one.label} `);
+    label.append(chosen);
+    $("filters").append(label);
+  }
+}
+
+/** On paper the first rows, as sorted and filtered, in the columns that tell most. */
+function drawPrinted() {
+  const wanted = ["force_error_l1", "noise", "penetration", "peak_force", "energy_max", "seconds"];
+  const chosen = toldColumns
+    .map(([one]) => one)
+    .filter((one) => ["integrator", "contact", "status"].includes(one.name) || one.role === "varied" || wanted.includes(one.name)
+      || (one.name === "case" && one.levels.length > 1));
+  const rows = table.getRows("active").slice(0, MOST_PRINTED).map((row) => row.getData().i);
+  const made = element("table", "", { class: "plain" });
+  const head = element("tr");
+  head.append(...chosen.map((one) => element("th", one.label.split(".").pop())));
+  made.createTHead().append(head); // stands again on every sheet
+  for (const row of rows) {
+    const line = element("tr");
+    line.append(...chosen.map((one) => element("td", textAt(one, row))));
+    made.append(line);
+  }
+  const words = active.length > rows.length ? `The first ${rows.length} of ${active.length.toLocaleString("en")} rows.` : "";
+  $("printed").replaceChildren(element("p", words), made);
+}

@@ -1,0 +1,129 @@
+"""Studies for the tests of what is made of one: a small one that was really run, and a large one that is drawn."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+
+from percuss.case import load
+from percuss.comparison import compare, metrics, worst
+
+BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
+TWO_BARS = {
+    "percuss": 1,
+    "title": "Two bars",
+    "bodies": {
+        "short": {"bar": {"length": 10, "elements": 20}, "velocity": 0.1, **BAR},
+        "long": {"bar": {"length": 20, "elements": 40}, "at": 10, "fixed": ["right"], **BAR},
+    },
+    "contacts": {"tip": {"between": ["short.right", "long.left"]}},
+    "method": {"contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1}},
+    "time": {"end": 0.8, "courant": 0.5},
+}
+INTEGRATORS = ("central-difference", "wu-predictor-corrector")
+CONTACTS = ("penalty", "bipenalty", "lagrange")
+VARIED = {
+    "method.contact.beta_s": [0.05, 0.2, 0.5, 1.0, 3.0],
+    "time.courant": [0.3, 0.5, 0.9],
+    "refine": [1, 2],
+}
+
+
+class FakeStudy:
+    """What a study gives a report."""
+
+    def __init__(self, table, kept=None, **given):
+        self.title = given.get("title", "Penalty stiffness of two bars")
+        self.spec = {
+            "title": self.title,
+            "question": given.get("question", "How stiff may a penalty be before its force is noise?"),
+            "cases": ["two-bars.yaml"],
+            "methods": {"integrator": list(INTEGRATORS), "contact": list(CONTACTS)},
+            "vary": given.get("vary", VARIED),
+        }
+        self.provenance = {
+            "percuss": "0.1.0",
+            "versions": {"python": "3.11.2", "numpy": "2.3.1", "numba": "0.62.0"},
+            "machine": {"system": "Linux", "processor": "x86_64", "cores": 2},
+            "plugins": [{"file": "damped.py", "sha256": "0f" * 32}],
+            "command": ["percuss", "study", "two bars.yaml", "-o", "two-bars.db"],
+        }
+        self.table = table
+        self.kept = kept or {}
+
+    def histories(self, key):
+        return self.kept.get(key)
+
+
+def run_study(varied=VARIED, integrators=INTEGRATORS, contacts=CONTACTS, **given):
+    """Run a small case with every pair and every varied value."""
+    lines, kept = [], {}
+    values = {path: varied[path] for path in varied}
+    rows = []
+    for contact in contacts:
+        # a law without a stiffness has none to vary
+        own = {p: v for p, v in values.items() if contact != "lagrange" or not p.startswith("method.contact")}
+        rows += compare(load(TWO_BARS), integrators, [contact], own)
+    for number, row in enumerate(rows):
+        known = metrics(row)
+        summary = row.result.summary if row.result is not None else {}
+        line = {"case": "two-bars", "integrator": row.integrator, "contact": row.contact}
+        line |= {path: row.varied.get(path) for path in varied}
+        line |= {"status": row.status, "reason": row.reason, "said_by": row.said_by, "fragile": None}
+        line |= {name: value for name, value in known.items() if name not in {"impulse", "ledger_error"}}
+        line |= {name: worst(summary.get("exact"), name) for name in ("noise", "overshoot")}
+        if "seconds" in line:
+            line["seconds"] = line["steps"] * 1e-7 * (1 + number % 7)  # a clock would make no two reports alike
+        lines.append(line | {"key": f"r{number:04d}"})
+        if row.result is not None and row.result.summary["steps"]:
+            arrays = row.result.arrays
+            kept[f"r{number:04d}"] = {
+                name: np.asarray(arrays[name])
+                for name in ("time", "contact_force", "contact_force_exact")
+                if name in arrays
+            }
+    return FakeStudy(pd.DataFrame(lines), kept, **given)
+
+
+def drawn_study(count, seed=1):
+    """Return a study of `count` rows whose numbers are drawn, as of a sample over four values."""
+    rng = np.random.default_rng(seed)
+    pairs = np.array(list(itertools.product(INTEGRATORS, CONTACTS)))[rng.integers(0, 6, count)]
+    beta, courant = 10 ** rng.uniform(-2, 2, count), rng.uniform(0.1, 1.2, count)
+    ratio, refine = 10 ** rng.uniform(-1, 1, count), 2.0 ** rng.integers(0, 6, count)
+    unstable = courant * np.sqrt(1 + 0.4 * beta) > 2.0 + 0.3 * rng.normal(size=count)
+    error = (0.2 / refine + 0.05 / beta + 0.02 * beta) * 10 ** rng.normal(0, 0.15, count)
+    measured = {
+        "force_error_l1": error,
+        "force_error_l2": 1.7 * error,
+        "impulse_error": 0.1 * error,
+        "displacement_error": 0.05 * error,
+        "noise": 0.5 * beta * 10 ** rng.normal(0, 0.2, count),
+        "overshoot": 0.1 * np.sqrt(beta),
+        "penetration": 0.01 / beta,
+        "peak_force": 0.05 * (1 + 0.1 * np.sqrt(beta)),
+        "energy_kept": 1 - 0.01 * error,
+        "energy_max": 1 + 0.001 * rng.random(count),
+        "courant_critical": 2 / np.sqrt(1 + 0.4 * beta),
+        "steps": np.round(400 * refine / courant),
+        "seconds": 1e-6 * 400 * refine**2 / courant * 10 ** rng.normal(0, 0.1, count),
+    }
+    measured = {name: np.where(unstable, np.nan, values) for name, values in measured.items()}
+    step = rng.integers(3, 900, count)
+    reason = [f"energy grew by {s} in step {s}" if bad else "" for s, bad in zip(step, unstable, strict=True)]
+    varied = {"method.contact.beta_s": beta, "time.courant": courant, "method.contact.ratio": ratio, "refine": refine}
+    table = pd.DataFrame(
+        {
+            "case": np.array(["hunek", "carpenter", "doyen-impact"])[rng.integers(0, 3, count)],
+            "integrator": pairs[:, 0],
+            "contact": pairs[:, 1],
+            **varied,
+            "status": np.where(unstable, "unstable", "done"),
+            "reason": reason,
+            "said_by": "",
+            "fragile": rng.random(count) < 0.01,
+            **measured,
+            "key": [f"k{k:07d}" for k in range(count)],
+        }
+    )
+    return FakeStudy(table, title=f"{count} drawn runs", vary=dict.fromkeys(varied, "drawn"))
