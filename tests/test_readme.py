@@ -66,6 +66,15 @@ def test_the_case_shown_is_a_case(tmp_path: Path) -> None:
     assert percuss.run(case).summary["steps"] == 1600
 
 
+def test_the_study_shown_is_a_study(folder: Path) -> None:
+    text = next(text for kind, text in BLOCKS if kind == "yaml" and "percuss-study" in text)
+    (folder / "shown.yaml").write_text(text, encoding="utf-8")
+    study = percuss.study(folder / "shown.yaml", folder / "shown.sqlite", workers=1)
+    assert study.complete
+    assert list(study.columns) == ["force_error_l2", "contacts.*.impulse", "plateau"]
+    assert set(study.table.status) == {"done", "failed"}  # lagrange has no beta_s
+
+
 def test_the_law_shown_does_what_it_says(folder: Path) -> None:
     """Without its dashpot it is the penalty method; with it, the same contact loses more energy."""
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "damped.py"])

@@ -366,6 +366,33 @@ def test_ctrl_c_keeps_what_is_finished(whole, tmp_path):
     assert same(percuss.study(file, out).table, whole)
 
 
+def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
+    from percuss import bench
+    from percuss.tasks import Row
+
+    made = []
+
+    def perform(case, task, **options):
+        made.append(task)
+        cut = Row(task.integrator, task.contact, task.varied, "interrupted", "Ctrl-C")
+        return (cut, None) if len(made) == 5 else real(case, task, **options)
+
+    real = bench.perform
+    study = given(vary={"method.contact.beta_s": "0.1:0.5:8"})
+    with monkeypatch.context() as patched:
+        patched.setattr(bench, "perform", perform)
+        first = percuss.study(study, tmp_path / "a.sqlite", workers=1)
+    assert first.counts == {"done": 4, "waiting": 4}
+    assert not first.complete
+    again = percuss.study(study, tmp_path / "a.sqlite", workers=1)
+    assert (again.found, again.counts) == (4, {"done": 8})
+
+
+def test_what_a_batch_leaves_over_is_made_later(whole, tmp_path, monkeypatch):
+    monkeypatch.setattr("percuss.bench.LONGEST", 0.0)
+    assert same(percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=1).table, whole)
+
+
 def test_what_changed_is_run_again_and_only_that(tmp_path):
     out = tmp_path / "a.sqlite"
     study = given(methods={"contacts": ["mine", "penalty"]}, vary={"method.contact.beta_s": [0.2, 0.4]})
