@@ -23,8 +23,8 @@ METRICS = {
     "impulse": "sum over contacts of the impulse, step times the force at t_n added up",
     "peak_force": "largest contact force at any t_n, of the contact with the largest",
     "penetration": "largest overlap at any t_n, of the contact with the largest",
-    "energy_kept": "energy at the end over the largest energy that was put in; kinetic and elastic, at t_n+1/2",
-    "energy_max": "largest energy over the largest energy that was put in; kinetic and elastic, at t_n+1/2",
+    "energy_kept": "1 + work of the contacts over the largest energy, kinetic and elastic at t_n+1/2",
+    "energy_max": "1 + largest work of the contacts so far over the largest energy, kinetic and elastic at t_n+1/2",
     "ledger_error": "largest closure of the energy ledger over the largest energy so far",
     "energy_growth": "largest rise of energy with what contacts store above its smallest, over the largest energy",
     "force_error_l1": "L1 norm of force less exact force over that of the exact, both averaged over each step" + _EXACT,
@@ -204,9 +204,9 @@ def _of_contacts(summary: Mapping[str, Any], name: str) -> list[Any]:
 
 def _share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
     def share(summary: Mapping[str, Any]) -> float | None:
+        # not over what is there at the end: a bar thrown up has none left where it turns
         energy = summary["energy"]
-        put_in = max(energy["initial"], energy["initial"] + energy["external_work"])
-        return energy[name] / put_in if put_in > 0 else None
+        return 1.0 + energy[name] / energy["max"] if energy["max"] > 0 else None
 
     return share
 
@@ -215,8 +215,8 @@ _METRIC: dict[str, Callable[[Mapping[str, Any]], Any]] = {
     "impulse": lambda s: sum(_of_contacts(s, "impulse")),
     "peak_force": lambda s: max(_of_contacts(s, "peak_force"), default=0.0),
     "penetration": lambda s: max((one["largest"] for one in _of_contacts(s, "penetration")), default=0.0),
-    "energy_kept": _share("final"),
-    "energy_max": _share("max"),
+    "energy_kept": _share("contact_work"),
+    "energy_max": _share("contact_work_max"),
     "ledger_error": lambda s: s["energy"]["ledger_error"],
     "energy_growth": lambda s: _growth(s["energy_growth"]),
     "steps": lambda s: s["steps"],
