@@ -1,4 +1,4 @@
-"""The scoreboard of the README, from the study shipped with the cases: ``python tests/scoreboard.py`` writes it anew."""
+"""The scoreboard of the README, from the shipped study: ``python tests/scoreboard.py`` writes it anew."""
 
 import sys
 import tempfile
