@@ -179,6 +179,14 @@ def test_columns_are_told_apart(small):
     assert "fragile" not in known.measures
 
 
+@pytest.mark.parametrize(
+    ("values", "log"),
+    [([1, 2, 4], True), ([0.3, 0.5, 0.9], False), ([0.01, 0.03, 0.1], True), ([-1, 100], False), ([0, 1, 2, 3], False)],
+)
+def test_a_logarithmic_axis_is_for_multiples_and_for_what_is_spread_far(values, log):
+    assert study_data.is_log(np.array([*values, np.nan], dtype=float)) is log
+
+
 def test_the_line_of_the_best_has_no_run_that_another_beats():
     rng = np.random.default_rng(3)
     cost, error = rng.random(200), rng.random(200)

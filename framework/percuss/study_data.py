@@ -46,6 +46,7 @@ MOST_MAPPED = 4  # varied values, each pair of which has a map of all rows
 QUANTILES = (0.1, 0.5, 0.9)
 SEED = 0
 WAITING = "waiting"  # a run that is still to be made
+FAR_FEW, FAR_MANY = 8, 30  # times the smallest: spread so far, distinct numbers are on a logarithmic axis
 ROUND_OFF = 1e-10  # of the largest: what is below has no place on a logarithmic axis
 
 
@@ -167,10 +168,16 @@ def packed(values: Any, kind: str = "<f4") -> str:
 
 
 def is_log(values: Any) -> bool:
-    """Whether numbers belong on a logarithmic axis: none below zero, and spread over a factor of 30 or more."""
+    """Whether numbers belong on a logarithmic axis: none below zero, and spread far or each a multiple of the last."""
     found = values[np.isfinite(values)]
     above = found[found > ROUND_OFF * found.max(initial=0)]
-    return bool(above.size and (found >= 0).all() and above.max() > 30 * above.min())
+    if not above.size or (found < 0).any():
+        return False
+    distinct = np.unique(above)
+    steps = distinct[1:] / distinct[:-1]
+    few = distinct.size <= DISTINCT
+    multiples = few and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
+    return multiples or bool(distinct[-1] >= (FAR_FEW if few else FAR_MANY) * distinct[0])
 
 
 def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import study_data
-from percuss.figures import COLOURS, number, one_line
+from percuss.figures import COLOURS, MORE_COLOURS, number, one_line
 from percuss.result import replacing
 from percuss.runner import plain
 from percuss.study_data import COSTS, Columns, StudyLike
@@ -107,7 +107,7 @@ def payload(study: StudyLike, known: Columns) -> dict[str, Any]:
         "rows": len(table),
         "seed": study_data.SEED if sampled else None,
         "methods": list(dict.fromkeys(every)),
-        "colours": list(COLOURS),
+        "colours": [*COLOURS, *MORE_COLOURS],
         "costs": [name for name in COSTS if name in known.measures],
         "columns": [_column(table, name, role, known.measures.get(name, name)) for name, role in roles.items()],
         "bands": _bands(study.table, known) if sampled else {},
@@ -224,7 +224,11 @@ def _varied(study: StudyLike, known: Columns) -> str:
 def _measured(study: StudyLike, known: Columns) -> str:
     own = study_data.words(study)
     lines = [
-        [escape(label), f"<code>{escape(name)}</code>", escape(own.get(name, ""))]
+        [
+            escape(label),
+            f"<code>{escape(name)}</code>",
+            escape(own.get(name, "time that the run took" if name == "seconds" else "")),
+        ]
         for name, label in known.measures.items()
     ]
     return _table(["measure", "column", "what it is"], lines) if own else ""
