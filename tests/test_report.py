@@ -1,10 +1,12 @@
 """A study as one page: it loads nothing, runs no text of the study, tells the same twice, and works in a browser."""
 
 import copy
+import hashlib
 import json
 import re
 import shutil
 from html.parser import HTMLParser
+from importlib import resources
 
 import numpy as np
 import pandas as pd
@@ -92,6 +94,15 @@ def test_the_page_loads_nothing(small):
     assert "sourceMappingURL" not in html
     assert not re.search(r"@import|url\(\s*['\"]?(?!data:)[\w/]", html.split("<body>")[0])
     assert len(html) < 2_500_000
+
+
+def test_the_vendored_files_are_those_that_are_named():
+    folder = resources.files("percuss") / "web" / "vendor"
+    named = re.findall(r"^\| `(\S+)` .*`([0-9a-f]{64})` \|$", (folder / "README.md").read_text(), re.MULTILINE)
+    assert len(named) == 3
+    for name, digest in named:
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+        assert (folder / name).parent.joinpath("LICENSE").is_file()
 
 
 def test_the_page_says_what_was_asked_run_and_lost(small):
@@ -462,6 +473,17 @@ def test_no_text_of_a_study_runs_in_the_browser(browser, pages):
         assert page.locator("img").count() == 0
         assert len(opened.requests) == 1
         assert opened.complaints == []
+
+
+def test_observed_orders_are_told_over_the_mesh(browser, pages, small):
+    with Opened(browser, pages / "small.html") as opened:
+        opened.filter("method.contact.beta_s", "0.2")
+        opened.page.select_option("#vary-x", "refine")
+        done = small.table[(small.table["status"] == "done") & (small.table["method.contact.beta_s"] == 0.2)]
+        rows = done[np.array(study_data.methods(done)) == "wu-predictor-corrector + penalty"]
+        medians = rows.groupby("refine")["force_error_l1"].median()
+        order = f"{np.log2(medians[1] / medians[2]):.2g}"
+        assert f"wu-predictor-corrector + penalty {order}" in opened.page.inner_text("#vary-note")
 
 
 def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):

@@ -77,7 +77,7 @@ def report_html(study: StudyLike, beside: str = "") -> str:
         "lost": _lost(study.table),
         "methods": _methods(study),
         "again": _again(study),
-        "provenance": _nested({k: v for k, v in plain(study.provenance).items() if k != "command"}),
+        "provenance": _provenance(plain(study.provenance)),
         "data": _script_json(data),
         "licence": escape(_file("vendor", "tabulator", "LICENSE")),
         "tabulator_css": _unmapped(_file("vendor", "tabulator", "tabulator_simple.min.css")),
@@ -332,11 +332,17 @@ def _again(study: StudyLike) -> str:
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(text)}</pre>"
 
 
+def _provenance(known: dict[str, Any]) -> str:
+    """Return all but what stands elsewhere: the command, and the sessions where there was only the one told."""
+    once = len(known.get("sessions") or []) < 2
+    return _nested({k: v for k, v in known.items() if k != "command" and not (k == "sessions" and once)})
+
+
 def _nested(value: Any) -> str:
     """Return nested data as nested lists of definitions."""
-    if isinstance(value, Mapping):
+    if isinstance(value, Mapping) and value:
         return f"<dl>{''.join(f'<dt>{escape(str(k))}</dt><dd>{_nested(v)}</dd>' for k, v in value.items())}</dl>"
-    if isinstance(value, list):
+    if isinstance(value, (Mapping, list)):
         if not any(isinstance(item, (dict, list)) for item in value):
             return escape(", ".join(map(str, value))) or "none"
         return f"<ul>{''.join(f'<li>{_nested(item)}</li>' for item in value)}</ul>"

@@ -265,7 +265,7 @@ function drawVaried() {
   if (!x || !y) return say("vary", "Nothing was varied.");
   const words = x.kind === "text";
   const wanted = $("vary-log").checked;
-  const [logX, logY] = [wanted && !words && Boolean(x.log), wanted && Boolean(y.log)];
+  const [logX, logY] = [wanted && !words && Boolean(x.log || x.name === "refine"), wanted && Boolean(y.log)];
   const rows = visible(active).filter(isDone);
   const present = page.methods.map((_, k) => k).filter((k) => !hidden.has(k));
   // methods stand beside each other where the axis holds words
@@ -300,7 +300,19 @@ function drawVaried() {
     tooltip: tooltip(({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]])),
   });
   followZoom(chart, { xAxis: logX, yAxis: logY });
-  $("vary-note").textContent = `${scope(Boolean(stored), "Medians and bands")} ${said}`;
+  $("vary-note").textContent = `${scope(Boolean(stored), "Medians and bands")} ${said} ${x.name === "refine" && logX && logY ? ordersOf(bands) : ""}`;
+}
+
+/** Over the mesh the slope of a line through the medians of each method is its observed order. */
+function ordersOf(bands) {
+  const orders = bands.map((band, k) => {
+    if (band.length < 2) return "";
+    const [x, y] = [0, 2].map((place) => band.reduce((sum, one) => sum + one[place], 0) / band.length);
+    const slope = band.reduce((sum, one) => sum + (one[0] - x) * (one[2] - y), 0) / band.reduce((sum, one) => sum + (one[0] - x) ** 2, 0);
+    return `${page.methods[k]} ${told(-slope, 2)}`;
+  });
+  const known = orders.filter(Boolean);
+  return known.length ? `Observed orders, fitted to the medians: ${known.join("; ")}.` : "";
 }
 
 /** The median of each method none of whose runs has the varied value: [median], or nothing. */
