@@ -53,10 +53,21 @@ ROUND_OFF = 1e-10  # of the largest: what is below has no place on a logarithmic
 class StudyLike(Protocol):
     """What a report needs of a study."""
 
-    title: str
-    spec: dict[str, Any]
-    provenance: dict[str, Any]
-    table: Any
+    @property
+    def title(self) -> str:
+        """One line that says what it is."""
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """The study file as plain data."""
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions, machine, plug-ins and the command."""
+
+    @property
+    def table(self) -> Any:
+        """A pandas DataFrame, a row a run."""
 
     def histories(self, key: Any) -> dict[str, Any] | None:
         """Return ``time``, ``contact_force``, ``contact_force_exact``, ``contact`` (names); None if not kept."""
