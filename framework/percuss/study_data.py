@@ -36,6 +36,7 @@ COSTS = ("seconds.march", "seconds", "steps")
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
 MOST_ROWS = 5000  # of which a browser draws and sorts every one without a pause
 MOST_HISTORIES = 120
+MOST_LETTERS = 2_000_000  # of base64 that all histories of a page may take
 MOST_ASKED = 1000  # runs that are asked for their history
 MOST_CONTACTS = 4
 POINTS = 400  # of a history, its extremes kept
@@ -301,11 +302,13 @@ def kept_histories(study: StudyLike, table: Any) -> dict[int, dict[str, Any]]:
     # more are asked for than are wanted: a study may have kept the histories of some runs only
     in_turn = (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None)
     out: dict[int, dict[str, Any]] = {}
+    letters = 0
     for row in itertools.islice(in_turn, MOST_ASKED):
         history = study.histories(table["key"].iloc[row])
         if history is not None:
             out[row] = _packed_history(history)
-        if len(out) == MOST_HISTORIES:
+            letters += sum(len(part) for name in ("force", "exact") for line in out[row][name] for part in line)
+        if len(out) == MOST_HISTORIES or letters > MOST_LETTERS:
             break
     return dict(sorted(out.items()))
 
