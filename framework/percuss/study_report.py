@@ -210,7 +210,7 @@ def _varied(study: StudyLike, known: Columns) -> str:
     for path in known.varied:
         values = study_data.in_order([text for text in study_data.texts(study.table[path]) if text != ""])
         if len(values) > MOST_VALUES:
-            told = f"{len(values):,} values from {values[0]} to {values[-1]}"
+            told = f"{study.table[path].nunique():,} values from {values[0]} to {values[-1]}"
         else:
             told = ", ".join(values) or "none"
         lines.append([f"<code>{escape(path)}</code>", escape(told)])
