@@ -1,10 +1,12 @@
 """A study as one page: it loads nothing, runs no text of the study, tells the same twice, and works in a browser."""
 
 import copy
+import hashlib
 import json
 import re
 import shutil
 from html.parser import HTMLParser
+from importlib import resources
 
 import numpy as np
 import pandas as pd
@@ -94,6 +96,15 @@ def test_the_page_loads_nothing(small):
     assert len(html) < 2_500_000
 
 
+def test_the_vendored_files_are_those_that_are_named():
+    folder = resources.files("percuss") / "web" / "vendor"
+    named = re.findall(r"^\| `(\S+)` .*`([0-9a-f]{64})` \|$", (folder / "README.md").read_text(), re.MULTILINE)
+    assert len(named) == 3
+    for name, digest in named:
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+        assert (folder / name).parent.joinpath("LICENSE").is_file()
+
+
 def test_the_page_says_what_was_asked_run_and_lost(small):
     words = " ".join(" ".join(Tags(report_html(small)).words).split())
     assert small.spec["question"] in words
@@ -179,6 +190,14 @@ def test_columns_are_told_apart(small):
     assert "fragile" not in known.measures
 
 
+@pytest.mark.parametrize(
+    ("values", "log"),
+    [([1, 2, 4], True), ([0.3, 0.5, 0.9], False), ([0.01, 0.03, 0.1], True), ([-1, 100], False), ([0, 1, 2, 3], False)],
+)
+def test_a_logarithmic_axis_is_for_multiples_and_for_what_is_spread_far(values, log):
+    assert study_data.is_log(np.array([*values, np.nan], dtype=float)) is log
+
+
 def test_the_line_of_the_best_has_no_run_that_another_beats():
     rng = np.random.default_rng(3)
     cost, error = rng.random(200), rng.random(200)
@@ -244,7 +263,8 @@ def test_histories_are_few_thin_and_spread(small):
     long = {"time": np.linspace(0, 1, 50_000), "contact_force": np.zeros((50_000, 6)), "contact_force_exact": None}
     study.kept = dict.fromkeys(study.table["key"], long)
     kept = study_data.kept_histories(study, study.table)
-    assert 100 < len(kept) <= study_data.MOST_HISTORIES
+    assert 60 < len(kept) <= study_data.MOST_HISTORIES
+    assert len(json.dumps(kept)) < 1.05 * study_data.MOST_LETTERS
     assert len({study_data.methods(study.table)[row] for row in kept}) == 6
     one = next(iter(kept.values()))
     assert len(one["force"]) == study_data.MOST_CONTACTS
@@ -454,6 +474,17 @@ def test_no_text_of_a_study_runs_in_the_browser(browser, pages):
         assert page.locator("img").count() == 0
         assert len(opened.requests) == 1
         assert opened.complaints == []
+
+
+def test_observed_orders_are_told_over_the_mesh(browser, pages, small):
+    with Opened(browser, pages / "small.html") as opened:
+        opened.filter("method.contact.beta_s", "0.2")
+        opened.page.select_option("#vary-x", "refine")
+        done = small.table[(small.table["status"] == "done") & (small.table["method.contact.beta_s"] == 0.2)]
+        rows = done[np.array(study_data.methods(done)) == "wu-predictor-corrector + penalty"]
+        medians = rows.groupby("refine")["force_error_l1"].median()
+        order = f"{np.log2(medians[1] / medians[2]):.2g}"
+        assert f"wu-predictor-corrector + penalty {order}" in opened.page.inner_text("#vary-note")
 
 
 def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):

@@ -180,6 +180,8 @@ SUFFIXES = (".png", ".svg", ".pdf")
 # Okabe and Ito's colours in an order whose neighbours also differ in grey, each with a dash of its own
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2.5, 1)), (0, (9, 2, 3, 2)), (0, (1, 1)))
+MORE_COLOURS = ("#000000", "#8C8C8C")  # for a seventh and an eighth line
+MORE_DASHES: tuple[Any, ...] = ((0, (14, 2)), (0, (1, 3)))
 MOST_POINTS = 10_000  # a longer line is thinned to its extremes: no picture is as fine as that
 PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
 STYLE = {

@@ -36,6 +36,7 @@ COSTS = ("seconds.march", "seconds", "steps")
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
 MOST_ROWS = 5000  # of which a browser draws and sorts every one without a pause
 MOST_HISTORIES = 120
+MOST_LETTERS = 2_000_000  # of base64 that all histories of a page may take
 MOST_ASKED = 1000  # runs that are asked for their history
 MOST_CONTACTS = 4
 POINTS = 400  # of a history, its extremes kept
@@ -46,16 +47,28 @@ MOST_MAPPED = 4  # varied values, each pair of which has a map of all rows
 QUANTILES = (0.1, 0.5, 0.9)
 SEED = 0
 WAITING = "waiting"  # a run that is still to be made
+FAR_FEW, FAR_MANY = 8, 30  # times the smallest: spread so far, distinct numbers are on a logarithmic axis
 ROUND_OFF = 1e-10  # of the largest: what is below has no place on a logarithmic axis
 
 
 class StudyLike(Protocol):
     """What a report needs of a study."""
 
-    title: str
-    spec: dict[str, Any]
-    provenance: dict[str, Any]
-    table: Any
+    @property
+    def title(self) -> str:
+        """One line that says what it is."""
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """The study file as plain data."""
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions, machine, plug-ins and the command."""
+
+    @property
+    def table(self) -> Any:
+        """A pandas DataFrame, a row a run."""
 
     def histories(self, key: Any) -> dict[str, Any] | None:
         """Return ``time``, ``contact_force``, ``contact_force_exact``, ``contact`` (names); None if not kept."""
@@ -167,10 +180,16 @@ def packed(values: Any, kind: str = "<f4") -> str:
 
 
 def is_log(values: Any) -> bool:
-    """Whether numbers belong on a logarithmic axis: none below zero, and spread over a factor of 30 or more."""
+    """Whether numbers belong on a logarithmic axis: none below zero, and spread far or each a multiple of the last."""
     found = values[np.isfinite(values)]
     above = found[found > ROUND_OFF * found.max(initial=0)]
-    return bool(above.size and (found >= 0).all() and above.max() > 30 * above.min())
+    if not above.size or (found < 0).any():
+        return False
+    distinct = np.unique(above)
+    steps = distinct[1:] / distinct[:-1]
+    few = distinct.size <= DISTINCT
+    multiples = few and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
+    return multiples or bool(distinct[-1] >= (FAR_FEW if few else FAR_MANY) * distinct[0])
 
 
 def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:
@@ -283,11 +302,13 @@ def kept_histories(study: StudyLike, table: Any) -> dict[int, dict[str, Any]]:
     # more are asked for than are wanted: a study may have kept the histories of some runs only
     in_turn = (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None)
     out: dict[int, dict[str, Any]] = {}
+    letters = 0
     for row in itertools.islice(in_turn, MOST_ASKED):
         history = study.histories(table["key"].iloc[row])
         if history is not None:
             out[row] = _packed_history(history)
-        if len(out) == MOST_HISTORIES:
+            letters += sum(len(part) for name in ("force", "exact") for line in out[row][name] for part in line)
+        if len(out) == MOST_HISTORIES or letters > MOST_LETTERS:
             break
     return dict(sorted(out.items()))
 

@@ -12,7 +12,19 @@ import numpy as np
 
 from percuss import study_data
 from percuss.errors import InputError, Problem
-from percuss.figures import COLOURS, DASHES, RAISED, drawing, header, one_line, say, settle, write
+from percuss.figures import (
+    COLOURS,
+    DASHES,
+    MORE_COLOURS,
+    MORE_DASHES,
+    RAISED,
+    drawing,
+    header,
+    one_line,
+    say,
+    settle,
+    write,
+)
 from percuss.study_data import COSTS, Columns, StudyLike
 
 if TYPE_CHECKING:
@@ -21,6 +33,7 @@ if TYPE_CHECKING:
 
 SHOWN = ("force_error_l1", "impulse_error", "noise", "penetration", "peak_force", "energy_max")
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
+EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
 KINDS = (".svg", ".pdf")
 MOST_MARKS = 3000  # of a method in one panel; a seeded sample of them beyond
 
@@ -178,8 +191,9 @@ def _methods(done: Any) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     """Yield each method, its rows, and its colour, mark and dash."""
     every = np.array(study_data.methods(done))
     for k, method in enumerate(dict.fromkeys(every.tolist())):
-        look = {"color": COLOURS[k % len(COLOURS)], "marker": MARKS[k % len(MARKS)]}
-        yield method, done[every == method], look | {"linestyle": DASHES[k % len(DASHES)]}
+        turn = (k + k // len(MARKS)) % len(MARKS)  # a colour that comes round has another mark and dash
+        look = {"color": EVERY_COLOUR[k % len(MARKS)], "marker": MARKS[turn], "linestyle": EVERY_DASH[turn]}
+        yield method, done[every == method], look
 
 
 def _scales(axes: Axes, log: tuple[bool, bool]) -> None:

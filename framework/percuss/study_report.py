@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import study_data
-from percuss.figures import COLOURS, number, one_line
+from percuss.figures import COLOURS, MORE_COLOURS, number, one_line
 from percuss.result import replacing
 from percuss.runner import plain
 from percuss.study_data import COSTS, Columns, StudyLike
@@ -77,7 +77,7 @@ def report_html(study: StudyLike, beside: str = "") -> str:
         "lost": _lost(study.table),
         "methods": _methods(study),
         "again": _again(study),
-        "provenance": _nested({k: v for k, v in plain(study.provenance).items() if k != "command"}),
+        "provenance": _provenance(plain(study.provenance)),
         "data": _script_json(data),
         "licence": escape(_file("vendor", "tabulator", "LICENSE")),
         "tabulator_css": _unmapped(_file("vendor", "tabulator", "tabulator_simple.min.css")),
@@ -107,7 +107,7 @@ def payload(study: StudyLike, known: Columns) -> dict[str, Any]:
         "rows": len(table),
         "seed": study_data.SEED if sampled else None,
         "methods": list(dict.fromkeys(every)),
-        "colours": list(COLOURS),
+        "colours": [*COLOURS, *MORE_COLOURS],
         "costs": [name for name in COSTS if name in known.measures],
         "columns": [_column(table, name, role, known.measures.get(name, name)) for name, role in roles.items()],
         "bands": _bands(study.table, known) if sampled else {},
@@ -210,7 +210,7 @@ def _varied(study: StudyLike, known: Columns) -> str:
     for path in known.varied:
         values = study_data.in_order([text for text in study_data.texts(study.table[path]) if text != ""])
         if len(values) > MOST_VALUES:
-            told = f"{len(values):,} values from {values[0]} to {values[-1]}"
+            told = f"{study.table[path].nunique():,} values from {values[0]} to {values[-1]}"
         else:
             told = ", ".join(values) or "none"
         lines.append([f"<code>{escape(path)}</code>", escape(told)])
@@ -224,7 +224,11 @@ def _varied(study: StudyLike, known: Columns) -> str:
 def _measured(study: StudyLike, known: Columns) -> str:
     own = study_data.words(study)
     lines = [
-        [escape(label), f"<code>{escape(name)}</code>", escape(own.get(name, ""))]
+        [
+            escape(label),
+            f"<code>{escape(name)}</code>",
+            escape(own.get(name, "time that the run took" if name == "seconds" else "")),
+        ]
         for name, label in known.measures.items()
     ]
     return _table(["measure", "column", "what it is"], lines) if own else ""
@@ -328,11 +332,17 @@ def _again(study: StudyLike) -> str:
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(text)}</pre>"
 
 
+def _provenance(known: dict[str, Any]) -> str:
+    """Return all but what stands elsewhere: the command, and the sessions where there was only the one told."""
+    once = len(known.get("sessions") or []) < 2
+    return _nested({k: v for k, v in known.items() if k != "command" and not (k == "sessions" and once)})
+
+
 def _nested(value: Any) -> str:
     """Return nested data as nested lists of definitions."""
-    if isinstance(value, Mapping):
+    if isinstance(value, Mapping) and value:
         return f"<dl>{''.join(f'<dt>{escape(str(k))}</dt><dd>{_nested(v)}</dd>' for k, v in value.items())}</dl>"
-    if isinstance(value, list):
+    if isinstance(value, (Mapping, list)):
         if not any(isinstance(item, (dict, list)) for item in value):
             return escape(", ".join(map(str, value))) or "none"
         return f"<ul>{''.join(f'<li>{_nested(item)}</li>' for item in value)}</ul>"

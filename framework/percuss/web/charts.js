@@ -12,7 +12,9 @@ const PAPER_WIDTH = 680;
 const MOST_PANELS = 12;
 const charts = {};
 
-const varying = columns.filter((one) => one.role === "varied" && distinct(one).length > 1);
+const varying = columns
+  .filter((one) => one.role === "varied" && distinct(one).length > 1)
+  .sort((a, b) => (a.kind === "text") - (b.kind === "text")); // numbers first: they make lines
 const measures = columns.filter((one) => one.role === "measure");
 const sorts = ["case", "integrator", "contact"].map((name) => column[name]).filter((one) => one && one.levels.length > 1);
 
@@ -73,12 +75,12 @@ function powersBetween(low, high) {
   return out.filter((power) => power >= low - 1e-9 && power <= high + 1e-9);
 }
 
-function axis(words, extent, { log = false, labels = null, gap = 30, horizontal = false } = {}) {
+function axis(words, extent, { log = false, labels = null, gap = 30, horizontal = false, ticks = null } = {}) {
   const look = looks();
   const [low, high] = extent;
   const room = labels ? 0.5 : (high - low || Math.abs(high) * 0.1 || 1) * 0.05;
   const ends = [low - room, high + room];
-  const given = labels ? labels.map((_, k) => k) : log ? powersBetween(...ends) : undefined;
+  const given = labels ? labels.map((_, k) => k) : ticks || (log ? powersBetween(...ends) : undefined);
   const formatter = labels ? (value) => labels[value] ?? "" : (value) => told(log ? 10 ** value : value, 3);
   const small = { color: look.soft, fontSize: 12 };
   return {
@@ -159,12 +161,12 @@ const grid = { left: 64, right: 18, top: 30, bottom: 52 };
 /** Points of one method, with the row behind the coordinates for clicks. */
 function points(k, data, name) {
   const { colour, symbol } = style(k);
-  const many = data.length > 400;
+  const [many, very] = [data.length > 400, data.length > 1500];
   // small and pale, an open mark would be a white speck
   const mark = many ? symbol.replace("empty", "").toLowerCase() : symbol;
   return {
-    type: "scatter", name, data, symbol: mark, symbolSize: many ? 4 : 8, z: 3, cursor: "pointer",
-    itemStyle: { color: colour, borderColor: colour, opacity: many ? 0.25 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
+    type: "scatter", name, data, symbol: mark, symbolSize: very ? 4 : many ? 5 : 8, z: 3, cursor: "pointer",
+    itemStyle: { color: colour, borderColor: colour, opacity: very || page.rows > 3000 ? 0.25 : many ? 0.5 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
   };
 }
 
@@ -263,7 +265,7 @@ function drawVaried() {
   if (!x || !y) return say("vary", "Nothing was varied.");
   const words = x.kind === "text";
   const wanted = $("vary-log").checked;
-  const [logX, logY] = [wanted && !words && Boolean(x.log), wanted && Boolean(y.log)];
+  const [logX, logY] = [wanted && !words && Boolean(x.log || x.name === "refine"), wanted && Boolean(y.log)];
   const rows = visible(active).filter(isDone);
   const present = page.methods.map((_, k) => k).filter((k) => !hidden.has(k));
   // methods stand beside each other where the axis holds words
@@ -286,17 +288,31 @@ function drawVaried() {
     $("vary-note").textContent = said;
     return say("vary", "No run with both values passes the filters.");
   }
+  const values = words ? [] : distinct(x, rows);
+  const ticks = values.length && values.length <= 8 ? values.map((value) => (logX ? Math.log10(value) : value)).filter(Number.isFinite) : null;
   const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((one) => one[0]));
   const flat = (k) => (level[k] ? [line(k, spread.map((place) => [place, level[k][0]]))] : []);
   const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...bandSeries(k, bands[k], words), ...flat(k)]);
   const chart = show("vary", {
     grid: words ? { ...grid, bottom: 76 } : grid, toolbox: tools("varied"), series,
-    xAxis: axis(x.label, spread, { log: logX, labels: words ? x.levels.map((level) => level || "none") : null, gap: words ? 54 : 30, horizontal: true }),
+    xAxis: axis(x.label, spread, { log: logX, labels: words ? x.levels.map((level) => level || "none") : null, gap: words ? 54 : 30, horizontal: true, ticks }),
     yAxis: axis(y.label, extentOf([...all.map((one) => one[1]), ...level.filter(Boolean).flat()]), { log: logY, gap: 48 }),
     tooltip: tooltip(({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]])),
   });
   followZoom(chart, { xAxis: logX, yAxis: logY });
-  $("vary-note").textContent = `${scope(Boolean(stored), "Medians and bands")} ${said}`;
+  $("vary-note").textContent = `${scope(Boolean(stored), "Medians and bands")} ${said} ${x.name === "refine" && logX && logY ? ordersOf(bands) : ""}`;
+}
+
+/** Over the mesh the slope of a line through the medians of each method is its observed order. */
+function ordersOf(bands) {
+  const orders = bands.map((band, k) => {
+    if (band.length < 2) return "";
+    const [x, y] = [0, 2].map((place) => band.reduce((sum, one) => sum + one[place], 0) / band.length);
+    const slope = band.reduce((sum, one) => sum + (one[0] - x) * (one[2] - y), 0) / band.reduce((sum, one) => sum + (one[0] - x) ** 2, 0);
+    return `${page.methods[k]} ${told(-slope, 2)}`;
+  });
+  const known = orders.filter(Boolean);
+  return known.length ? `Observed orders, fitted to the medians: ${known.join("; ")}.` : "";
 }
 
 /** The median of each method none of whose runs has the varied value: [median], or nothing. */
@@ -531,6 +547,11 @@ function pairs([time, force]) {
 }
 
 function drawForce() {
+  if (!Object.keys(page.histories).length) {
+    $("force-note").textContent = "This study kept no histories.";
+    for (const id of ["force", "force-legend", "unpick"]) $(id).hidden = true;
+    return;
+  }
   const [series, entries] = [[], []];
   const exact = new Set();
   const bare = picked.filter((row) => !page.histories[row]);
@@ -586,7 +607,6 @@ function tipOfTime(items) {
 
 function forceNote(bare) {
   const kept = Object.keys(page.histories).length;
-  if (!kept) return "This study kept no histories.";
   if (!bare.length) return `The page has the histories of ${kept} runs; it begins with the least force error of each method, and shows ${MOST_PICKED} at most.`;
   const keys = column.key ? ` (${bare.map((row) => textAt(column.key, row)).join(", ")})` : "";
   return `No history in the page of ${bare.length === 1 ? "one chosen run" : `${bare.length} chosen runs`}${keys}; it has those of ${kept} runs.`;

@@ -4,7 +4,7 @@
 const page = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const SYMBOLS = ["circle", "rect", "triangle", "diamond", "emptyCircle", "emptyRect", "emptyTriangle", "emptyDiamond"];
-const DASHES = [[], [9, 3], [9, 3, 2, 3], [4, 2], [12, 3, 4, 3, 4, 3], [2, 2]];
+const DASHES = [[], [9, 3], [9, 3, 2, 3], [4, 2], [12, 3, 4, 3, 4, 3], [2, 2], [16, 3], [2, 5]];
 const MOST_PICKED = 6;
 const MOST_PRINTED = 40;
 
@@ -71,16 +71,17 @@ function nameOf(row) {
 const LIGHT = { ink: "#1a1a1a", soft: "#5a5a5a", grid: "#e4e4e4", paper: "#ffffff", alarm: "#b33a00", exact: "#9a9a9a", swap: {} };
 const DARK = {
   ink: "#e8e8e8", soft: "#a9aeb4", grid: "#2b3035", paper: "#15181b", alarm: "#ff8f57", exact: "#8d949b",
-  swap: { "#0072B2": "#3f97d3" }, // the darkest of the colours is lost on a dark page
+  swap: { "#0072B2": "#3f97d3", "#000000": "#ffffff" }, // the darkest of the colours are lost on a dark page
 };
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 let printing = false;
 const looks = () => (prefersDark.matches && !printing ? DARK : LIGHT);
 
-/** The colour, mark and dash of the k-th line; colours come round after six, marks after eight. */
+/** The colour, mark and dash of the k-th line; a colour that comes round has another mark and dash. */
 function style(k) {
   const colour = page.colours[k % page.colours.length];
-  return { colour: looks().swap[colour] || colour, symbol: SYMBOLS[k % SYMBOLS.length], dash: DASHES[k % DASHES.length] };
+  const turn = (k + Math.floor(k / SYMBOLS.length)) % SYMBOLS.length;
+  return { colour: looks().swap[colour] || colour, symbol: SYMBOLS[turn], dash: DASHES[turn] };
 }
 
 function swatch({ colour, symbol, dash, width = 2 }) {
