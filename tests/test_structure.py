@@ -49,7 +49,7 @@ def project_files():
 
 def is_dropping(path):
     """Whether a file is what building, testing or the commands of the README leave behind."""
-    made = path.suffix in {".png", ".svg", ".pdf", ".nc", ".html"} and len(path.parts) == 1
+    made = path.suffix in {".png", ".svg", ".pdf", ".nc", ".html", ".csv", ".sqlite"} and len(path.parts) == 1
     return (
         made or bool(DROPPINGS & set(path.parts)) or any(p.startswith(".venv") or "egg-info" in p for p in path.parts)
     )

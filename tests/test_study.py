@@ -19,11 +19,14 @@ from percuss.errors import InputError
 from percuss.registry import Registry
 from percuss.sampling import Sample, combinations
 from percuss.schema import study_schema
+from percuss.studyspec import read_study
 
 ROOT = Path(__file__).parent.parent
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 SMALL = {"bodies.short.bar.elements": 20, "bodies.long.bar.elements": 40}
 TIMES = ["seconds"]
+SHIPPED = sorted((ROOT / "cases" / "studies").glob("*.yaml"))
+SHORT = ({"path": "refine", "op": "==", "value": 1},)
 LAW = """\
 import os, signal
 from dataclasses import dataclass
@@ -228,6 +231,25 @@ def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
     )
     assert [row["status"] for row in study.rows()] == ["done", "failed", "done", "done"]
     assert study.rows()[1]["reason"] == "ZeroDivisionError: division by zero"
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_a_shipped_study_is_one(path, tmp_path):
+    jsonschema.validate(yaml.safe_load(path.read_text()), study_schema(Registry.load()))
+    spec = read_study(path)
+    assert spec.data["title"]
+    assert spec.data["question"]
+    # its first points on the first case are made
+    few = {**spec.data, "cases": [str(path.parent / spec.data["cases"][0])], "where": [*SHORT] if spec.vary else []}
+    study = percuss.study(few, tmp_path / "a.sqlite", workers=1)
+    assert study.complete
+    assert study.counts["done"] >= 3
+
+
+def test_the_shipped_studies_are_there():
+    assert {path.stem for path in SHIPPED} >= {"scoreboard", "sensitivity", "work-precision"}
+    scoreboard = read_study(ROOT / "cases" / "studies" / "scoreboard.yaml")
+    assert set(scoreboard.cases) >= {path.stem for path in (ROOT / "cases").glob("*.yaml")}
 
 
 # ------------------------------------------------------------------------------------- running and resuming

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
+import percuss
 from percuss.bench import Bench, Job
 from percuss.errors import InputError, Problem, RunError
 from percuss.records import Record
@@ -44,7 +45,7 @@ def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, sto
     InputError
         If distributed is not installed, or nobody answers at `address`.
     RunError
-        If the scheduler goes away meanwhile.
+        If the scheduler goes away meanwhile, or a worker has no percuss or another version.
     """
     client = _client(address)
     try:
@@ -53,6 +54,8 @@ def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, sto
     except (CancelledError, OSError) as error:
         said = "the scheduler is gone; what came back is kept, and the same command goes on from there"
         raise RunError(f"{address}: {said} ({type(error).__name__})") from error
+    except ImportError as error:  # raised there, and passed on
+        raise RunError(f"{address}: a worker lacks a package: {error}; install percuss there too") from error
     finally:
         client.close()
 
@@ -80,7 +83,7 @@ def _spread(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: th
     while (batches.waiting or flying) and not stop.is_set():
         while batches.waiting and len(flying) < 2 * workers:
             batch = batches.take()
-            flying[client.submit(_work, bench, batch, pure=False)] = batch
+            flying[client.submit(_work, bench, percuss.__version__, batch, pure=False)] = batch
         for future in _finished(list(flying)):
             batch = flying.pop(future)
             try:
@@ -117,5 +120,7 @@ def _bench(packed: bytes) -> Bench:
     return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the scheduler that is trusted with code
 
 
-def _work(packed: bytes, batch: list[Job]) -> list[Record]:
+def _work(packed: bytes, version: str, batch: list[Job]) -> list[Record]:
+    if version != percuss.__version__:
+        raise RunError(f"a worker has percuss {percuss.__version__}, and this is {version}: install the same there")
     return _bench(packed).records(batch)

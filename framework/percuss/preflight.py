@@ -94,7 +94,7 @@ def first_steps(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Mapp
         case = cases[task.case]
         changes = {path: value for path, value in task.changes.items() if path.split(".")[0] != "time"}
         step = {"step": case.time.step} if case.time.courant is None else {"courant": case.time.courant}
-        once = {**changes, "time": {**step, "steps": 1, "on_unstable": case.time.on_unstable}}
+        once = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
         row, _ = perform(case, type(task)(task.case, task.integrator, task.contact, task.varied, once, task.tied))
         if row.result is not None and row.status == "done":
             summaries.append(row.result.summary)

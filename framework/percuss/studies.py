@@ -6,7 +6,6 @@ import json
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +65,7 @@ class Study:
         """Title of the study."""
         return str(self.spec.get("title", ""))
 
-    @cached_property
+    @property
     def table(self) -> pd.DataFrame:
         """A row a run, in the order of the study.
 
