@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -231,7 +232,7 @@ def study(
     if missing:
         _rehearse(spec, missing)
     store = Store(path, new=True)
-    _begin(store, spec, jobs)
+    _begin(store, spec, jobs, _command(given, plugins))
     done = Study(store.path)
     done.found = sum(job.key in known for job in jobs)
     if missing:
@@ -282,7 +283,14 @@ def _rehearse(spec: StudySpec, missing: Sequence[Job]) -> None:
     check_measures(spec, first_steps(spec.cases, [job.task for job in missing]))
 
 
-def _begin(store: Store, spec: StudySpec, jobs: Sequence[Job]) -> None:
+def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path]) -> str | None:
+    """Return the command that makes a study again, or None where there is no file of it."""
+    if isinstance(given, Mapping):
+        return None
+    return shlex.join(["percuss", "study", str(given), *(word for one in plugins for word in ("--plugin", str(one)))])
+
+
+def _begin(store: Store, spec: StudySpec, jobs: Sequence[Job], command: str | None) -> None:
     """Write down what the study is and who runs it."""
     files = {
         str(path): source.version
@@ -304,7 +312,7 @@ def _begin(store: Store, spec: StudySpec, jobs: Sequence[Job]) -> None:
         )
         for job in jobs
     )
-    store.begin(facts, {**machine(), "cores": os.cpu_count(), "plugins": files}, plan)
+    store.begin(facts, {**machine(), "cores": os.cpu_count(), "plugins": files, "command": command}, plan)
 
 
 def _listed(value: Any) -> Any:
