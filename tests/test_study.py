@@ -521,6 +521,7 @@ def test_nobody_at_the_address(tmp_path):
 # -------------------------------------------------------------------------------------------- the wrong input
 
 WRONG = {
+    "no cases": ("percuss-study: 1\n", "study.yaml:1:1: cases: missing (the cases, relative to this file)"),
     "no version": (
         "cases: [hunek.yaml]\n",
         "study.yaml:1:1: percuss-study: expected version 1 of the format, found null",
@@ -589,6 +590,19 @@ def test_a_wrong_study_is_one_clear_message(text, tmp_path, monkeypatch):
     assert said in str(caught.value)
     assert len(caught.value.problems) == 1
     assert sorted(one.name for one in tmp_path.iterdir()) == ["hunek.yaml", "study.yaml"]
+
+
+def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("hunek.yaml").write_text(Path(HUNEK).read_text())
+    Path("study.yaml").write_text(
+        "percuss-study: 1\ncases: [hunek.yaml, hunec.yaml]\nset: {refine: 0}\nmethods: {contacts: [3]}\n"
+        "vary: [1]\nsample: {count: 0, of: {}}\nmeasure: [peek_force]\nwhere: [{path: a}]\nkeep: 3\ntied: maybe\n"
+    )
+    with pytest.raises(InputError) as caught:
+        percuss.study("study.yaml")
+    places = [problem.place.removeprefix("study.yaml:").partition(":")[0] for problem in caught.value.problems]
+    assert places == ["2", "3", "4", "5", "6", "7", "8", "8", "9", "10"]
 
 
 @pytest.mark.parametrize(

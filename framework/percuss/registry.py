@@ -29,8 +29,7 @@ from percuss.errors import PluginError, nearest, suggestion
 
 __all__ = ["Broken", "Provenance", "Registry"]
 
-GROUP = "percuss"
-PREFIX = "percuss_"
+GROUP, PREFIX = "percuss", "percuss_"
 NONE_USED = "none is used: have one renamed, or uninstall it"
 HOOKS = {PREFIX + family: family for family in FAMILIES}
 
@@ -432,9 +431,10 @@ def _place(error: BaseException, source: Provenance) -> str:
     """Return ``file:line`` of the innermost step of an error that is inside the plug-in, else nothing."""
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}:{error.lineno}"
-    machinery = ("<frozen", str(Path(importlib.__file__).parent), str(Path(pluggy.__file__).parent), __file__)
-    steps = [(step.filename, step.lineno) for step in traceback.extract_tb(error.__traceback__)]
-    steps = [step for step in steps if not step[0].startswith(machinery)]
+    packages: Any = (importlib, pluggy, sys.modules.get("importlib_metadata", pluggy))  # it takes over once imported
+    machinery = ("<frozen", __file__, *(str(Path(one.__file__).parent) for one in packages))
+    trace = ((step.filename, step.lineno) for step in traceback.extract_tb(error.__traceback__))
+    steps = [step for step in trace if not step[0].startswith(machinery)]
     home = Path(source.file or (steps[0][0] if steps else ""))
     if not source.file and (home.parent / "__init__.py").exists():
         home = home.parent  # an installed package is all its files

@@ -182,7 +182,7 @@ def exportable(path: str | os.PathLike[str]) -> str:
 
 
 def study(
-    given: str | Path | Mapping[str, Any],
+    path: str | Path | Mapping[str, Any],
     out: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -194,8 +194,8 @@ def study(
 
     Parameters
     ----------
-    given
-        Path of a study file, or the same as a mapping.
+    path
+        Of a study file; or the same as a mapping.
     out
         File of the rows; by default the study's name with the ending ``.sqlite``, in the current folder. Runs that
         it holds and that nothing changed for are not made again.
@@ -224,15 +224,15 @@ def study(
 
     if workers is not None and workers < 1:
         raise InputError([Problem("--workers", "", f"expected a number of at least 1, found {workers}")])
-    spec = read_study(given, [Path(file) for file in plugins])
+    spec = read_study(path, [Path(one) for one in plugins])
     jobs, bench = _planned(spec)
-    path = Path(out) if out is not None else Path(f"{spec.name}.sqlite")
-    known = Store(path).known() if path.exists() and path.stat().st_size else _nothing_at(path)
+    file = Path(out) if out is not None else Path(f"{spec.name}.sqlite")
+    known = Store(file).known() if file.exists() and file.stat().st_size else _nothing_at(file)
     missing = list({job.key: job for job in jobs if job.key not in known}.values())
     if missing:
         _rehearse(spec, missing)
-    store = Store(path, new=True)
-    _begin(store, spec, jobs, _command(given, plugins))
+    store = Store(file, new=True)
+    _begin(store, spec, jobs, _command(path, plugins))
     done = Study(store.path)
     done.found = sum(job.key in known for job in jobs)
     if missing:

@@ -120,10 +120,11 @@ class _StudyReader:
             reader.finish()
         body = {("percuss_study" if key == "percuss-study" else key): value for key, value in data.items()}
         top = reader.section(StudySection, (), body, "the study")
-        if top is None:
-            reader.finish()
-            raise AssertionError("a study is wrong and nothing says why")
-        cases = self.cases(top.cases)
+        names = data.get("cases")
+        if not isinstance(names, tuple) or not all(isinstance(one, str) for one in names):
+            reader.finish()  # without cases nothing else can be judged
+            raise AssertionError("the cases are wrong and nothing says why")
+        cases = self.cases(names)
         methods = self.part(MethodsSection, "methods", "the methods")
         keep = self.part(KeepSection, "keep", "keep")
         registries = [case.registry for case in cases.values()] or [self.reader.registry]
@@ -133,7 +134,11 @@ class _StudyReader:
             cases = {label: case.with_one_law() for label, case in cases.items()}
         varied, paired, sample = self.varied(), self.paired(), self.sample()
         paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
-        spec = StudySpec(
+        columns, where = self.columns(cases), self.where([*WHO, *dict.fromkeys(paths)])
+        reader.finish()
+        if top is None:
+            raise AssertionError("a study is wrong and nothing says why")
+        return StudySpec(
             name=name,
             cases=cases,
             integrators=integrators,
@@ -141,16 +146,14 @@ class _StudyReader:
             vary=varied,
             paired=paired,
             sample=sample,
-            columns=self.columns(cases),
-            where=self.where([*WHO, *dict.fromkeys(paths)]),
+            columns=columns,
+            where=where,
             tied=top.tied,
             nudge=top.nudge,
             histories=keep.histories if keep else 0,
             data=data,
             source=self.source,
         )
-        reader.finish()
-        return spec
 
     # -------------------------------------------------------------------------------------------- parts
 
