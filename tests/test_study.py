@@ -439,6 +439,49 @@ def test_what_changed_is_run_again_and_only_that(tmp_path):
     assert same(percuss.study(study, out, workers=1, plugins=[file]).table, again.table)
 
 
+MEASURE = """\
+from dataclasses import dataclass
+from percuss import Measure
+
+
+@dataclass(frozen=True)
+class Steps(Measure):
+    '''Twice the steps.'''
+
+    name = "doubled"
+    summary = "Doubled"
+    what = "FACTOR times the number of steps"
+
+    def of(self, result):
+        return FACTOR * result.summary["steps"]
+"""
+
+
+def test_a_measure_may_be_a_plug_in(tmp_path):
+    out, file = tmp_path / "a.sqlite", tmp_path / "doubled.py"
+    file.write_text(MEASURE.replace("FACTOR", "2"))
+    study = given(measure=["steps", "ripple", "doubled"], vary={"refine": [1, 2]})
+    made = percuss.study(study, out, workers=2, plugins=[file])
+    assert list(made.table.doubled) == [2 * steps for steps in made.table.steps]
+    assert made.columns["doubled"] == "2 times the number of steps"
+    assert 0 < made.table.ripple.iloc[1] < made.table.ripple.iloc[0] < 0.5
+    assert percuss.study(study, out, workers=1, plugins=[file]).found == 2
+    file.write_text(MEASURE.replace("FACTOR", "3"))
+    again = percuss.study(study, out, workers=1, plugins=[file])
+    assert again.found == 0
+    assert list(again.table.doubled) == [3 * steps for steps in again.table.steps]
+    without = given(measure=["steps", "ripple"], vary={"refine": [1, 2]})
+    percuss.study(without, out, workers=1, plugins=[file])
+    file.write_text(MEASURE.replace("FACTOR", "4"))
+    assert percuss.study(without, out, workers=1, plugins=[file]).found == 2  # nobody asked for it
+    file.write_text(MEASURE.replace('FACTOR * result.summary["steps"]', "1 / 0"))
+    broken = percuss.study(study, out, workers=1, plugins=[file]).table
+    assert set(broken.status) == {"failed"}
+    assert "measure doubled: ZeroDivisionError" in broken.reason[0]
+    with pytest.raises(percuss.InputError, match="Did you mean 'doubled'"):
+        percuss.study({**study, "measure": ["doubld"]}, out, workers=1, plugins=[file])
+
+
 def test_a_script_without_a_guard_may_run_a_study(tmp_path):
     file = write(tmp_path, vary={"method.contact.beta_s": "0.1:1:20"})
     script = tmp_path / "script.py"

@@ -19,6 +19,7 @@ _HOME = {
     "Load": "contracts",
     "Mass": "contracts",
     "Material": "contracts",
+    "Measure": "contracts",
     "PercussError": "errors",
     "PluginError": "errors",
     "RefusedPair": "errors",
@@ -46,6 +47,7 @@ __all__ = [
     "Load",
     "Mass",
     "Material",
+    "Measure",
     "PercussError",
     "PluginError",
     "RefusedPair",
@@ -67,7 +69,7 @@ __all__ = [
 if TYPE_CHECKING:
     from percuss.case import Case, load
     from percuss.comparison import compare
-    from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Shape, Solution
+    from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Measure, Shape, Solution
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.hookspecs import hookimpl
     from percuss.maps import stability

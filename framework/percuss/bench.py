@@ -96,7 +96,9 @@ class Bench:
             row, _ = perform(self._kept(task.case), task, nudge=self.nudge)
             if row.status == "interrupted":
                 raise Interrupted(made)
-            made.append(record(key, row, self.columns, self.histories, time.perf_counter() - began))
+            seconds = time.perf_counter() - began
+            registry = self._kept(task.case).registry
+            made.append(record(key, row, self.columns, self.histories, seconds, registry))
             if time.perf_counter() - started > LONGEST:
                 break
         return made

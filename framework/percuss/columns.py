@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from percuss.measures import CannotMeasure, measure
 from percuss.quantities import QUANTITIES, SUMMARY
 
 if TYPE_CHECKING:
+    from percuss.registry import Registry
     from percuss.result import Result
     from percuss.studysections import MeasureSection
 
@@ -48,7 +49,7 @@ class Column:
     what
         In words: quantity, norm, averaging.
     kind
-        ``metric``, ``summary`` or ``history``.
+        ``metric``, ``summary``, ``history`` or ``plug-in``.
     arguments
         Of what takes it: a dotted path, or those of `percuss.measures.measure`.
     """
@@ -58,9 +59,12 @@ class Column:
     kind: str
     arguments: tuple[tuple[str, Any], ...] = ()
 
-    def take(self, result: Result) -> Any:
+    def take(self, result: Result, registry: Registry) -> Any:
         """Return the value, None where this result has none."""
         arguments = dict(self.arguments)
+        if self.kind == "plug-in":
+            component: Any = registry.get("measures", self.name)
+            return component().of(result)
         if self.kind == "metric":
             return metric(result, self.name)
         if self.kind == "summary":
@@ -89,8 +93,8 @@ class Column:
         return ("", "Name a number in it.") if isinstance(here, Mapping | list) else None
 
 
-def named(name: str) -> Column:
-    """Return the column that a bare name stands for: one of `METRICS`, or a dotted path into the summary.
+def named(name: str, registries: Iterable[Registry] = ()) -> Column:
+    """Return the column that a bare name stands for: one of `METRICS`, a plug-in, or a dotted path into the summary.
 
     Raises
     ------
@@ -99,11 +103,15 @@ def named(name: str) -> Column:
     """
     if name in METRICS:
         return Column(name, METRICS[name], "metric")
+    plugged = {one: registry.get("measures", one) for registry in registries for one in registry.names("measures")}
+    if name in plugged:
+        told: Any = plugged[name]
+        return Column(name, getattr(told, "what", told.summary), "plug-in")
     parts = name.split(".")
     if parts[0] in SUMMARY:
         several = "; the largest over contacts" if "*" in parts else ""
         return Column(name, f"{name} of the run's summary{several}", "summary", (("path", name),))
-    known = [*METRICS, *SUMMARY]
+    known = [*METRICS, *plugged, *SUMMARY]
     close = nearest(name, known) or nearest(parts[0], known)
     advice = f"Did you mean '{close}'?" if close else f"Known measures: {', '.join(METRICS)}."
     raise ValueError(f"unknown measure '{name}'", advice)

@@ -46,6 +46,7 @@ __all__ = [
     "Lt",
     "Mass",
     "Material",
+    "Measure",
     "Mesh",
     "Region",
     "Rows",
@@ -659,6 +660,23 @@ class Solution(Component, contract="solutions"):
         """Return the exact solution up to `end`, or up to an earlier time that it states."""
 
 
+class Measure(Component, contract="measures"):
+    """A number that a study takes of every run that is done, beside those of its summary and histories.
+
+    Attributes
+    ----------
+    what
+        In words: quantity, norm, averaging; stands beside the column.
+    """
+
+    what: ClassVar[str]
+
+    @abstractmethod
+    def of(self, result: Any) -> float | None:
+        """Return the number of a `percuss.Result`, None where it has none."""
+
+
 FAMILIES: dict[str, type[Component]] = {
-    contract.family: contract for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass, Solution)
+    contract.family: contract
+    for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass, Solution, Measure)
 }

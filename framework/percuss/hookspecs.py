@@ -46,3 +46,8 @@ def percuss_masses() -> Iterable[type]:
 @hookspec
 def percuss_solutions() -> Iterable[type]:
     """Return the exact solutions: subclasses of `percuss.Solution`."""
+
+
+@hookspec
+def percuss_measures() -> Iterable[type]:
+    """Return the measures of results: subclasses of `percuss.Measure`."""

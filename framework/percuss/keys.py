@@ -37,6 +37,7 @@ class Keys:
     def __init__(self, columns: Sequence[Column], *, nudge: bool, histories: int) -> None:
         measured = sorted([one.name, one.kind, [list(pair) for pair in one.arguments]] for one in columns)
         self.common = [percuss.__version__, _own_sources(), measured, nudge, histories]
+        self.measures = {one.name for one in columns if one.kind == "plug-in"}
         self._parts: dict[str, list[str]] = {}
         self._files: dict[int, list[list[str]]] = {}
 
@@ -57,11 +58,11 @@ class Keys:
         words = {path: value for path, value in task.changes.items() if not isinstance(value, int | float)}
         which = json.dumps([label, words], sort_keys=True, default=str)
         if which not in self._parts:
-            self._parts[which] = sorted(set(_components(case, task.changes)))
+            self._parts[which] = sorted(set(_components(case, task.changes, self.measures)))
         return self._parts[which]
 
 
-def _components(case: Case, changes: Mapping[str, Any]) -> Iterator[str]:
+def _components(case: Case, changes: Mapping[str, Any], measures: set[str]) -> Iterator[str]:
     """Yield hashes of the sources of all components that a run uses; of all single files where it cannot be read."""
     from percuss.runner import plugins_used
 
@@ -73,8 +74,9 @@ def _components(case: Case, changes: Mapping[str, Any]) -> Iterator[str]:
         return
     for one in used.values():
         yield _source(**one)
-    for (family, _), source in registry.sources.items():
-        if family == "solutions":  # whichever covers the case says its true error
+    for (family, name), source in registry.sources.items():
+        # whichever solution covers the case says its true error
+        if family == "solutions" or (family == "measures" and name in measures):
             yield _source(source.distribution, source.version, source.file)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from percuss.columns import Column
+    from percuss.registry import Registry
     from percuss.result import Result
     from percuss.tasks import Row
 
@@ -47,7 +48,7 @@ class Record:
     histories: bytes = b""
 
 
-def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: float) -> Record:
+def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: float, registry: Registry) -> Record:
     """Return the row of a run in plain terms.
 
     Parameters
@@ -62,6 +63,8 @@ def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: fl
         At most so many points of each history are kept.
     seconds
         How long it took.
+    registry
+        Where the measures are that are plug-ins.
     """
     from percuss.runner import plain
 
@@ -69,7 +72,12 @@ def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: fl
         return Record(key, row.status, row.reason, row.said_by, seconds=seconds)
     exact = row.result.summary["exact"]
     fragile = exact["fragile"] if exact is not None else None
-    measures = {one.name: plain(one.take(row.result)) for one in columns}
+    measures = {}
+    for one in columns:
+        try:
+            measures[one.name] = plain(one.take(row.result, registry))
+        except Exception as error:  # noqa: BLE001 - somebody's measure: a row that says so, as of their methods
+            return Record(key, "failed", f"measure {one.name}: {error!r}", one.name, seconds=seconds)
     histories = _packed(row.result, keep) if keep else b""
     return Record(key, row.status, row.reason, row.said_by, fragile, seconds, measures, histories)
 

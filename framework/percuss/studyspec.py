@@ -327,7 +327,7 @@ class _StudyReader:
         """Return one column, or None where it is wrong."""
         try:
             if isinstance(one, str):
-                return named(one)
+                return named(one, [case.registry for case in cases.values()])
             inside = self.reader.mapping(
                 at, one, "a name, or a measure as {name: plateau, quantity: contact_force, ...}"
             )

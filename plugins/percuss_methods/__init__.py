@@ -17,6 +17,7 @@ from percuss_methods.loads.ramp import Ramp
 from percuss_methods.loads.table import Table
 from percuss_methods.masses.lumped import Lumped
 from percuss_methods.materials.elastic import Elastic
+from percuss_methods.measures.ripple import Ripple
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
 
@@ -67,3 +68,9 @@ def percuss_masses() -> list[type]:
 def percuss_solutions() -> list[type]:
     """Return the built-in exact solutions."""
     return [BarsInARow]
+
+
+@hookimpl
+def percuss_measures() -> list[type]:
+    """Return the built-in measures of a study."""
+    return [Ripple]

@@ -1,0 +1,1 @@
+"""The measures that come with percuss, beside those that every comparison shows."""
