@@ -71,7 +71,7 @@ def test_the_study_shown_is_a_study(folder: Path) -> None:
     (folder / "shown.yaml").write_text(text, encoding="utf-8")
     study = percuss.study(folder / "shown.yaml", folder / "shown.sqlite", workers=1)
     assert study.complete
-    assert list(study.columns) == ["force_error_l2", "contacts.*.impulse", "plateau"]
+    assert list(study.columns) == ["force_error_l2", "contacts.*.impulse", "ripple", "plateau"]
     assert set(study.table.status) == {"done", "failed"}  # lagrange has no beta_s
 
 
