@@ -298,3 +298,17 @@ def test_a_law_that_no_step_makes_stable_is_said(tmp_path):
                         {"time.courant": "auto"}, plugins=[tmp_path / "glue.py"])  # fmt: skip
     with pytest.raises(percuss.InputError, match="some step is stable"):
         percuss.run(case)
+
+
+def test_a_path_is_given_once(tmp_path):
+    case = percuss.load(HUNEK)
+    with pytest.raises(percuss.InputError, match="another path than those of --vary"):
+        percuss.stability(case, {"refine": [1]}, {"refine": [2]})
+    done = percuss_cli("stability", HUNEK, "--vary", "refine=1", "--vary", "refine=2", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "expected a path once" in done.stderr
+
+
+def test_a_step_left_open_is_chosen_for_every_point():
+    found = percuss.stability(percuss.load(HUNEK), {"method.contact.beta_s": [1, 10], "time.courant": ["auto"]})
+    assert [row["margin"] for row in found] == pytest.approx([SAFETY, SAFETY], rel=1e-6)

@@ -698,3 +698,26 @@ def test_the_table_can_be_exported(tmp_path, whole):
     pytest.importorskip("pyarrow")
     percuss.open_study(tmp_path / "study.sqlite").export(tmp_path / "a.parquet")
     assert (pd.read_parquet(tmp_path / "a.parquet").impulse == whole.impulse).all()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"measure": [{"name": "status", "quantity": "impulse", "take": "value"}]}, "is that of another column"),
+        ({"vary": {"refine": [1, 2]}, "paired": [{"refine": 3}]}, "refine is varied in another way too"),
+        ({"vary": {"foo.bar": [1], "refine": [1]}}, "foo"),
+    ],
+)
+def test_what_would_silently_replace_something_is_refused(more, said, tmp_path):
+    with pytest.raises(percuss.InputError, match=said):
+        percuss.study(given(**more), tmp_path / "a.sqlite", workers=1)
+    assert not (tmp_path / "a.sqlite").exists()
+
+
+def test_a_run_that_is_not_valid_is_marked_as_a_row(tmp_path):
+    law = {"name": "penalty", "beta_s": 100}
+    more = {"method.integrator": "central-difference", "method.contact": law, "time.on_unstable": "warn"}
+    table = percuss.study(given(set={**SMALL, **more}), tmp_path / "a.sqlite", workers=1).table
+    assert table.status[0] == "done"
+    assert "the certificate says no" in table.reason[0]
+    assert table.energy_kept[0] > 2

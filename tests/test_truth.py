@@ -221,12 +221,14 @@ def test_a_run_reports_the_solution_it_was_judged_by():
     assert errors(run(hunek(n=10)))["closed"] == [pytest.approx([0.0, 0.2]), pytest.approx([0.4, 0.6])]
 
 
-def test_a_sparse_record_has_no_impulse_error():
+def test_a_sparse_record_has_no_errors_of_the_force_and_says_so():
     case = hunek(n=10)
     case["record"]["every"] = 4
-    found = errors(run(case))
-    assert found["impulse_error"] is None
-    assert 0.0 < found["force_error_l2"] < 0.5
+    result = run(case)
+    for name in ("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"):
+        assert errors(result)[name] is None
+    assert result.summary["exact"]["displacement_error"] is not None
+    assert any("record.every: 1" in note for note in result.summary["notes"])
 
 
 def test_the_number_of_the_steps_recorded_does_not_change_the_exact_histories():

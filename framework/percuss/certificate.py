@@ -82,7 +82,8 @@ def certificate(model: Model) -> dict[str, Any]:
     said = closed(model, model.dt)
     energy, energy_why = said.energy, said.why
     if energy in {NEVER_GROWS, BETWEEN} and (verdict == "no" or (found.theta is not None and found.theta >= 1.0)):
-        energy, energy_why = NOT_GUARANTEED, "that takes a stable closed step, with theta below 1"
+        more = ", with theta below 1" if found.theta is not None else ""
+        energy, energy_why = NOT_GUARANTEED, f"that takes a stable closed step{more}"
     return {
         "stable": verdict,
         "energy": energy,
@@ -111,7 +112,9 @@ def _verdict(model: Model, found: Finding, free: float, critical: float, margin:
     told = f"; theta = {found.theta:.6g}" if found.theta is not None else ""
     told += f" ({found.doubt})" if found.doubt else ""
     if margin > 1.0 + EDGE:
-        return "no", f"the step {model.dt:.6g} is above {critical:.6g}, the critical step {combination}{told}"
+        digits = 6 if margin > 1.0 + 1e-5 else 12
+        above = f"the step {model.dt:.{digits}g} is above {critical:.{digits}g}"
+        return "no", f"{above}, the critical step {combination}{told}"
     if margin >= 1.0 - EDGE:
         return "marginal", f"the step is the critical one {combination}{told}"
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}{told}"
@@ -120,16 +123,24 @@ def _verdict(model: Model, found: Finding, free: float, critical: float, margin:
 def _cure(judge: RowsJudge | BlackBoxJudge, critical: float) -> str:
     """Return the cheapest cures of an unstable step, with their numbers."""
     model = judge.model
-    cures = [f"lower the step to {critical:.6g} (Courant number {0.5 * critical * model.omega:.6g})"]
+    cures = []
+    if critical > 0:
+        cures.append(f"lower the step to {_down(critical)} (Courant number {_down(0.5 * critical * model.omega)})")
     for entry in model.laws:
         law = entry["law"]
-        for option in ("beta_s", "epsilon_s", "ratio"):
+        for option in ("beta_s", "epsilon_s", "ratio", "scale"):
             value = getattr(law, option, None)
             if isinstance(value, float) and isinstance(judge, RowsJudge):
                 found = _option_at_most(judge, law, option, value)
                 if found is not None:
-                    cures.append(f"set {option} of {law.name} to at most {found:.6g}")
-    return ", or ".join(cures)
+                    cures.append(f"set {option} of {law.name} to at most {_down(found)}")
+    return ", or ".join(cures) or "take another law: with this one no step is stable"
+
+
+def _down(value: float) -> str:
+    """Return a number in six digits, rounded down: what is told as a cure must be one."""
+    digit = 10.0 ** (np.floor(np.log10(value)) - 5)
+    return f"{np.floor(value * (1.0 - 1e-9) / digit) * digit:.6g}"
 
 
 def _option_at_most(judge: RowsJudge, law: Any, option: str, value: float) -> float | None:

@@ -24,8 +24,8 @@ METRICS = {
     "impulse": "sum over contacts of the impulse, step times the force at t_n added up",
     "peak_force": "largest contact force at any t_n, of the contact with the largest",
     "penetration": "largest overlap at any t_n, of the contact with the largest",
-    "energy_kept": "1 + work of the contacts over the largest energy, kinetic and elastic at t_n+1/2",
-    "energy_max": "1 + largest work of the contacts so far over the largest energy, kinetic and elastic at t_n+1/2",
+    "energy_kept": "1 + work of the contacts over the largest energy put in: at first, and by loads so far",
+    "energy_max": "1 + largest work of the contacts so far over the largest energy put in",
     "ledger_error": "largest closure of the energy ledger over the largest energy so far",
     "energy_growth": "largest rise of energy with what contacts store above its smallest, over the largest energy",
     "force_error_l1": "L1 norm of force less exact force over that of the exact, both averaged over each step" + _EXACT,
@@ -214,7 +214,8 @@ def _share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
     def share(summary: Mapping[str, Any]) -> float | None:
         # not over what is there at the end: a bar thrown up has none left where it turns
         energy = summary["energy"]
-        return 1.0 + energy[name] / energy["max"] if energy["max"] > 0 else None
+        put_in = energy["initial"] + (energy["external_work_max"] or 0.0)
+        return 1.0 + energy[name] / put_in if put_in > 0 else None
 
     return share
 

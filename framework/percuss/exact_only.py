@@ -154,6 +154,7 @@ def _energy(solution: Exact, arrays: dict[str, Any]) -> dict[str, Any]:
         "max": float(total.max()),
         "external_work": float(solution.work(solution.reached)),
         "contact_work": 0.0,
+        "external_work_max": None,
         "contact_work_max": 0.0,
         "ledger_error": float(np.abs(arrays["energy_error"]).max()),
     }

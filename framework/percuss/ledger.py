@@ -66,6 +66,7 @@ def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
         "max": float(np.max(total, initial=initial)),
         "external_work": last["external_work"],
         "contact_work": last["contact_work"],
+        "external_work_max": float(np.max(parts["external_work"], initial=0.0)),
         "contact_work_max": float(np.max(parts["contact_work"], initial=0.0)),
         "ledger_error": float(np.max(np.abs(parts["energy_error"]), initial=0.0)),
     }

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
 from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
@@ -57,7 +58,7 @@ def stability(
     InputError
         If a path, a value or a way is wrong.
     """
-    _check(by)
+    _check(by, curves or {}, vary or {})
     axes = {**(curves or {}), **(vary or {})}
     combinations = list(itertools.product(*axes.values()))
     unknown = by or ("pencil",)
@@ -66,11 +67,11 @@ def stability(
     for done, values in enumerate(combinations):
         varied = dict(zip(axes, values, strict=True))
         try:
-            model = Model(case.with_overrides(varied) if varied else case)
+            model = settled(case.with_overrides(varied) if varied else case)
         except InputError as error:
             wrong.append(error)
             rows += [_row(varied, way, None, str(error.problems[0].message)) for way in unknown]
-        except RefusedPair as error:
+        except (PluginError, RefusedPair) as error:
             rows += [_row(varied, way, None, str(error)) for way in unknown]
         else:
             ways = by or ("black-box" if closed(model, model.dt).unknown else "pencil",)
@@ -82,9 +83,14 @@ def stability(
     return rows
 
 
-def _check(by: Sequence[str]) -> None:
+def _check(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
     problems = [
         Problem(f"--by {one}", "", f"unknown way '{one}'", suggestion(one, WAYS)) for one in by if one not in WAYS
+    ]
+    problems += [
+        Problem(f"--curves {path}", "", "expected another path than those of --vary", "Give each path once.")
+        for path in curves
+        if path in vary
     ]
     if problems:
         raise InputError(problems)
@@ -113,9 +119,13 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str) -> dict[str, Any]
         critical = judge.critical()
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))
-    if way == "black-box" and not judge.judge(critical or model.dt).known:
-        return _row(varied, way, None, judge.judge(critical or model.dt).doubt)
-    row = _row(varied, way, critical, "" if critical > 0 else "no step is stable", model)
+    doubt = ""
+    if way == "black-box":
+        found = judge.judge(critical or model.dt)
+        doubt = found.doubt
+        if not found.known:
+            return _row(varied, way, None, doubt)
+    row = _row(varied, way, critical, doubt if critical > 0 else "no step is stable", model)
     if set(STEP) & set(varied):
         row["margin"] = model.dt / critical if critical > 0 else np.inf
         row["theta"] = None if way == "closed-form" else judge.judge(model.dt).theta

@@ -46,7 +46,8 @@ def _placed(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Proble
     if at[0] == "paired":
         at = (*at, path)
     if problem.message.startswith("unknown key"):  # of all its values
-        return spec.source.problem(at[: at.index(path) + 1], inside + problem.message, problem.advice, key=True)
+        own = at[: at.index(path) + 1] if path in at else at
+        return spec.source.problem(own, inside + problem.message, problem.advice, key=True)
     return spec.source.problem(at, inside + problem.message, problem.advice)
 
 

@@ -157,6 +157,8 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
         said.append(f"the certificate says no, and the run was made all the same (on_unstable: warn): {known['why']}")
     if known["stable"] == "marginal":
         said.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
+    if march.record.every > 1 and march.model.meetings:
+        said.append("true errors of the contact force need `record.every: 1`")
     total = march.few.totals[0]
     allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
     if outcome.status != "unstable" and not total.contact_work <= allowed:

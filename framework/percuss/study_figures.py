@@ -57,7 +57,11 @@ def study_figures(study: StudyLike, folder: str | os.PathLike[str]) -> list[Path
     if target.exists() and not target.is_dir():
         problem = Problem(str(target), "", "expected a folder, found a file", "Name another folder.")
         raise InputError([problem])
-    target.mkdir(parents=True, exist_ok=True)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = error.strerror or "cannot be made"
+        raise InputError([Problem(str(target), "", f"expected a folder that can be written to: {why}")]) from error
     out = []
     for name, figure in figures(study):
         for kind in KINDS:
@@ -94,9 +98,13 @@ def work_figure(title: str, done: Any, known: Columns) -> Figure:
         if not costs or not errors:
             say(panels[0], "No cost or no error was recorded.")
         entries: dict[str, Any] = {}
-        for axes, cost in zip(panels, costs, strict=False):
+        for axes, cost in zip(panels, costs if errors else [], strict=False):
             for method, rows, look in _methods(done):
-                x, y = (study_data.numbers(rows[name]) for name in (cost, errors[0])) if errors else ([], [])
+                x, y = (
+                    (study_data.numbers(rows[name]) for name in (cost, errors[0]))
+                    if errors
+                    else (np.zeros(0), np.zeros(0))
+                )
                 _dots(axes, x, y, look, log=(True, True))
                 line = axes.plot(*study_data.front(x, y), color=look["color"], linestyle=look["linestyle"], lw=1.8)
                 entries[method] = line[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from percuss.yamltext import KeyPath, flow
 
 __all__ = ["StudySpec", "read_study"]
 
+RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 WHO = ("case", "integrator", "contact")  # columns of every row, beside the varied paths
 
 
@@ -133,6 +134,7 @@ class _StudyReader:
         if contacts:
             cases = {label: case.with_one_law() for label, case in cases.items()}
         varied, paired, sample = self.varied(), self.paired(), self.sample()
+        self.once(varied, paired, sample)
         paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
         columns, where = self.columns(cases), self.where([*WHO, *dict.fromkeys(paths)])
         reader.finish()
@@ -307,6 +309,15 @@ class _StudyReader:
                 out.append(made)
         return tuple(out)
 
+    def once(self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: Sample | None) -> None:
+        """Tell of a path that is given in two ways: one would silently take the place of the other."""
+        together = list(dict.fromkeys(path for point in paired for path in point))
+        drawn = list(sample.axes) if sample else []
+        for at, mine, others in (("paired", together, [*varied]), ("sample", drawn, [*varied, *together])):
+            for path in mine:
+                if path in others:
+                    self.reader.wrong((at,), f"{path} is varied in another way too", "Give each path once.")
+
     def columns(self, cases: dict[str, Case]) -> tuple[Column, ...]:
         """Return what is measured."""
         given = self.source.get(("measure",), ())
@@ -317,7 +328,9 @@ class _StudyReader:
         out: dict[str, Column] = {}
         for i, one in enumerate(given):
             made = self.column(("measure", i), one, cases)
-            if made is not None and made.name in out:
+            if made is not None and not isinstance(one, str) and made.name in RESERVED:
+                self.reader.wrong(("measure", i), f"the name '{made.name}' is that of another column", "Rename it.")
+            elif made is not None and made.name in out:
                 self.reader.wrong(("measure", i), f"the name '{made.name}' is taken by another measure", "Rename it.")
             elif made is not None:
                 out[made.name] = made

@@ -187,7 +187,9 @@ def perform(  # noqa: PLR0911 - a way out for each way to end
         return Row(*names, "failed", str(error)), None
     except Exception as error:  # noqa: BLE001 - whatever a plug-in does costs its own rows alone
         return Row(*names, "failed", f"{type(error).__name__}: {error}"), None
-    reason = "Ctrl-C" if result.status == "interrupted" else ""
+    marks = ("not a valid result", "the certificate says no")
+    reason = "; ".join(note for note in result.summary["notes"] if note.startswith(marks))
+    reason = "Ctrl-C" if result.status == "interrupted" else reason
     return Row(*names, result.status, reason, result=result), None
 
 

@@ -124,15 +124,15 @@ def tell_stability(title: str, rows: list[dict[str, Any]]) -> None:
     console = _console()
     ways = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
-    told = [key for key in ("margin", "theta") if key in rows[0]]
+    told = [key for key in ("margin", "theta") if any(key in row for row in rows)]
     table = Table(*(escape(p) for p in paths), *(f"C critical, {way}" for way in ways), *told, title=escape(title))
     lines: dict[tuple[Any, ...], dict[str, Any]] = {}
     for row in rows:
         lines.setdefault(tuple(row[p] for p in paths), {})[row["by"]] = row
     for values, by in lines.items():
-        first = next(iter(by.values()))
+        known = {key: next((row[key] for row in by.values() if row.get(key) is not None), None) for key in told}
         cells = [_number(by[way]["courant_critical"]) if way in by else "-" for way in ways]
-        table.add_row(*(_number(v) for v in values), *cells, *(_number(first.get(key)) for key in told))
+        table.add_row(*(_number(v) for v in values), *cells, *(_number(known[key]) for key in told))
     console.print(table)
     for reason in dict.fromkeys(f"{row['by']}: {row['reason']}" for row in rows if row["reason"]):
         console.print(escape(reason))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from percuss.result import Result
 
 NOTHING = 1e-18
+EVERY_STEP = ("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot")
 NUDGE = 1e-12
 FRAGILE = 1e-4
 ROUND_OFF = 1e-12  # of the peak: a smaller force is none
@@ -88,7 +89,7 @@ def contact_errors(
     reached
         Time up to which the exact solution holds.
     every
-        Steps between two records; the impulse needs every step.
+        Steps between two records; errors of the force need every step, and are None without.
     """
     known = np.isfinite(exact)
     time, force, exact = time[known], force[known], exact[known]
@@ -102,7 +103,7 @@ def contact_errors(
         impulse = _over(float(np.abs(summed - true).max()), float(np.abs(true).max()))
     closed = [interval for interval in contact.closed if interval[0] < reached]
     pressed = np.flatnonzero(force > ROUND_OFF * force.max(initial=0.0))
-    return {
+    found = {
         "force_error_l1": _over(float(np.abs(difference).sum()), scale_1),
         "force_error_l2": _over(float(np.sqrt((difference**2).sum())), scale_2),
         "impulse_error": impulse,
@@ -112,6 +113,8 @@ def contact_errors(
         "opening_error": _opening(time, pressed, closed, dt, every),
         "closed": [list(interval) for interval in closed[:100]],
     }
+    # what lies between sparse records is not known: these would be errors of the records
+    return found | dict.fromkeys(EVERY_STEP) if every > 1 else found
 
 
 def _over(value: float, scale: float, minus: float = 0.0) -> float | None:

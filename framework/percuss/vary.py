@@ -58,6 +58,10 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
         path, equals, text = item.partition("=")
         if not equals or not path:
             raise _wrong(option, f"expected PATH=VALUES, found '{item}'")
+        if path.strip() in out:
+            raise InputError(
+                [Problem(option, "", f"expected a path once, found {path.strip()} twice", "Join the values.")]
+            )
         out[path.strip()] = values(text, f"{option} {path.strip()}")
     return out
 
