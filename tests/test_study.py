@@ -721,3 +721,15 @@ def test_a_run_that_is_not_valid_is_marked_as_a_row(tmp_path):
     assert table.status[0] == "done"
     assert "the certificate says no" in table.reason[0]
     assert table.energy_kept[0] > 2
+
+
+def test_too_much_and_what_cannot_be_compared_are_refused(tmp_path):
+    out = tmp_path / "a.sqlite"
+    with pytest.raises(percuss.InputError, match="at most 1000000 values"):
+        percuss.study(given(vary={"method.contact.beta_s": "0:1:100000000"}), out, workers=1)
+    box = {"count": 10**9, "of": {"method.contact.beta_s": {"from": 0.1, "to": 1}}}
+    with pytest.raises(percuss.InputError, match="1000000"):
+        percuss.study(given(sample=box), out, workers=1)
+    where = [{"path": "refine", "op": "<", "value": "4"}]
+    with pytest.raises(percuss.InputError, match="leaves no run"):
+        percuss.study(given(vary={"refine": [1, 2]}, where=where), out, workers=1)

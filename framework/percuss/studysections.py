@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator
 
-from percuss.contracts import Doc, Ge, Unit
+from percuss.contracts import Doc, Ge, Le, Unit
 from percuss.sections import Items, Part, interval
 from percuss.wording import Expects
 
@@ -37,7 +37,7 @@ class MethodsSection:
 class SampleSection:
     """Points drawn from a box."""
 
-    count: Annotated[int, Ge(1), Unit("1"), Doc("number of points")]
+    count: Annotated[int, Ge(1), Le(1_000_000), Unit("1"), Doc("number of points")]
     of: Annotated[Any, Doc("by path: {from: ..., to: ..., scale: linear or log}")]
     method: Annotated[Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")] = (
         "latin-hypercube"
@@ -102,8 +102,8 @@ class Condition:
             return bool(found == value) == (self.op == "==")
         try:
             order = int(found > value) - int(found < value)
-        except TypeError:  # a word and a number have no order
-            return True
+        except TypeError:  # a word and a number have no order: `auto` among numbers stays, a wrong bound keeps nothing
+            return isinstance(found, str)
         return {"<": order < 0, "<=": order <= 0, ">": order > 0, ">=": order >= 0}[self.op]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from percuss.errors import InputError, Problem
 
+MOST = 1_000_000
 GRAMMAR = "write values as 1,2,5, a range as 0:1:11, a logarithmic range as 0.01:100:log:30"
 
 
@@ -38,6 +39,8 @@ def values(text: str, place: str = "--vary") -> list[Any]:
     first, last, count = _number(parts[0]), _number(parts[1]), _number(parts[-1])
     if isinstance(first, str) or isinstance(last, str) or not isinstance(count, int) or count < 1:
         raise _wrong(place, f"expected numbers and a count of at least 1, found '{text}'")
+    if count > MOST:
+        raise _wrong(place, f"expected at most {MOST} values, found {count}")
     if log and not (first > 0 and last > 0):
         raise _wrong(place, f"expected ends above 0 for a logarithmic range, found '{text}'")
     if log:
