@@ -8,6 +8,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from fake_studies import BAR
+from fake_studies import TWO_BARS as BARS
 from percuss import figures, overlay, plot, report
 from percuss.case import load
 from percuss.errors import InputError, PercussError, RunError
@@ -16,17 +18,8 @@ from percuss.runner import run
 
 pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
 
-BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
 TWO_BARS = {
-    "percuss": 1,
-    "title": "Two bars",
-    "bodies": {
-        "short": {"bar": {"length": 10, "elements": 20}, "velocity": 0.1, **BAR},
-        "long": {"bar": {"length": 20, "elements": 40}, "at": 10, "fixed": ["right"], **BAR},
-    },
-    "contacts": {"tip": {"between": ["short.right", "long.left"]}},
-    "method": {"contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": 1}},
-    "time": {"end": 0.8, "courant": 0.5},
+    **BARS,
     "record": {"fields": 40},
     "expect": [
         {"quantity": "contact_force", "during": [0.02, 0.18], "mean": 0.05, "within": "2%", "source": "exact"},

@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.contact import SWEEPS
 from percuss.errors import InputError
-from percuss.judges import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, BlackBoxJudge, Finding, RowsJudge, closed
+from percuss.judges import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, BlackBoxJudge, Closed, Finding, RowsJudge, closed
 from percuss.model import Model
 from percuss.pencil import EDGE
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 NOT_STARTED = "the certificate says no, so no step was made"
-
-
 LEAST = 1e-4  # of the free step: a smaller critical one counts as none
 SAFETY = 0.9  # of the critical step, where the case leaves the step open
 
@@ -38,7 +36,7 @@ def settled(case: Case) -> Model:
         return model
     limit = np.inf
     while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
-        judge = judge_of(model)
+        judge = judge_of(model, closed(model, model.dt))
         critical = judge.critical()
         # growth so slow that a single tiny step does not show it is no stability
         if not LEAST * judge.free < critical < np.inf or not judge.judge(SAFETY * critical).known:
@@ -50,9 +48,9 @@ def settled(case: Case) -> Model:
         model = Model(case, SAFETY * critical)
 
 
-def judge_of(model: Model) -> RowsJudge | BlackBoxJudge:
-    """Return the judge of a model: its laws' rows where they say enough, else the step itself."""
-    return BlackBoxJudge(model) if closed(model, model.dt).unknown else RowsJudge(model)
+def judge_of(model: Model, said: Closed) -> RowsJudge | BlackBoxJudge:
+    """Return the judge of a model: its laws' rows where what they `said` is enough, else the step itself."""
+    return BlackBoxJudge(model) if said.unknown else RowsJudge(model)
 
 
 def certificate(model: Model) -> dict[str, Any]:
@@ -71,7 +69,8 @@ def certificate(model: Model) -> dict[str, Any]:
         the critical one), ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or
         black-box), ``why``, ``cure``.
     """
-    judge = judge_of(model)
+    said = closed(model, model.dt)
+    judge = judge_of(model, said)
     free, critical = judge.free, judge.critical()
     found = judge.judge(model.dt)
     critical = critical if found.known else free
@@ -79,7 +78,6 @@ def certificate(model: Model) -> dict[str, Any]:
     if found.stable and not found.worst and critical < free * (1.0 - EDGE):  # what becomes unstable first
         found = dataclasses.replace(found, worst=judge.judge(critical * (1.0 + 1e-5)).worst)
     verdict, why = _verdict(model, found, free, critical, margin)
-    said = closed(model, model.dt)
     energy, energy_why = said.energy, said.why
     if energy in {NEVER_GROWS, BETWEEN} and (verdict == "no" or (found.theta is not None and found.theta >= 1.0)):
         more = ", with theta below 1" if found.theta is not None else ""

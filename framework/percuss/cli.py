@@ -147,11 +147,7 @@ def compare(
         from percuss import comparison, convergence
         from percuss.vary import varied
 
-        if plot is not None:
-            _drawable(plot)
-        loaded = _load(case, set_, plugin)
-        if plot is not None:
-            _writable(plot)
+        loaded = _load_to_write(case, set_, plugin, plot)
         contacts = _names(contact)
         own = comparison.own_laws(loaded) if contacts else []
         if own:
@@ -204,15 +200,10 @@ def stability(
         from percuss import maps
         from percuss.vary import varied
 
-        if plot is not None:
-            _drawable(plot)
         axes, families = varied(vary or []), varied(curves or [], "--curves")
         if plot is not None and not 1 <= len(axes) <= 2:
             raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
-        loaded = _load(case, set_, plugin)
-        for path in (out, plot):
-            if path is not None:
-                _writable(path)
+        loaded = _load_to_write(case, set_, plugin, plot, out)
         with progress_bar("combinations") as progress:
             rows = maps.stability(loaded, axes, families, _names(by), progress=progress)
         if out is not None:
@@ -245,11 +236,7 @@ def waves(
         from percuss.certificate import settled
         from percuss.waves import waves as measure
 
-        if plot is not None:
-            _drawable(plot)
-        loaded = _load(case, set_, plugin)
-        if plot is not None:
-            _writable(plot)
+        loaded = _load_to_write(case, set_, plugin, plot)
         found = measure(settled(loaded), contact)
         if plot is not None:
             from percuss.stability_plot import plot_waves
@@ -399,6 +386,19 @@ def _load(
     if problems:
         raise InputError(problems)
     return (read or load)(path, overrides, plugins=files or [])
+
+
+def _load_to_write(
+    path: Path, sets: list[str] | None, files: list[Path] | None, plot: Path | None, out: Path | None = None
+) -> Case:
+    """Return a case; refuse a picture or a file that could not be written, before anything is run for it."""
+    if plot is not None:
+        _drawable(plot)
+    loaded = _load(path, sets, files)
+    for target in (out, plot):
+        if target is not None:
+            _writable(target)
+    return loaded
 
 
 def _names(text: str) -> list[str]:

@@ -1,6 +1,7 @@
 """Three ways to judge whether a step is stable: the rows of the laws, the step itself, and closed forms.
 
-`Rows` and `BlackBox` know nothing of one another, and `ClosedForm` nothing of meshes: each checks the others.
+`BlackBoxJudge` asks nothing of the laws and `ClosedForm` nothing of meshes, so that each checks `RowsJudge`; that one
+asks the step itself only about bars of an element or two, above theta = 1.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from percuss.blackbox import DENSE, Motions, combinations, examine
 from percuss.contact import broadcast, delassus_rows
 from percuss.contracts import Rows
-from percuss.pencil import EDGE, Pencil, largest
+from percuss.pencil import EDGE, Pencil, critical_step, largest
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats
@@ -200,9 +201,7 @@ class RowsJudge:
 
     def critical(self) -> float:
         """Return the largest stable step, laws bound anew for each step tried."""
-        if self.judge(self.free * (1.0 - 0.1 * EDGE)).stable:
-            return self.free
-        return largest(lambda dt: self.judge(dt).stable, self.free)
+        return critical_step(lambda dt: self.judge(dt).stable, self.free)
 
 
 class BlackBoxJudge:
@@ -334,9 +333,7 @@ class ClosedForm:
 
     def critical(self) -> float:
         """Return the critical step."""
-        if self._stable(self.free * (1.0 - 0.1 * EDGE)):
-            return self.free
-        return largest(self._stable, self.free)
+        return critical_step(self._stable, self.free)
 
 
 _FREE: dict[bytes, float] = {}

@@ -74,8 +74,8 @@ def stability(
         except (PluginError, RefusedPair) as error:
             rows += [_row(varied, way, None, str(error)) for way in unknown]
         else:
-            ways = by or ("black-box" if closed(model, model.dt).unknown else "pencil",)
-            rows += [_judged(model, varied, way) for way in ways]
+            unsaid = closed(model, model.dt).unknown
+            rows += [_judged(model, varied, way, unsaid) for way in by or ("black-box" if unsaid else "pencil",)]
         if progress is not None:
             progress(done + 1, len(combinations))
     if len(wrong) == len(combinations):
@@ -110,10 +110,10 @@ def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
         writer.writerows(rows)
 
 
-def _judged(model: Model, varied: Mapping[str, Any], way: str) -> dict[str, Any]:
-    unknown = closed(model, model.dt).unknown
-    if way == "pencil" and unknown:
-        return _row(varied, way, None, f"nothing follows from the rows of {', '.join(unknown)}")
+def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[str]) -> dict[str, Any]:
+    """Return the row of one way to judge; `unsaid` are the laws of which the rows say nothing."""
+    if way == "pencil" and unsaid:
+        return _row(varied, way, None, f"nothing follows from the rows of {', '.join(unsaid)}")
     try:
         judge: Any = {"closed-form": ClosedForm, "pencil": RowsJudge, "black-box": BlackBoxJudge}[way](model)
         critical = judge.critical()

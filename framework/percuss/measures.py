@@ -10,22 +10,14 @@ import numpy as np
 
 from percuss.errors import PercussError
 from percuss.quantities import QUANTITIES
+from percuss.result import HALF_STEP as RECORDED
 
 if TYPE_CHECKING:
     from percuss.case import Case, Expectation
     from percuss.contracts import Floats
     from percuss.result import Result
 
-HALF_STEP = (
-    "kinetic_energy",
-    "elastic_energy",
-    "external_work",
-    "contact_work",
-    "contact_energy",
-    "energy",
-    "energy_error",
-    "energy_growth",
-)
+HALF_STEP = (*RECORDED, "energy")
 
 
 class CannotMeasure(PercussError):

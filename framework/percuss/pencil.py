@@ -117,6 +117,11 @@ class Pencil:
         return bool(np.linalg.eigvalsh(small)[-1] < 1.0), [int(p) for p in worst]
 
 
+def critical_step(stable: Callable[[float], bool], free: float) -> float:
+    """Return the largest step up to which `stable` is true; that is `free` where contact does not lower it."""
+    return free if stable(free * (1.0 - 0.1 * EDGE)) else largest(stable, free)
+
+
 def largest(holds: Callable[[float], bool], start: float, tolerance: float = 1e-11) -> float:
     """Return the largest step, within a relative `tolerance`, up to which `holds` is true, searching from `start`."""
     lo = hi = start

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from percuss.case import Case
 
 
+AGAINST, NOT_VALID = "the certificate says no", "not a valid result"  # begin the notes that a table must show too
+
+
 def run(
     case: Case,
     overrides: Mapping[str, Any] | None = None,
@@ -154,7 +157,7 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
     """Return what a reader of the result must know: what would have stopped it, had the case not only warned."""
     said = []
     if known["stable"] == "no" and outcome.done > 0:
-        said.append(f"the certificate says no, and the run was made all the same (on_unstable: warn): {known['why']}")
+        said.append(f"{AGAINST}, and the run was made all the same (on_unstable: warn): {known['why']}")
     if known["stable"] == "marginal":
         said.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     if march.record.every > 1 and march.model.meetings:
@@ -163,7 +166,7 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
     allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
     if outcome.status != "unstable" and not total.contact_work <= allowed:
         work = f"{total.contact_work:.6g}"
-        said.append(f"not a valid result: contact added an energy of {work}, far above all that was put in")
+        said.append(f"{NOT_VALID}: contact added an energy of {work}, far above all that was put in")
     return said
 
 

@@ -20,6 +20,7 @@ __all__ = [
     "BodySection",
     "CaseSection",
     "ContactSection",
+    "During",
     "Each",
     "ExpectSection",
     "Items",
@@ -29,7 +30,6 @@ __all__ = [
     "Part",
     "RecordSection",
     "TimeSpec",
-    "interval",
 ]
 
 _ADDRESS = Expects("an address, as short.right")
@@ -48,6 +48,15 @@ def interval(times: tuple[float, float]) -> tuple[float, float]:
     if not 0 <= times[0] < times[1]:
         raise ValueError("not an interval")
     return times
+
+
+During = Annotated[
+    tuple[float, float],
+    AfterValidator(interval),
+    Expects("two times of at least 0, the later one last"),
+    Unit("time"),
+    Doc("from when until when"),
+]
 
 
 def _vector(vector: Vector) -> Vector:
@@ -237,16 +246,7 @@ class ExpectSection:
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[str, _ADDRESS, Doc("which end")] | None = None
     component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
-    during: (
-        Annotated[
-            tuple[float, float],
-            AfterValidator(interval),
-            Expects("two times of at least 0, the later one last"),
-            Unit("time"),
-            Doc("from when until when"),
-        ]
-        | None
-    ) = None
+    during: During | None = None
     at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `value` holds")] | None = None
     mean: Annotated[float, Doc("expected mean")] | None = None
     max: Annotated[float, Doc("expected largest value")] | None = None

@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator
-
 from percuss.contracts import Doc, Ge, Le, Unit
-from percuss.sections import Items, Part, interval
+from percuss.sections import During, Items, Part
 from percuss.wording import Expects
 
 __all__ = [
@@ -72,16 +70,7 @@ class MeasureSection:
     contact: Annotated[str, Doc("which contact")] | None = None
     probe: Annotated[str, Expects("an address, as short.right"), Doc("which end")] | None = None
     component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
-    during: (
-        Annotated[
-            tuple[float, float],
-            AfterValidator(interval),
-            Expects("two times of at least 0, the later one last"),
-            Unit("time"),
-            Doc("from when until when"),
-        ]
-        | None
-    ) = None
+    during: During | None = None
     at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `take: value` is read")] | None = None
 
 

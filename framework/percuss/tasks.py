@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, PercussError, RefusedPair, RunError
-from percuss.runner import run
+from percuss.runner import AGAINST, NOT_VALID, run
 
 if TYPE_CHECKING:
     from percuss.case import Case
@@ -187,8 +187,7 @@ def perform(  # noqa: PLR0911 - a way out for each way to end
         return Row(*names, "failed", str(error)), None
     except Exception as error:  # noqa: BLE001 - whatever a plug-in does costs its own rows alone
         return Row(*names, "failed", f"{type(error).__name__}: {error}"), None
-    marks = ("not a valid result", "the certificate says no")
-    reason = "; ".join(note for note in result.summary["notes"] if note.startswith(marks))
+    reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
     return Row(*names, result.status, reason, result=result), None
 
