@@ -518,6 +518,7 @@ def scheduler(tmp_path):
             process.wait(20)
         except subprocess.TimeoutExpired:
             process.kill()
+            process.wait()
 
 
 def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, scheduler, tmp_path):
