@@ -414,7 +414,7 @@ WRONG = {
     ),
     "not marked": (
         "\ndef percuss_loads():\n    return []\n",
-        "percuss_loads: not marked as a hook; put @hookimpl of percuss.hookspecs above it",
+        "percuss_loads: not marked as a hook; put @hookimpl of percuss above it",
         "def percuss_loads",
     ),
     "not marked and unknown": (

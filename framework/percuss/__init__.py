@@ -1,7 +1,8 @@
 """percuss: a bench on which explicit contact-impact methods are compared.
 
 The public door. ``load`` a case, ``run`` it, look at the `Result`; subclass a component family to bring a method.
-Everything is imported when it is first used.
+What stands in ``__all__``, here and in `percuss.testing`, is all that a plug-in may import, and stable: see
+`percuss.contracts`. Everything is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -10,68 +11,113 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "Case": "case",
-    "ContactLaw": "contracts",
-    "Element": "contracts",
-    "InputError": "errors",
-    "Integrator": "contracts",
-    "Load": "contracts",
-    "Mass": "contracts",
-    "Material": "contracts",
-    "Measure": "contracts",
-    "PercussError": "errors",
-    "PluginError": "errors",
-    "RefusedPair": "errors",
-    "Result": "result",
-    "RunError": "errors",
-    "Shape": "contracts",
-    "Solution": "contracts",
-    "Study": "studies",
-    "compare": "comparison",
-    "hookimpl": "hookspecs",
-    "load": "case",
-    "open_result": "result",
-    "open_study": "studies",
-    "run": "runner",
-    "stability": "maps",
-    "study": "studies",
+_MODULES = {
+    "case": "Case load",
+    "comparison": "compare",
+    "contracts": (
+        "AllowInf BodyMesh ContactLaw ContactPoints DataFile Doc Element Exact ExactContact Floats Ge Gt "
+        "Integers Integrator Judged Le LeapFrog Load Lt Mass Material Measure Mesh Region Rows Shape Solution "
+        "Trial Unit end_of_step"
+    ),
+    "errors": "InputError PercussError PluginError RefusedPair RunError",
+    "hookspecs": "hookimpl",
+    "kernels": "energy_density stress",
+    "maps": "stability",
+    "result": "Result open_result",
+    "runner": "run",
+    "studies": "Study open_study study",
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
+    "AllowInf",
+    "BodyMesh",
     "Case",
     "ContactLaw",
+    "ContactPoints",
+    "DataFile",
+    "Doc",
     "Element",
+    "Exact",
+    "ExactContact",
+    "Floats",
+    "Ge",
+    "Gt",
     "InputError",
+    "Integers",
     "Integrator",
+    "Judged",
+    "Le",
+    "LeapFrog",
     "Load",
+    "Lt",
     "Mass",
     "Material",
     "Measure",
+    "Mesh",
     "PercussError",
     "PluginError",
     "RefusedPair",
+    "Region",
     "Result",
+    "Rows",
     "RunError",
     "Shape",
     "Solution",
     "Study",
+    "Trial",
+    "Unit",
     "compare",
+    "end_of_step",
+    "energy_density",
     "hookimpl",
     "load",
     "open_result",
     "open_study",
     "run",
     "stability",
+    "stress",
     "study",
 ]
 
 if TYPE_CHECKING:
     from percuss.case import Case, load
     from percuss.comparison import compare
-    from percuss.contracts import ContactLaw, Element, Integrator, Load, Mass, Material, Measure, Shape, Solution
+    from percuss.contracts import (
+        AllowInf,
+        BodyMesh,
+        ContactLaw,
+        ContactPoints,
+        DataFile,
+        Doc,
+        Element,
+        Exact,
+        ExactContact,
+        Floats,
+        Ge,
+        Gt,
+        Integers,
+        Integrator,
+        Judged,
+        Le,
+        LeapFrog,
+        Load,
+        Lt,
+        Mass,
+        Material,
+        Measure,
+        Mesh,
+        Region,
+        Rows,
+        Shape,
+        Solution,
+        Trial,
+        Unit,
+        end_of_step,
+    )
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.hookspecs import hookimpl
+    from percuss.kernels import energy_density, stress
     from percuss.maps import stability
     from percuss.result import Result, open_result
     from percuss.runner import run

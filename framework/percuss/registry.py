@@ -337,7 +337,7 @@ def _check_hook(plugin: object, name: str, function: Any, options: pluggy.Hookim
         advice = f"did you mean {near}?" if near else f"there are {', '.join(HOOKS)}"
         raise PluginError(f"no such hook; {advice}")
     if options is None:
-        raise PluginError("not marked as a hook; put @hookimpl of percuss.hookspecs above it")
+        raise PluginError("not marked as a hook; put @hookimpl of percuss above it")
     if options.get("wrapper") or options.get("hookwrapper"):
         raise PluginError("a hook that returns classes cannot be a wrapper")
     if arguments := list(inspect.signature(function).parameters):

@@ -1,6 +1,6 @@
 """The methods that come with percuss, registered like anybody's plug-in: one line each."""
 
-from percuss.hookspecs import hookimpl
+from percuss import hookimpl
 from percuss_methods.contacts.bipenalty import Bipenalty
 from percuss_methods.contacts.lagrange import Lagrange
 from percuss_methods.contacts.penalty import Penalty

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from percuss.contracts import ContactLaw, ContactPoints, Doc, Floats, Gt, Unit
+from percuss import ContactLaw, ContactPoints, Doc, Floats, Gt, Unit
 
 BetaS = (
     Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h of the softer side; auto unless given")]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from percuss.contracts import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, Rows, Unit
+from percuss import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, Rows, Unit
 from percuss_methods.contacts import _auto
 
 DEFAULT_RATIO = "matched"

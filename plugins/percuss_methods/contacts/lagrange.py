@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from percuss.contracts import ContactLaw, ContactPoints, Rows
+from percuss import ContactLaw, ContactPoints, Rows
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from percuss.contracts import ContactLaw, ContactPoints, Doc, Gt, Rows, Unit
+from percuss import ContactLaw, ContactPoints, Doc, Gt, Rows, Unit
 from percuss_methods.contacts import _auto
 
 SCALE = 0.1

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from percuss.contracts import ContactLaw, ContactPoints, Doc, Trial, Unit
+from percuss import ContactLaw, ContactPoints, Doc, Trial, Unit
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss import Floats
 
 
 class Intervals(NamedTuple):

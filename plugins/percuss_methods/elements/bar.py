@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from percuss.contracts import BodyMesh, Element
-from percuss.kernels import energy_density, stress
+from percuss import BodyMesh, Element, energy_density, stress
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss import Floats
 
 
 class BarArrays(NamedTuple):

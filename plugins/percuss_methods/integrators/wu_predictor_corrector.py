@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from percuss.contracts import Integrator, Judged, LeapFrog, end_of_step
+from percuss import Integrator, Judged, LeapFrog, end_of_step
 
 
 @dataclass(frozen=True)

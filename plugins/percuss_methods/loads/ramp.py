@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss.contracts import Doc, Gt, Load, Unit
+from percuss import Doc, Gt, Load, Unit
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss import Floats
 
 
 @dataclass(frozen=True)

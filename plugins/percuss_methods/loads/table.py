@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss.contracts import DataFile, Doc, Load, Unit
+from percuss import DataFile, Doc, Load, Unit
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss import Floats
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from percuss.contracts import Doc, Gt, Material, Unit
+from percuss import Doc, Gt, Material, Unit
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss import Floats
 
 
 @dataclass(frozen=True)

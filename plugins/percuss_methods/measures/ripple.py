@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.contracts import Measure
+from percuss import Measure
 
 if TYPE_CHECKING:
     from percuss import Result

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss.contracts import Doc, Ge, Gt, Mesh, Region, Shape, Unit
+from percuss import Doc, Ge, Gt, Mesh, Region, Shape, Unit
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss import Floats
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from percuss.contracts import Doc, Exact, ExactContact, Ge, Solution, Unit
+from percuss import Doc, Exact, ExactContact, Ge, Solution, Unit
 from percuss_methods.solutions._cubics import Cubics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from percuss.contracts import Floats
+    from percuss import Floats
     from percuss_methods.solutions._row import RowOfBars
 
 
