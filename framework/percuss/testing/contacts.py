@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from percuss.contracts import ContactPoints, Rows, Trial
-from percuss.errors import InputError, RefusedPair, RunError, nearest
+from percuss.errors import InputError, RunError, nearest
 from percuss.testing.common import STEEL
 from percuss.testing.drawn import for_all, round_off, rows, with_examples
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check, forbidden
@@ -234,31 +234,6 @@ def check_resolved(subject: Subject) -> None:
         for name, words in law.chosen(points, dt).items():
             if not isinstance(words, str) or not words.strip():
                 raise CheckFailed(f"chosen gives {name} = {words!r}, expected words")
-
-
-@check("contacts")
-def check_certificate(subject: Subject) -> None:
-    """The critical step that follows from the rows of a law is the one at which the march itself begins to grow.
-
-    A law whose rows say one thing and whose run does another would be certified wrongly.
-    """
-    from percuss.judges import BlackBoxJudge, RowsJudge, closed
-    from percuss.model import Model
-
-    def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
-        try:
-            model = Model(subject.load(subject.placed(case, options, partner)))
-        except (InputError, RefusedPair) as why:
-            raise NotApplicable(str(why)) from None
-        said = closed(model, model.dt)
-        if said.unknown:
-            raise NotApplicable(f"the rows of {', '.join(said.unknown)} say nothing; the step itself is the judge")
-        rows_say, step_says = RowsJudge(model).critical(), BlackBoxJudge(model).critical()
-        if not abs(rows_say - step_says) <= 1e-3 * rows_say:
-            raise CheckFailed(f"by the rows the critical step is {rows_say:.6g}, by the step itself {step_says:.6g}")
-
-    for_all(subject, with_examples(subject, rows(bars=2, walls=False)), same, max(3, subject.draws // 4))
 
 
 @check("contacts")

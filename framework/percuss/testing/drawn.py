@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import itertools
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -283,9 +284,9 @@ def factor(unit: str) -> float:
     for place, part in enumerate(unit.replace(" ", "").split("/")):
         for word in part.split("*"):
             base, _, power = word.partition("^")
-            if base not in POWERS or (power and not power.lstrip("-").isdigit()):
+            if base not in POWERS or not re.fullmatch(r"(-?\d+(\.\d+)?)?", power):
                 raise CheckFailed(f"unit '{unit}' is not made of known words by / * ^; known are {', '.join(POWERS)}")
-            value = math.prod(f**p for f, p in zip(OTHER_UNITS, POWERS[base], strict=True)) ** int(power or 1)
+            value = math.prod(f**p for f, p in zip(OTHER_UNITS, POWERS[base], strict=True)) ** float(power or 1)
             out = out / value if place else out * value
     return out
 
@@ -309,17 +310,22 @@ def converted(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def converted_options(subject: Subject, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options in the other units, each by the unit that it states."""
+    """Return options in the other units, each by the unit that it states; defaults that have one are among them."""
     from percuss.options import options_of
 
     known = options_of(subject.component)
+    defaults = {
+        key: option.default
+        for key, option in known.items()
+        if isinstance(option.default, int | float) and factor(option.unit or "1") != 1.0
+    }
 
     def scaled(value: Any, by: float) -> Any:
         if isinstance(value, tuple | list):
             return tuple(scaled(one, by) for one in value)
         return value * by if isinstance(value, int | float) and not isinstance(value, bool) and by != 1.0 else value
 
-    return {key: scaled(value, factor(known[key].unit or "1")) for key, value in options.items()}
+    return {key: scaled(value, factor(known[key].unit or "1")) for key, value in {**defaults, **options}.items()}
 
 
 # --------------------------------------------------------------------------------------------------- comparing

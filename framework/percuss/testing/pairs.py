@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from percuss.contracts import LeapFrog, Rows
-from percuss.errors import InputError, RunError
+from percuss.errors import InputError, RefusedPair, RunError
 from percuss.testing import drawn
 from percuss.testing.common import STEEL
 from percuss.testing.drawn import for_all, must_agree, number, replaced, rows, with_examples
@@ -132,8 +132,12 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
         mine = subject.placed(case, options, {"name": partner, **others})
         try:
             result = subject.run(mine)
-        except (RunError, InputError):
+        except InputError:
             return
+        except RunError as stopped:
+            if stopped.result.summary["certificate"]["stable"] != "yes":
+                return
+            raise CheckFailed(f"with options {dict(options)} the run was {stopped}") from None
         known = result.summary["certificate"]
         if known["stable"] not in {"yes", "unknown"} or (known["theta"] is not None and known["theta"] >= 1.0):
             return
@@ -312,3 +316,28 @@ def check_no_contact(subject: Subject) -> None:
             raise CheckFailed(f"bodies that never meet move otherwise by {moved:.2g}")
 
     for_all(subject, with_examples(subject, rows()), alone, max(4, subject.draws // 2))
+
+
+@check(*PAIRS)
+def check_certificate(subject: Subject) -> None:
+    """The critical step that follows from rows and table is the one at which the march itself begins to grow.
+
+    A pair whose rows say one thing and whose run does another would be certified wrongly.
+    """
+    from percuss.judges import BlackBoxJudge, RowsJudge, closed
+    from percuss.model import Model
+
+    def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = one
+        try:
+            model = Model(subject.load(subject.placed(case, options, partner)))
+        except (InputError, RefusedPair) as why:
+            raise NotApplicable(str(why)) from None
+        said = closed(model, model.dt)
+        if said.unknown:
+            raise NotApplicable(f"the rows of {', '.join(said.unknown)} say nothing; the step itself is the judge")
+        rows_say, step_says = RowsJudge(model).critical(), BlackBoxJudge(model).critical()
+        if not abs(rows_say - step_says) <= 1e-3 * rows_say:
+            raise CheckFailed(f"by the rows the critical step is {rows_say:.6g}, by the step itself {step_says:.6g}")
+
+    for_all(subject, with_examples(subject, rows(bars=2, walls=False)), same, max(3, subject.draws // 4))
