@@ -223,3 +223,15 @@ def test_the_strict_host_hands_out_nothing_that_can_be_changed():
     points = StrictSystem(CASE, cd, planted.Spring()).points
     with pytest.raises(AttributeError):
         points.model  # noqa: B018
+
+
+def test_without_hypothesis_the_kit_says_what_to_install():
+    code = (
+        "import sys; sys.modules['hypothesis'] = None\n"
+        "from percuss.cli import app\n"
+        "app(['verify', '--method', 'ripple'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "error: the kit draws its cases with hypothesis: pip install 'percuss[kit]'" in done.stderr
+    assert "Traceback" not in done.stderr
