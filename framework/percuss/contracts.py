@@ -348,9 +348,13 @@ class ContactLaw(Component, contract="contacts"):
     ----------
     measured
         Name of an integrator -> in words what was measured with it where nothing guarantees the energy.
+    guarantees
+        What holds whatever the options and the integrator: ``"never pulls"``, ``"no penetration"`` (at the end of
+        each step), ``"keeps the free step"``; the conformance kit holds it against drawn runs.
     """
 
     measured: ClassVar[Mapping[str, str]] = {}
+    guarantees: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def bind(self, points: ContactPoints, dt: float) -> Rows | Any:
