@@ -16,17 +16,9 @@ from percuss import measures, scaffold
 from percuss.contracts import FAMILIES
 from percuss.errors import InputError
 from percuss.registry import Registry
+from percuss.testing import conformance
 
 KINDS = list(scaffold.KINDS)
-
-
-@pytest.fixture(autouse=True)
-def _modules_as_before():
-    before = set(sys.modules)
-    yield
-    for name in set(sys.modules) - before:
-        if name.startswith("percuss_file_"):
-            del sys.modules[name]
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +72,13 @@ def test_a_single_file_runs_as_its_case_expects(written, kind):
     assert all(check.passed for check in checks), [check.as_dict() for check in checks]
     used = json.dumps(result.provenance["case"]) + str(result.summary["exact"])
     assert f"some-{kind}" in used.replace(f"some-{kind}.py", "") or kind == "measure"
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in {"contact", "integrator"}])
+def test_a_method_conforms(written, kind):
+    """Those that come in pairs are held against the kit in test_third_party, as packages."""
+    registry = Registry.load([written / f"some-{kind}.py"])
+    assert conformance(registry.get(scaffold.KINDS[kind], f"some-{kind}"), registry=registry).passed
 
 
 def test_a_measure_is_used_by_a_study(written):

@@ -34,9 +34,9 @@ def new(
 
         made = scaffold(name, kind, out, single_file=single_file)
         if as_json:
-            from percuss.cli import _print_json
+            from percuss.cli import print_json
 
-            _print_json({**vars(made), "files": [str(file) for file in made.files], "next": list(made.next)})
+            print_json({**vars(made), "files": [str(file) for file in made.files], "next": list(made.next)})
         else:
             print(f"{made.component}, a method of the family {made.family}, is ready to be changed:")
             print(*(f"  {file}" for file in made.files), sep="\n")
