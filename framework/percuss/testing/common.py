@@ -89,6 +89,8 @@ def check_frozen(subject: Subject) -> None:
     """
     if not is_frozen_dataclass(subject.component):
         raise CheckFailed("it is no frozen dataclass: put @dataclass(frozen=True) above the class")
+    if "<locals>" in subject.component.__qualname__:
+        raise CheckFailed("it is defined inside a function: define it at the top of its module, where pickles find it")
     for options in subject.examples:
         one, other = subject.make(options), subject.make(copy.deepcopy(options))
         if one != other or hash(one) != hash(other):

@@ -371,7 +371,11 @@ def must_agree(
     allowed = round_off(subject, case, base)
     if allowed is None:
         raise NotApplicable("every drawn case hangs on round-off")
-    moved = apart(base, subject.run(other), factors)
+    try:
+        changed = subject.run(other)
+    except PercussError as error:
+        raise CheckFailed(f"{what} stops the run: {error}") from None
+    moved = apart(base, changed, factors)
     if not moved <= allowed:
         raise CheckFailed(f"{what} changes the answer by {moved:.2g} of its peak; round-off explains {allowed:.1g}")
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from percuss.contracts import FAMILIES, Component
-from percuss.errors import PluginError, RefusedPair, nearest
+from percuss.errors import PluginError, RefusedPair, RunError, nearest
 from percuss.registry import Provenance, Registry
 
 __all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks", "conformance"]
@@ -34,6 +34,13 @@ class CheckFailed(AssertionError):
 
 class NotApplicable(Exception):
     """A check has nothing to say of a component; the message says why."""
+
+
+def forbidden(stopped: RunError) -> bool:
+    """Whether a run was not started because of its certificate, in place of being stopped."""
+    from percuss.certificate import NOT_STARTED
+
+    return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
 
 
 @dataclass(frozen=True)
