@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from percuss.cli_new import new
 from percuss.cli_report import report
 from percuss.cli_study import study
 from percuss.cli_verify import verify
@@ -281,6 +282,9 @@ def plugins(
             from percuss.tell import tell_registry
 
             tell_registry(registry)
+
+
+app.command()(new)
 
 
 @app.command()

@@ -139,6 +139,9 @@ class Component(ABC):
     expected_failures
         Checks that the method is known not to pass, to the reason: ``"energy-never-grows"``, or with one partner only
         ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
+    contract_version
+        The `percuss.CONTRACT` that it was written for; may be left out. A percuss that no longer keeps that contract
+        refuses the component and says what changed, an older percuss asks to be upgraded.
     """
 
     family: ClassVar[str]
@@ -148,6 +151,7 @@ class Component(ABC):
     examples: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)
     shorthand: ClassVar[str] = ""
     expected_failures: ClassVar[Mapping[str, str]] = {}
+    contract_version: ClassVar[int | None] = None
 
     def __init_subclass__(cls, *, contract: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
