@@ -218,11 +218,15 @@ class Integrator(Component, contract="integrators"):
     order
         Order of convergence of the displacement on smooth contact-free motion.
     conserves
-        What holds to round-off without contact, e.g. ``("energy", "momentum")``.
+        What holds to round-off without contact: ``"energy"``, ``"momentum"``.
+    critical_courant
+        Courant number up to which a uniform bar without contact is stable, with the first of `examples`; None where
+        it is not known.
     """
 
     order: ClassVar[int]
     conserves: ClassVar[tuple[str, ...]] = ()
+    critical_courant: ClassVar[float | None] = None
 
     @abstractmethod
     def bind(self, dt: float) -> LeapFrog:

@@ -104,7 +104,7 @@ def check_critical_courant(subject: Subject) -> None:
 
     A uniform bar in flight: bounded one per cent below, and growing without bound one per cent above.
     """
-    declared = getattr(subject.component, "critical_courant", None)
+    declared = subject.component.critical_courant  # type: ignore[attr-defined]
     if declared is None:
         raise NotApplicable("it declares no critical Courant number")
     for above, courant in ((False, (1.0 - BESIDE) * declared), (True, (1.0 + BESIDE) * declared)):
