@@ -17,15 +17,17 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
 SHELL = [text for kind, text in BLOCKS if kind == "sh"]
 PYTHON = [text for kind, text in BLOCKS if kind == "python"]
+SAVED = re.findall(r"[Ss]ave (?:this|it) as `(\w+\.py)`:\n\n```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 COMMANDS = [line for text in SHELL[2:] for line in text.strip().splitlines()]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the cases and the README's own plug-in, as a reader would have it."""
+    """Return a folder with the cases and the README's own plug-ins, as a reader would have it."""
     here = tmp_path_factory.mktemp("readme")
     shutil.copytree(ROOT / "cases", here / "cases")
-    (here / "damped.py").write_text(next(text for text in PYTHON if "class DampedPenalty" in text))
+    for name, text in SAVED:
+        (here / name).write_text(text)
     return here
 
 
@@ -85,6 +87,27 @@ def test_the_law_shown_does_what_it_says(folder: Path) -> None:
     assert same.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
     assert damped.summary["energy"]["ledger_error"] < 1e-13
     assert damped.summary["energy"]["contact_work"] < spring.summary["energy"]["contact_work"]
+
+
+def test_the_integrator_shown_does_what_it_says(folder: Path) -> None:
+    """With it a penalty is that of Wu's method with the mass `matched`, and stable however stiff."""
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "implicit_contact.py"])
+    mine = {"method.integrator": "implicit-contact"}
+    one = percuss.run(case, {**mine, "method.contact": {"name": "penalty", "beta_s": 0.25}})
+    other = percuss.run(case, {"method.contact": {"name": "bipenalty", "beta_s": 0.25, "ratio": "matched"}})
+    force = one.arrays["contact_force"]
+    assert abs(force - other.arrays["contact_force"]).max() < 1e-11 * force.max()
+    stiff = percuss.run(case, {**mine, "method.contact": {"name": "penalty", "beta_s": 1e4}, "time.courant": 0.99})
+    assert stiff.summary["certificate"]["stable"] == "yes"
+    assert stiff.summary["energy_growth"]["kept"]
+
+
+def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "hunt_crossley.py"])
+    result = percuss.run(case, {"method.contact": {"name": "hunt-crossley", "k": 500.0}})
+    assert result.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
+    assert result.arrays["contact_force"].min() == 0.0
+    assert result.summary["energy"]["contact_work"] < 0.0
 
 
 def test_every_method_named_is_registered() -> None:

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from percuss import hookspecs
+import percuss
+from percuss import admission, hookspecs
 from percuss.contracts import FAMILIES
 from percuss.errors import PluginError
+from percuss.explain import component_text, registry_data
 from percuss.registry import Broken, Provenance, Registry, shown
 
 IMPORTS = """\
@@ -486,6 +488,126 @@ def test_every_mistake_of_a_file_is_said_at_once(write):
     first, second = str(raised.value).splitlines()
     assert first.endswith(": percuss_load: no such hook; did you mean percuss_loads?")
     assert second.endswith(": percuss_contacts: 3 is not a class; return the class itself")
+
+
+# ------------------------------------------------------------------------------------- versions of the contract
+
+
+def stating(version, text=LAWS):
+    return text.replace('    name = "my-law"\n', f'    name = "my-law"\n    contract_version = {version}\n')
+
+
+@pytest.fixture
+def contract(monkeypatch):
+    """Let percuss have another contract, and keep those from another one on."""
+
+    def do(here, oldest=1):
+        monkeypatch.setattr(percuss, "CONTRACT", here)
+        monkeypatch.setattr(admission, "OLDEST", oldest)
+        monkeypatch.setattr(admission, "CHANGES", {n: f"`bind` takes {n} arguments" for n in range(1, here + 1)})
+
+    return do
+
+
+def test_the_table_of_changes_says_every_contract():
+    assert list(admission.CHANGES) == list(range(1, percuss.CONTRACT + 1))
+    assert 1 <= admission.OLDEST <= percuss.CONTRACT
+    assert all(text.strip() for text in admission.CHANGES.values())
+
+
+@pytest.mark.parametrize("stated", [None, 2, 3])
+def test_a_contract_that_is_kept_is_fine(install, contract, stated):
+    contract(3, oldest=2)
+    install("fake-laws", {"fake_laws.py": LAWS if stated is None else stating(stated)})
+    registry = Registry.load()
+    assert registry.broken == ()
+    assert registry.get("contacts", "my-law").contract_version == stated
+    told = next(one for one in registry_data(registry)["components"] if one["name"] == "my-law")
+    assert told["contract_version"] == stated
+    assert (registry_data(registry)["contract"], registry_data(registry)["percuss"]) == (3, percuss.__version__)
+    words = component_text(registry, "contacts", "my-law")
+    assert (f"written for contract {stated}" in words) == (stated is not None)
+
+
+VERSIONS = {
+    "newer": ("4", "MyLaw is written for contract 4, this percuss has contract 3: upgrade percuss"),
+    "older": (
+        "1",
+        "MyLaw is written for contract 1, this percuss has contract 3 and keeps those from 2 on: change it "
+        "(contract 2: `bind` takes 2 arguments; contract 3: `bind` takes 3 arguments), then state contract_version = 3",
+    ),
+    "no number": ("'two'", "MyLaw has the contract_version 'two'; expected a whole number from 1, now 3"),
+    "a truth": ("True", "MyLaw has the contract_version True; expected a whole number from 1, now 3"),
+    "zero": ("0", "MyLaw has the contract_version 0; expected a whole number from 1, now 3"),
+}
+
+
+@pytest.mark.parametrize("case", VERSIONS)
+def test_a_contract_that_is_not_kept_costs_that_component_alone(install, contract, write, case):
+    contract(3, oldest=2)
+    stated, said = VERSIONS[case]
+    text = stating(stated, IMPORTS + law()) + law("Other", "other") + hook("return [MyLaw, Other]")
+    site = install("fake-laws", {"fake_laws.py": text})
+    registry = Registry.load()
+    place = f"{site / 'fake_laws.py'}:{line_of(text, '@dataclass')}"
+    assert registry.broken == (Broken("fake-laws 1.0", f"percuss_contacts: {said}", place),)
+    assert {"other", "penalty"} <= set(registry.names("contacts"))
+    assert "my-law" not in registry.names("contacts")
+    with pytest.raises(PluginError) as raised:
+        Registry.load([write(stating(stated, IMPORTS + law()))], distributions=False)
+    assert str(raised.value) == f"my_law.py:{line_of(IMPORTS + law(), '@dataclass')}: {said}"
+
+
+def test_the_contract_comes_before_what_it_asks_for(install, contract):
+    """A method of a later contract may lack what this one asks for: the contract is what is told."""
+    contract(3)
+    text = stating(4, IMPORTS + ABSTRACT.format(base="Load").replace('"bad"', '"my-law"', 1))
+    install("fake-laws", {"fake_laws.py": text + hook("return [Bad]", "percuss_loads")})
+    (broken,) = Registry.load().broken
+    assert broken.error.endswith("Bad is written for contract 4, this percuss has contract 3: upgrade percuss")
+
+
+HERE = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
+NAMES = {
+    "near": ("from percuss import Rowz", f"ImportError: {HERE} has no 'Rowz' in percuss; did you mean 'Rows'?"),
+    "not near": (
+        "from percuss import Frictional",
+        f"ImportError: {HERE} has no 'Frictional' in percuss; was it written for another percuss?",
+    ),
+    "elsewhere": (
+        "from percuss.errors import Rows",
+        f"ImportError: {HERE} has no 'Rows' in percuss.errors; it stands in percuss itself",
+    ),
+    "no module": (
+        "import percuss.laws",
+        f"ModuleNotFoundError: {HERE} has no module 'percuss.laws'; "
+        "a plug-in imports from percuss and percuss.testing alone",
+    ),
+    "attribute": (
+        "import percuss\nLaw = percuss.ContactLow",
+        f"AttributeError: module 'percuss' (contract {percuss.CONTRACT}) has no attribute 'ContactLow'. "
+        "Did you mean 'ContactLaw'?",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", NAMES)
+def test_a_name_that_percuss_does_not_have_is_told_with_the_nearest(install, write, case):
+    text, said = NAMES[case]
+    site = install("fake-bad", {"fake_bad.py": text + "\n"})
+    (broken,) = Registry.load().broken
+    line = 1 + text.count("\n")
+    assert broken.error == f"entry point 'laws = fake_bad': {said}"
+    assert broken.file == f"{site / 'fake_bad.py'}:{line}"
+    with pytest.raises(PluginError) as raised:
+        Registry.load([write(text + "\n")], distributions=False)
+    assert str(raised.value) == f"my_law.py:{line}: {said}"
+
+
+def test_asking_percuss_for_what_it_has_not_stays_cheap():
+    assert not hasattr(percuss, "Rowz")
+    assert not hasattr(percuss, "__wrapped__")
+    assert getattr(percuss, "Rowz", None) is None
 
 
 # ------------------------------------------------------------------------------------------------ duplicates

@@ -1,8 +1,9 @@
 """percuss: a bench on which explicit contact-impact methods are compared.
 
 The public door. ``load`` a case, ``run`` it, look at the `Result`; subclass a component family to bring a method.
-What stands in ``__all__``, here and in `percuss.testing`, is all that a plug-in may import, and stable: see
-`percuss.contracts`. Everything is imported when it is first used.
+What stands in ``__all__``, here and in `percuss.testing`, is all that a plug-in may import, and stable: `CONTRACT`
+is its version, which grows when a plug-in has to change; `percuss.contracts` has the details. Everything is imported
+when it is first used.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+CONTRACT = 1
 
 _MODULES = {
     "case": "Case load",
@@ -30,6 +32,7 @@ _MODULES = {
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
+    "CONTRACT",
     "AllowInf",
     "BodyMesh",
     "Case",
@@ -131,8 +134,15 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     if name not in _HOME:
-        raise AttributeError(f"module 'percuss' has no attribute {name!r}")
+        raise AttributeError(f"module 'percuss' (contract {CONTRACT}) has no attribute {name!r}{_near(name)}")
     return getattr(import_module(f"percuss.{_HOME[name]}"), name)
+
+
+def _near(name: str) -> str:
+    from percuss.errors import nearest
+
+    near = None if name.startswith("_") else nearest(name, __all__)
+    return f". Did you mean '{near}'?" if near else ""
 
 
 def __dir__() -> list[str]:

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from percuss.cli_new import new
 from percuss.cli_report import report
 from percuss.cli_study import study
+from percuss.cli_verify import verify
 from percuss.errors import InputError, PercussError, Problem, RunError
 
 if TYPE_CHECKING:
@@ -97,7 +99,7 @@ def run(
                 failure, result = error, error.result
         _outputs(result, out, plot)
         if as_json:
-            _print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
+            print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
         else:
             from percuss.tell import tell_result
 
@@ -117,7 +119,7 @@ def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: As
 
         told = explanation(settled(_load(case, set_, plugin)))
         if as_json:
-            _print_json(told.data)
+            print_json(told.data)
         else:
             print(told.text)
 
@@ -162,7 +164,7 @@ def compare(
             else:
                 plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
         if as_json:
-            _print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
+            print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
         else:
             from percuss.tell import tell_orders, tell_rows
 
@@ -213,7 +215,7 @@ def stability(
 
             plot_stability(rows, axes, families, loaded.title, _methods(loaded), plot)
         if as_json:
-            _print_json({"title": loaded.title, "rows": maps.as_json(rows)})
+            print_json({"title": loaded.title, "rows": maps.as_json(rows)})
         else:
             from percuss.tell import tell_stability
 
@@ -243,7 +245,7 @@ def waves(
 
             plot_waves(found, loaded.title, _methods(loaded), plot)
         if as_json:
-            _print_json({"title": loaded.title, "reason": found.reason or None, "rows": found.rows()})
+            print_json({"title": loaded.title, "reason": found.reason or None, "rows": found.rows()})
         else:
             from percuss.tell import tell_waves
 
@@ -253,35 +255,7 @@ def waves(
 app.command()(report)
 
 
-@app.command()
-def verify(
-    cases: Annotated[list[Path], typer.Argument(metavar="CASE...", help="YAML files of cases.")],
-    plugin: Plugins = None,
-    as_json: AsJson = False,
-) -> None:
-    """Run cases and hold what they expect of themselves against what came out."""
-    with reporting(as_json):
-        from percuss import measures
-        from percuss.runner import run as run_case
-
-        loaded = [(path, _load(path, None, plugin)) for path in cases]
-        told = []
-        for path, one in loaded:
-            try:
-                checks = [c.as_dict() for c in measures.verify(one, run_case(one))]
-                error = "" if checks else "the case expects nothing: add `expect`"
-            except PercussError as stopped:
-                checks, error = [], str(stopped)
-            passed = not error and all(c["passed"] for c in checks)
-            told.append({"case": str(path), "title": one.title, "passed": passed, "error": error, "checks": checks})
-        if as_json:
-            _print_json({"passed": all(t["passed"] for t in told), "cases": told})
-        else:
-            from percuss.tell import tell_checks
-
-            tell_checks(told)
-        if not all(t["passed"] for t in told):
-            raise typer.Exit(1)
+app.command()(verify)
 
 
 @app.command()
@@ -299,15 +273,18 @@ def plugins(
         if name:
             found = explain.components_named(registry, name)
             if as_json:
-                _print_json({"components": [explain.component_data(registry, *key) for key in found]})
+                print_json({"components": [explain.component_data(registry, *key) for key in found]})
             else:
                 print("\n\n".join(explain.component_text(registry, *key) for key in found))
         elif as_json:
-            _print_json(explain.registry_data(registry))
+            print_json(explain.registry_data(registry))
         else:
             from percuss.tell import tell_registry
 
             tell_registry(registry)
+
+
+app.command()(new)
 
 
 @app.command()
@@ -321,7 +298,7 @@ def schema(
         from percuss.schema import case_schema, study_schema
 
         registry = Registry.load(plugin or [])
-        _print_json(study_schema(registry) if study else case_schema(registry))
+        print_json(study_schema(registry) if study else case_schema(registry))
 
 
 # -------------------------------------------------------------------------------------------------- helpers
@@ -336,7 +313,7 @@ def reporting(as_json: bool) -> Iterator[None]:
         if as_json:
             problems = [vars(p) for p in error.problems] if isinstance(error, InputError) else []
             kind = "bad input" if error.exit_code == 2 else "failed"
-            _print_json({"status": kind, "error": str(error), "problems": problems})
+            print_json({"status": kind, "error": str(error), "problems": problems})
         print(f"error: {error}" if not isinstance(error, InputError) else str(error), file=sys.stderr)
         if isinstance(error, InputError):
             count = len(error.problems)
@@ -436,5 +413,6 @@ def _outputs(result: Result, out: Path | None, plot: Path | None) -> None:
         plot_result(result, plot)
 
 
-def _print_json(data: dict[str, Any]) -> None:
+def print_json(data: dict[str, Any]) -> None:
+    """Print one JSON object."""
     print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))

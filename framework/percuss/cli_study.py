@@ -44,9 +44,9 @@ def study(
         if export is not None:
             made.export(export)
         if as_json:
-            from percuss.cli import _print_json
+            from percuss.cli import print_json
 
-            _print_json(_data(made))
+            print_json(_data(made))
         else:
             from percuss.tell_study import tell_study
 

@@ -140,6 +140,9 @@ class Component(ABC):
     expected_failures
         Checks that the method is known not to pass, to the reason: ``"energy-never-grows"``, or with one partner only
         ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
+    contract_version
+        The `percuss.CONTRACT` that it was written for; may be left out. A percuss that no longer keeps that contract
+        refuses the component and says what changed, an older percuss asks to be upgraded.
     """
 
     family: ClassVar[str]
@@ -149,6 +152,7 @@ class Component(ABC):
     examples: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)
     shorthand: ClassVar[str] = ""
     expected_failures: ClassVar[Mapping[str, str]] = {}
+    contract_version: ClassVar[int | None] = None
 
     def __init_subclass__(cls, *, contract: str = "", **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -259,7 +263,10 @@ class Integrator(Component, contract="integrators"):
     order
         Order of convergence of the displacement on smooth contact-free motion.
     conserves
-        What holds to round-off without contact, e.g. ``("energy", "momentum")``.
+        What holds to round-off without contact: ``"energy"``, ``"momentum"``.
+    critical_courant
+        Courant number up to which a uniform bar without contact is stable, with the first of `examples`; None where
+        it is not known.
     kept
         How many rows a scheme with a kernel `step` keeps; each begins as the acceleration at t = 0, with contact
         judged as in the last stage.
@@ -267,6 +274,7 @@ class Integrator(Component, contract="integrators"):
 
     order: ClassVar[int]
     conserves: ClassVar[tuple[str, ...]] = ()
+    critical_courant: ClassVar[float | None] = None
     kept: ClassVar[int] = 0
 
     @abstractmethod
@@ -403,9 +411,13 @@ class ContactLaw(Component, contract="contacts"):
     ----------
     measured
         Name of an integrator -> in words what was measured with it where nothing guarantees the energy.
+    guarantees
+        What holds whatever the options and the integrator: ``"never pulls"``, ``"no penetration"`` (at the end of
+        each step), ``"keeps the free step"``; the conformance kit holds it against drawn runs.
     """
 
     measured: ClassVar[Mapping[str, str]] = {}
+    guarantees: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def bind(self, points: ContactPoints, dt: float) -> Rows | Any:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import percuss
+from percuss.admission import OLDEST
 from percuss.certificate import SAFETY, certificate
 from percuss.contracts import Component, Rows
 from percuss.errors import InputError, Problem, suggestion
@@ -200,6 +202,7 @@ def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]
             "version": source.version,
             "module": source.module,
             "file": source.file,
+            "contract_version": component.contract_version,
             "facts": facts,
             "references": list(component.references),
             "options": schema_of(component),
@@ -224,6 +227,7 @@ def component_text(registry: Registry, family: str, name: str) -> str:
         lines += ["", "References", *(f"  {reference}" for reference in data["references"])]
     lines += ["", "In a case", *(f"  {line}" for line in _snippet(component))]
     origin = f"{data['distribution']} {data['version']}".strip() or data["version"]
+    origin += f", written for contract {component.contract_version}" if component.contract_version else ""
     lines += ["", f"From {origin}, {data['file']}"]
     return "\n".join(lines)
 
@@ -260,6 +264,9 @@ def _snippet(component: type[Component]) -> list[str]:
 def registry_data(registry: Registry) -> dict[str, Any]:
     """Return every component and every failure, in the terms of JSON."""
     return {
+        "percuss": percuss.__version__,
+        "contract": percuss.CONTRACT,
+        "oldest_contract": OLDEST,
         "components": [
             {
                 "family": family,
@@ -269,6 +276,7 @@ def registry_data(registry: Registry) -> dict[str, Any]:
                 "version": registry.sources[family, name].version,
                 "module": registry.sources[family, name].module,
                 "file": registry.sources[family, name].file,
+                "contract_version": component.contract_version,
             }
             for (family, name), component in registry.components.items()
         ],

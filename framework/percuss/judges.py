@@ -21,7 +21,7 @@ from percuss.pencil import EDGE, Pencil, critical_step, largest
 from percuss.schemes import reach, scheme
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss.contracts import Floats, Judged
     from percuss.model import Model
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
@@ -116,10 +116,13 @@ def closed(model: Model, dt: float) -> Closed:
         if rows["rate"].any() or (rows["sigma"] <= 0).any():
             unknown.append(law.name)
             continue
+        if not _readable(table.explicit, rows):
+            unknown.append(f"{law.name} with {model.case.method.integrator.name}")
+            continue
         stiffness[where] = rows["gap"] / rows["sigma"]
         predicted[where] = table.explicit.gap == "predicted"
-        answered = table.explicit.answer[2] if table.explicit.gap == "predicted" else 1.0
-        inertia[where] = rows["acceleration"] / rows["sigma"] * answered
+        by_gap, _, by_acceleration = table.explicit.answer
+        inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
         if table.explicit.gap == "current":
             energy.append((NOT_GUARANTEED, PULLS) if inertia[where].any() else (BETWEEN, JUMPS))
         elif _share_an_end(model, where):
@@ -128,6 +131,13 @@ def closed(model: Model, dt: float) -> Closed:
         energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
     weakest, why = max(energy, key=lambda one: WEAKEST_LAST.index(one[0]))
     return Closed(stiffness, inertia, predicted, tuple(unknown), weakest, why)
+
+
+def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
+    """Return whether stiffness and inertia of a closed contact follow from a law's rows with this table."""
+    if judged.gap == "current":
+        return judged.answer[0] == 0.0 and judged.acceleration == "bulk" and judged.answer[2] == 1.0
+    return judged.acceleration == "none" or not rows["acceleration"].any()
 
 
 def _share_an_end(model: Model, where: list[int]) -> bool:

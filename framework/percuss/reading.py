@@ -101,8 +101,11 @@ class Reader:
             return (value, True) if inner and value is not MISSING else None
 
         made, faults = validate(cls, given, kind=kind, folder=self.source.folder, resolve=resolve, also=also)
+        # where the name of a component may stand, a plug-in may be what would have known a key
+        left_out = self._left_out() if also else []
         for one in faults:
-            self.wrong((*path, *one.path), one.message, one.advice, key=one.key)
+            advice = " ".join([one.advice, *left_out]) if one.key else one.advice
+            self.wrong((*path, *one.path), one.message, advice, key=one.key)
         return made
 
     def component(self, path: KeyPath, named: Named, value: Any) -> Component | None:
@@ -120,8 +123,12 @@ class Reader:
 
     def _known(self, family: str, name: str) -> str:
         """Return the advice for an unknown component, with the plug-ins that might have brought it."""
-        broken = [f"Plug-in that failed to load: {one.source}: {one.error}." for one in self.registry.broken]
-        return " ".join([suggestion(name, self.registry.names(family), "name"), *broken])
+        return " ".join([suggestion(name, self.registry.names(family), "name"), *self._left_out()])
+
+    def _left_out(self) -> list[str]:
+        """Return, in words, the plug-ins that are not there."""
+        said = [f"Plug-in that failed to load: {one.source}: {one.error}" for one in self.registry.broken]
+        return [one if one.endswith("?") else f"{one}." for one in said]
 
     def _make(
         self,

@@ -24,12 +24,13 @@ from typing import Any, NamedTuple
 import pluggy
 
 from percuss import hookspecs
-from percuss.contracts import FAMILIES, NAME_PATTERN, Component
+from percuss.admission import PREFIX, admitted, told
+from percuss.contracts import FAMILIES, Component
 from percuss.errors import PluginError, nearest, suggestion
 
 __all__ = ["Broken", "Provenance", "Registry"]
 
-GROUP, PREFIX = "percuss", "percuss_"
+GROUP = "percuss"
 NONE_USED = "none is used: have one renamed, or uninstall it"
 HOOKS = {PREFIX + family: family for family in FAMILIES}
 
@@ -367,7 +368,7 @@ def _ask(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken
     found: list[_Found] = []
     for family, offer in offers:
         with _isolate(broken, source, PREFIX + family if hooks else "", offer):
-            component = _checked(family, offer)
+            component = admitted(family, offer)
             file = getattr(sys.modules.get(component.__module__), "__file__", None) or source.file
             found.append(_Found(component, replace(source, module=component.__module__, file=file)))
     return found
@@ -380,31 +381,6 @@ def _call(function: Callable[[], Any]) -> list[object]:
         what = f"the class {result.__name__}" if isinstance(result, type) else repr(result)
         raise PluginError(f"returned {what}, expected a list of classes")
     return list(result)
-
-
-def _checked(family: str, offer: object) -> type[Component]:
-    """Return a registered object as the component it is; raise PluginError with the rule that it breaks."""
-    if family not in FAMILIES:
-        raise PluginError(f"there is no family '{family}'. {suggestion(family, FAMILIES, 'family')}")
-    contract = FAMILIES[family]
-    if not isinstance(offer, type):
-        what = f"an object of class {type(offer).__name__}" if isinstance(offer, Component) else repr(offer)
-        raise PluginError(f"{what} is not a class; return the class itself")
-    name = offer.__name__
-    if not issubclass(offer, contract):
-        if family := getattr(offer, "family", "") if issubclass(offer, Component) else "":
-            raise PluginError(f"{name} is one of {family}; return it from {PREFIX}{family}")
-        raise PluginError(f"{name} is not a subclass of percuss.{contract.__name__}")
-    if "name" not in vars(offer):
-        raise PluginError(f"{name} is a contract, not a finished method; it has no `name`")
-    if missing := sorted(getattr(offer, "__abstractmethods__", ())):
-        raise PluginError(f"{name} is still abstract; it lacks {', '.join(f'`{one}`' for one in missing)}")
-    parameters = vars(offer).get("__dataclass_params__")  # its own: those of a base do not see its options
-    if parameters is None or not parameters.frozen:
-        raise PluginError(f"{name} is not a frozen dataclass; put @dataclass(frozen=True) above it")
-    if not isinstance(offer.name, str) or not NAME_PATTERN.fullmatch(offer.name):
-        raise PluginError(f"{name} has the name {offer.name!r}; a letter, then letters, digits, _ and -")
-    return offer
 
 
 def _finished(module: ModuleType) -> list[type[Component]]:
@@ -420,11 +396,8 @@ def _isolate(broken: list[Broken], source: Provenance, what: str = "", thing: An
     try:
         yield
     except (Exception, SystemExit) as error:  # noqa: BLE001  nothing a plug-in does may stop the others
-        text = error.msg if isinstance(error, SyntaxError) else str(error).strip()
-        if not isinstance(error, PluginError):
-            text = ": ".join(filter(None, (type(error).__name__, text)))
         place = _place(error, source) or _begins(thing) or source.file
-        broken.append(Broken(source.label, ": ".join(filter(None, (what, text))), place))
+        broken.append(Broken(source.label, ": ".join(filter(None, (what, told(error)))), place))
 
 
 def _place(error: BaseException, source: Provenance) -> str:
@@ -432,7 +405,8 @@ def _place(error: BaseException, source: Provenance) -> str:
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}:{error.lineno}"
     packages: Any = (importlib, pluggy, sys.modules.get("importlib_metadata", pluggy))  # it takes over once imported
-    machinery = ("<frozen", __file__, *(str(Path(one.__file__).parent) for one in packages))
+    own = str(Path(__file__).parent) + os.sep
+    machinery = ("<frozen", own, *(str(Path(one.__file__).parent) for one in packages))
     trace = ((step.filename, step.lineno) for step in traceback.extract_tb(error.__traceback__))
     steps = [step for step in trace if not step[0].startswith(machinery)]
     home = Path(source.file or (steps[0][0] if steps else ""))

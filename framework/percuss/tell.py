@@ -8,6 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import percuss
+from percuss.admission import OLDEST
 from percuss.comparison import ERRORS, Row, metrics
 from percuss.convergence import WORDS
 
@@ -179,8 +181,10 @@ def tell_registry(registry: Registry) -> None:
     for (family, name), component in registry.components.items():
         source = registry.sources[family, name]
         origin = f"{source.distribution} {source.version}".strip() if source.distribution else f"file {source.version}"
+        origin += f", contract {component.contract_version}" if component.contract_version else ""
         table.add_row(family, name, escape(component.summary), escape(origin), escape(source.file))
     console.print(table)
+    console.print(f"percuss {percuss.__version__}, contract {percuss.CONTRACT}; keeps contracts from {OLDEST} on")
     for broken in registry.broken:
         where = f" ({broken.file})" if broken.file else ""
         console.print(f"[red]not usable[/red] {escape(broken.source)}{escape(where)}: {escape(broken.error)}")

@@ -42,7 +42,8 @@ def tell_study(study: Study) -> None:
 def _tell_best(console: Any, done: list[dict[str, Any]], measured: list[str], keys: list[str]) -> None:
     """Print the rows with the smallest values of the first error measured, else the first rows."""
     by = next((name for name in measured if "error" in name and name != "ledger_error"), "")
-    shown = [name for name in SHOWN if name in {*measured, "seconds"}] or measured[:7]
+    told = [name for name in SHOWN if name in measured] or measured[:6]
+    shown = list(dict.fromkeys([*told, "seconds"]))
     if by and by not in shown:
         shown = [by, *shown]
     if not by or len({row["case"] for row in done}) == 1 or len(keys[3 : keys.index("status")]):

@@ -24,6 +24,8 @@ class Lagrange(ContactLaw):
         "(1991), doi 10.1002/nme.1620320107",
     )
 
+    guarantees = ("never pulls", "no penetration", "keeps the free step")
+
     def bind(self, points: ContactPoints, dt: float) -> Rows:  # noqa: ARG002
         """Return the row ``0 <= lambda``, ``gap at the end of the step >= 0``."""
         return Rows(at="end", sigma=0.0, active="all", sign=">= 0")

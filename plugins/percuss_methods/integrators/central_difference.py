@@ -28,6 +28,7 @@ class CentralDifference(Integrator):
     )
     order = 2
     conserves = ("energy", "momentum")
+    critical_courant = 1.0
     expected_failures = {
         "energy-never-grows with penalty": "a contact that opens or closes between two steps adds or takes energy",
         "energy-never-grows with bipenalty": "the same, and its inertia lets it pull before it opens: no bound",

@@ -27,6 +27,7 @@ class WuPredictorCorrector(Integrator):
     )
     order = 2
     conserves = ("energy", "momentum")
+    critical_courant = 1.0
 
     def bind(self, dt: float) -> LeapFrog:
         """Return the table of the scheme: explicit laws see u*, and no gap acceleration."""

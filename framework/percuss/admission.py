@@ -1,0 +1,85 @@
+"""Whether what a plug-in registers keeps the contract, and for which version of the contract it was written."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import percuss
+from percuss.contracts import FAMILIES, NAME_PATTERN, Component
+from percuss.errors import PluginError, nearest, suggestion
+
+__all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted", "told"]
+
+PREFIX = "percuss_"
+# contract -> what a plug-in written for the one before has to change; never taken out, so that any can be brought up
+CHANGES = {1: "the first"}
+OLDEST = 1  # contract that is still kept: a method that states an older one is refused
+
+_NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
+
+
+def admitted(family: str, offer: object) -> type[Component]:
+    """Return a registered object as the component it is.
+
+    Raises
+    ------
+    PluginError
+        With the rule that it breaks.
+    """
+    if family not in FAMILIES:
+        raise PluginError(f"there is no family '{family}'. {suggestion(family, FAMILIES, 'family')}")
+    contract = FAMILIES[family]
+    if not isinstance(offer, type):
+        what = f"an object of class {type(offer).__name__}" if isinstance(offer, Component) else repr(offer)
+        raise PluginError(f"{what} is not a class; return the class itself")
+    name = offer.__name__
+    if not issubclass(offer, contract):
+        if family := getattr(offer, "family", "") if issubclass(offer, Component) else "":
+            raise PluginError(f"{name} is one of {family}; return it from {PREFIX}{family}")
+        raise PluginError(f"{name} is not a subclass of percuss.{contract.__name__}")
+    if "name" not in vars(offer):
+        raise PluginError(f"{name} is a contract, not a finished method; it has no `name`")
+    _check_version(offer)  # first: what another contract asks for may well be missing here
+    if missing := sorted(getattr(offer, "__abstractmethods__", ())):
+        raise PluginError(f"{name} is still abstract; it lacks {', '.join(f'`{one}`' for one in missing)}")
+    parameters = vars(offer).get("__dataclass_params__")  # its own: those of a base do not see its options
+    if parameters is None or not parameters.frozen:
+        raise PluginError(f"{name} is not a frozen dataclass; put @dataclass(frozen=True) above it")
+    if not isinstance(offer.name, str) or not NAME_PATTERN.fullmatch(offer.name):
+        raise PluginError(f"{name} has the name {offer.name!r}; a letter, then letters, digits, _ and -")
+    return offer
+
+
+def _check_version(component: type[Component]) -> None:
+    """Raise PluginError where a component states a contract that this percuss does not have, or has no more."""
+    stated, here = component.contract_version, percuss.CONTRACT
+    if stated is None:
+        return
+    if type(stated) is not int or stated < 1:
+        raise PluginError(
+            f"{component.__name__} has the contract_version {stated!r}; expected a whole number from 1, now {here}"
+        )
+    written = f"{component.__name__} is written for contract {stated}, this percuss has contract {here}"
+    if stated > here:
+        raise PluginError(f"{written}: upgrade percuss")
+    if stated < OLDEST:
+        since = "; ".join(f"contract {one}: {CHANGES[one]}" for one in range(stated + 1, here + 1))
+        raise PluginError(
+            f"{written} and keeps those from {OLDEST} on: change it ({since}), then state contract_version = {here}"
+        )
+
+
+def told(error: BaseException) -> str:
+    """Return what an error in a plug-in says; where it asks percuss for a name that is not there, which is near."""
+    text = error.msg if isinstance(error, SyntaxError) else str(error).strip()
+    version = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
+        text = f"{version} has no module '{error.name}'; a plug-in imports from percuss and percuss.testing alone"
+    elif isinstance(error, ImportError) and (missing := _NAME_MISSING.match(text)):
+        name, module = missing.groups()
+        near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))
+        advice = f"did you mean '{near}'?" if near else "was it written for another percuss?"
+        advice = "it stands in percuss itself" if name in percuss.__all__ else advice
+        text = f"{version} has no '{name}' in {module}; {advice}"
+    return text if isinstance(error, PluginError) else ": ".join(filter(None, (type(error).__name__, text)))

@@ -1,0 +1,37 @@
+"""The conformance kit: whether a method does what the contract demands of it.
+
+One line runs all of it, with pytest or without::
+
+    test_conformance = conformance_test(MyLaw)
+    print(conformance(MyLaw))
+
+`StrictSystem` is a minimal host in plain NumPy that gives a method what the contract promises, and nothing else.
+"""
+
+from __future__ import annotations
+
+from percuss.testing.kit import (
+    Check,
+    CheckFailed,
+    NotApplicable,
+    Outcome,
+    Report,
+    Subject,
+    checks,
+    conformance,
+    conformance_test,
+)
+from percuss.testing.strict import StrictSystem
+
+__all__ = [
+    "Check",
+    "CheckFailed",
+    "NotApplicable",
+    "Outcome",
+    "Report",
+    "StrictSystem",
+    "Subject",
+    "checks",
+    "conformance",
+    "conformance_test",
+]

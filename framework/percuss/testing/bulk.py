@@ -1,0 +1,263 @@
+"""Checks of shapes, elements, materials and masses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from percuss.contracts import BodyMesh, Mesh, Region
+from percuss.errors import RunError
+from percuss.specialise import Specialiser
+from percuss.testing.drawn import for_all, rows
+from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
+
+CLOSE = 1e-10
+STEP = 1e-6  # of a difference quotient
+
+
+def line(count: int, dim: int = 1) -> Mesh:
+    """Return a line mesh of unlike elements along an oblique direction."""
+    direction = np.array([1.0, 2.0, -2.0][:dim])
+    direction /= np.linalg.norm(direction)
+    lengths = 0.1 * (1.0 + 0.2 * np.cos(np.arange(count)))
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    regions = {"left": Region((0,), -direction), "right": Region((count,), direction)}
+    return Mesh(along[:, None] * direction, lengths, direction, regions)
+
+
+# ----------------------------------------------------------------------------------------------------- shapes
+
+
+@check("shapes")
+def check_mesh(subject: Subject) -> None:
+    """A mesh is a straight line of elements: lengths, nodes, a unit direction, and regions with unit outward normals.
+
+    `refine` multiplies the elements and leaves the body where it is; the start is where the case says.
+    """
+    for options in subject.examples:
+        shape = subject.make(options)
+        dim = shape.dimension() or 2
+        at = np.array([1.5, -2.0, 0.25][:dim])
+        meshes = [shape.mesh(at.copy(), refine) for refine in (1, 3)]
+        for mesh in meshes:
+            _check_line(subject, mesh, dim)
+        one, three = meshes
+        if three.lengths.size != 3 * one.lengths.size:
+            raise CheckFailed(f"refine 3 makes {three.lengths.size} elements of {one.lengths.size}")
+        for name, region in one.regions.items():
+            here, there = one.nodes[list(region.nodes)], three.nodes[list(three.regions[name].nodes)]
+            if not np.allclose(here, there, rtol=1e-12, atol=1e-12):
+                raise CheckFailed(f"refinement moves the region '{name}'")
+        moved = shape.mesh(at + 1.0, 1)
+        if not np.allclose(moved.nodes - one.nodes, 1.0, rtol=0.0, atol=1e-12):
+            raise CheckFailed("the body does not begin where the case says")
+
+
+def _check_line(subject: Subject, mesh: Mesh, dim: int) -> None:
+    count = mesh.lengths.size
+    if mesh.nodes.shape != (count + 1, dim) or mesh.direction.shape != (dim,):
+        raise CheckFailed(f"{count} elements have nodes of shape {mesh.nodes.shape}, direction {mesh.direction.shape}")
+    if not (mesh.lengths > 0).all():
+        raise CheckFailed("an element has no length")
+    if abs(np.linalg.norm(mesh.direction) - 1.0) > 1e-12:
+        raise CheckFailed(f"`direction` is {mesh.direction}, expected a unit vector")
+    steps = np.diff(mesh.nodes, axis=0)
+    if not np.allclose(steps, mesh.lengths[:, None] * mesh.direction, rtol=1e-9, atol=1e-12 * mesh.lengths.sum()):
+        raise CheckFailed("nodes, lengths and direction do not fit together")
+    if set(mesh.regions) != set(subject.component.regions):  # type: ignore[attr-defined]
+        raise CheckFailed(f"regions are {sorted(mesh.regions)}, and the class says {subject.component.regions}")  # type: ignore[attr-defined]
+    for name, region in mesh.regions.items():
+        if not all(0 <= node <= count for node in region.nodes) or not region.nodes:
+            raise CheckFailed(f"region '{name}' has the nodes {region.nodes} of {count + 1}")
+        if abs(abs(float(region.outward @ mesh.direction)) - 1.0) > 1e-12:
+            raise CheckFailed(f"the outward normal of region '{name}' is {region.outward}")
+
+
+# -------------------------------------------------------------------------------------------------- materials
+
+
+def _kernels(element: Any, material: Any) -> tuple[Any, Any]:
+    """Return internal force and energy of an element with a material, as plain Python."""
+    from percuss import kernels
+
+    slots: dict[Any, Any] = {kernels.stress: material.stress, kernels.energy_density: material.energy_density}
+    maker = Specialiser(slots, jit=False)
+    return maker.bind(element.internal_force), maker.bind(element.energy)
+
+
+@check("materials")
+def check_stress_and_energy(subject: Subject) -> None:
+    """Stress is the slope of the energy density, nothing at rest, and nowhere steeper than `modulus`.
+
+    Wave speed, critical step and penalty scales are taken from the modulus; the ledger from the energy.
+    """
+    cls: Any = subject.component
+    for options in subject.examples:
+        material = subject.make(options)
+        parameters = np.array(material.parameters(), dtype=float)
+        if not (material.rho > 0 and material.modulus > 0):
+            raise CheckFailed(f"density {material.rho} and modulus {material.modulus} must be positive")
+        if cls.stress(parameters, 0.0) != 0.0 or cls.energy_density(parameters, 0.0, 0.0) != 0.0:
+            raise CheckFailed("there is stress or energy without strain")
+        for strain in np.concatenate([-np.geomspace(1e-4, 0.05, 8), np.geomspace(1e-4, 0.05, 8)]):
+            step = STEP * abs(strain)
+            ends = strain - step, strain + step
+            slope = (cls.stress(parameters, ends[1]) - cls.stress(parameters, ends[0])) / (2.0 * step)
+            if slope > material.modulus * (1.0 + 1e-6):
+                raise CheckFailed(f"at strain {strain:.3g} it is stiffer ({slope:.6g}) than its modulus")
+            density = [cls.energy_density(parameters, one, one) for one in ends]
+            stress, gradient = cls.stress(parameters, strain), (density[1] - density[0]) / (2.0 * step)
+            if abs(gradient - stress) > 1e-5 * abs(stress):
+                raise CheckFailed(
+                    f"at strain {strain:.3g} stress is {stress:.6g}, the slope of the energy {gradient:.6g}"
+                )
+            proportional = abs(stress - material.modulus * strain) <= CLOSE * abs(stress)
+            if cls.linear and not proportional:
+                raise CheckFailed(f"it says `linear`, and stress at strain {strain:.3g} is not modulus times strain")
+
+
+# --------------------------------------------------------------------------------------------------- elements
+
+
+@check("elements")
+def check_force_and_energy(subject: Subject) -> None:
+    """The internal force is minus the slope of the energy, balanced, and nothing where the body moves as a whole.
+
+    Run by run, from any first element, in one to three dimensions; else momentum or energy is lost in the bulk.
+    """
+    material = _default(subject, "materials")
+    for options in subject.examples:
+        element = subject.make(options)
+        force_of, energy_of = _kernels(element, material)
+        parameters = np.array(material.parameters(), dtype=float)
+        for dim in (1, 2, 3):
+            mesh = line(5, dim)
+            bound = element.bind(BodyMesh(mesh, 1.3))
+            u = 1e-3 * np.cos(np.arange(6 * dim) ** 2.0)
+            force = np.full(u.size, np.nan)
+            force_of(bound, parameters, 0, dim, u, force)
+            if np.isnan(force).any():
+                raise CheckFailed("`internal_force` leaves an entry unset: it sets them, it does not add to them")
+            _check_gradient(energy_of, bound, parameters, dim, u, force)
+            size = float(np.abs(force).max())
+            if np.abs(force.reshape(-1, dim).sum(axis=0)).max() > CLOSE * size:
+                raise CheckFailed(f"internal forces do not add up to nothing in {dim} dimensions")
+            whole = np.tile(np.arange(1.0, dim + 1.0), 6)
+            other = np.zeros(u.size)
+            force_of(bound, parameters, 0, dim, u + whole, other)
+            if np.abs(other - force).max() > 1e-6 * size:
+                raise CheckFailed("moving the body as a whole changes its internal force")
+            part = np.zeros(3 * dim)
+            force_of(bound, parameters, 2, dim, u[2 * dim : 5 * dim], part)
+            if np.abs(part[dim : 2 * dim] - force[3 * dim : 4 * dim]).max() > CLOSE * size:
+                raise CheckFailed("a run of elements from `first` on gives another force than the whole body")
+
+
+def _check_gradient(energy_of: Any, bound: Any, parameters: Any, dim: int, u: Any, force: Any) -> None:
+    still, size = np.zeros(u.size), float(np.abs(force).max())
+    for i in range(u.size):
+        ends = []
+        for step in (-1e-7, 1e-7):
+            other = u.copy()
+            other[i] += step
+            ends.append(energy_of(bound, parameters, 0, dim, other, still, 0.0))
+        slope = (ends[1] - ends[0]) / 2e-7
+        if abs(force[i] + slope) > 1e-5 * size:
+            raise CheckFailed(f"entry {i} of the force is {force[i]:.6g}, minus the slope of the energy {-slope:.6g}")
+
+
+@check("elements")
+def check_frequency(subject: Subject) -> None:
+    """`highest_frequency` bounds that of each element with its share of the lumped mass, and closely.
+
+    The time step is taken from it: too low, and every run is unstable; too high, and Courant numbers mean less.
+    """
+    material, mass = _default(subject, "materials"), _default(subject, "masses")
+    for options in subject.examples:
+        element = subject.make(options)
+        force_of, _ = _kernels(element, material)
+        parameters = np.array(material.parameters(), dtype=float)
+        mesh = line(4)
+        body = BodyMesh(mesh, 1.3)
+        told = element.highest_frequency(body, float(np.sqrt(material.modulus / material.rho)))
+        if told.shape != (4,) or element.axial_stiffness(body, material.modulus).shape != (4,):
+            raise CheckFailed("`highest_frequency` and `axial_stiffness` give one value an element")
+        for e in range(4):
+            alone = BodyMesh(line(1)._replace(lengths=mesh.lengths[e : e + 1]), 1.3)
+            columns = []
+            for k in range(2):
+                force = np.zeros(2)
+                force_of(element.bind(alone), parameters, 0, 1, 1e-6 * np.eye(2)[k], force)
+                columns.append(-force / 1e-6)
+            stiffness = np.array(columns)
+            nodal = mass.nodal(material.rho * 1.3 * mesh.lengths[e : e + 1])
+            true = float(np.sqrt(np.linalg.eigvals(stiffness / nodal[:, None]).real.max()))
+            if not true * (1.0 - 1e-6) <= told[e] <= 1.5 * true:
+                raise CheckFailed(f"it tells a frequency of {told[e]:.6g} for an element of {true:.6g}")
+            axial = float(element.axial_stiffness(body, material.modulus)[e])
+            if abs(axial - stiffness[0, 0]) > 1e-5 * axial:
+                raise CheckFailed(f"it tells a stiffness of {axial:.6g} for an element of {stiffness[0, 0]:.6g}")
+
+
+def _default(subject: Subject, family: str) -> Any:
+    """Return an instance of a family to go with the subject."""
+    name = {"materials": "elastic", "masses": "lumped"}[family]
+    cls = subject.registry.components.get((family, name))
+    if cls is None:
+        raise NotApplicable(f"there is no '{name}' to go with it")
+    return Subject.of(cls, subject.registry).make(dict(cls.examples[0]))
+
+
+# ----------------------------------------------------------------------------------------------------- masses
+
+
+@check("masses")
+def check_total_mass(subject: Subject) -> None:
+    """Nodal masses are positive and add up to those of the elements, about the same centre, the same from both ends.
+
+    Mass that is added or lost, at an end in contact above all, changes every impact.
+    """
+    elements = np.array([2.0, 1.0, 4.0, 0.5])
+    for options in subject.examples:
+        mass = subject.make(options)
+        for some in (elements, elements[:1], np.ones(7)):
+            kept = some.copy()
+            kept.flags.writeable = False
+            nodal = np.asarray(mass.nodal(kept), dtype=float)
+            if nodal.shape != (some.size + 1,) or not (nodal > 0).all():
+                raise CheckFailed(f"{some.size} elements give nodal masses {nodal}")
+            if abs(nodal.sum() - some.sum()) > CLOSE * some.sum():
+                raise CheckFailed(f"elements of {some.sum():.6g} together give nodes of {nodal.sum():.6g}")
+            other = np.asarray(mass.nodal(some[::-1].copy()), dtype=float)[::-1]
+            if not np.allclose(nodal, other, rtol=CLOSE):
+                raise CheckFailed("seen from the other end the masses are others")
+        even = np.asarray(mass.nodal(np.ones(6)), dtype=float)
+        if abs(even @ np.arange(7.0) - 18.0) > CLOSE * 18.0:
+            raise CheckFailed("the centre of mass of a uniform line is not in its middle")
+
+
+@check("elements", "materials", "masses", "shapes")
+def check_runs(subject: Subject) -> None:
+    """In drawn rows of bars momentum is accounted for to round-off, and energy where the material is linear."""
+
+    def runs(case: dict[str, Any]) -> None:
+        for options in subject.examples:
+            mine = subject.placed(case if subject.family != "shapes" else _one_body(case), options)
+            try:
+                result = subject.run(mine)
+            except RunError as stopped:
+                raise NotApplicable(str(stopped)) from None
+            linear = getattr(subject.component, "linear", True)
+            if result.summary["momentum"]["error"] > 1e-11:
+                raise CheckFailed(f"momentum is off by {result.summary['momentum']['error']:.2g} with {options}")
+            if linear and result.summary["energy"]["ledger_error"] > 1e-11:
+                raise CheckFailed(f"energy is off by {result.summary['energy']['ledger_error']:.2g} with {options}")
+
+    for_all(subject, rows(), runs)
+
+
+def _one_body(case: dict[str, Any]) -> dict[str, Any]:
+    """Return the case with its first body alone and no contact: a shape says where its ends are."""
+    name, body = next(iter(case["bodies"].items()))
+    return {**case, "bodies": {name: body}, "contacts": {}, "loads": {}, "record": {"probes": []}}

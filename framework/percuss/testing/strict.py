@@ -1,0 +1,196 @@
+"""A minimal host: rows of bars in full matrices, in plain NumPy, that gives a method what the contract promises.
+
+It shares no code with the march. What it hands out cannot be written, has nothing but the promised attributes, and a
+kernel finds its output filled with nan.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.contracts import ContactPoints, LeapFrog, Rows, Trial
+from percuss.testing.kit import CheckFailed, NotApplicable
+
+if TYPE_CHECKING:
+    from percuss.contracts import ContactLaw, Floats, Integrator, Judged
+
+TOUCHING = 1e-9  # of an element: a smaller initial gap is none
+
+
+@dataclass(frozen=True)
+class Histories:
+    """What a march gives at t_n, n = 0 ... N: (N + 1, contacts) and (N + 1, nodes) arrays."""
+
+    contact_force: Floats
+    gap: Floats
+    displacement: Floats
+
+
+class StrictSystem:
+    """A row of bars along x with contacts, marched by an integrator and a contact law through the contract alone.
+
+    Parameters
+    ----------
+    case
+        Mapping of a case in one dimension: bodies that are bars of one element size, contacts between them and with
+        walls, fixed ends, constant forces on ends. Its method is not looked at.
+    integrator, law
+        Instances of the methods.
+
+    Attributes
+    ----------
+    dt, steps
+        Time step and number of steps.
+    points : ContactPoints
+        What the law is handed.
+    """
+
+    def __init__(self, case: Mapping[str, Any], integrator: Integrator, law: ContactLaw) -> None:
+        self.integrator, self.law = integrator, law
+        self._assemble(case)
+        fastest = max(frequency for _, frequency in self._ends.values())
+        self.dt: float = case["time"].get("step") or case["time"]["courant"] * 2.0 / fastest
+        self.steps: int = case["time"]["steps"]
+        self._meet(case)
+        self.table = integrator.bind(self.dt)
+        if not isinstance(self.table, LeapFrog):
+            raise NotApplicable(f"{integrator.name} is no leap-frog scheme")
+        self.bound = law.bind(self.points, self.dt)
+
+    def _assemble(self, case: Mapping[str, Any]) -> None:
+        sizes = {name: one["bar"]["elements"] + 1 for name, one in case["bodies"].items()}
+        total = sum(sizes.values())
+        self.stiffness, self.mass = np.zeros((total, total)), np.zeros(total)
+        self.force, self.velocity = np.zeros(total), np.zeros(total)
+        self.held = np.zeros(total, dtype=bool)
+        self._nodes: dict[str, int] = {}
+        self._place: dict[str, float] = {}
+        self._size: dict[str, float] = {}  # of an element
+        self._ends: dict[str, tuple[float, float]] = {}  # EA/h and 2c/h
+        first = 0
+        for name, one in case["bodies"].items():
+            n, area = one["bar"]["elements"], one["area"]
+            young, density, h = one["material"]["young"], one["material"]["density"], one["bar"]["length"] / n
+            for e in range(first, first + n):
+                self.stiffness[e : e + 2, e : e + 2] += young * area / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+                self.mass[e : e + 2] += 0.5 * density * area * h
+            self.velocity[first : first + n + 1] = one["velocity"]
+            self._nodes |= {f"{name}.left": first, f"{name}.right": first + n}
+            self._place |= {f"{name}.left": one["at"], f"{name}.right": one["at"] + one["bar"]["length"]}
+            self._size[name], self._ends[name] = h, (young * area / h, 2.0 * math.sqrt(young / density) / h)
+            for end in one.get("fixed", ()):
+                self.held[self._nodes[f"{name}.{end}"]] = True
+            first += n + 1
+        for load in case.get("loads", {}).values():
+            self.force[self._nodes[load["on"]]] += load["constant"]
+        self.velocity[self.held] = 0.0
+        self.response = np.where(self.held, 0.0, 1.0 / self.mass)
+
+    def _meet(self, case: Mapping[str, Any]) -> None:
+        contacts = case["contacts"]
+        self.normal = np.zeros((self.mass.size, len(contacts)))
+        self.initial_gap = np.zeros(len(contacts))
+        sides = []
+        for p, one in enumerate(contacts.values()):
+            ends = one["between"] if "between" in one else [one["body"]]
+            sign = 1.0 if ends[0].endswith(".right") else -1.0
+            other = self._place[ends[1]] if len(ends) == 2 else one["wall"]
+            gap = sign * (other - self._place[ends[0]])
+            for end, normal in zip(ends, (-sign, sign), strict=False):
+                self.normal[self._nodes[end], p] = normal
+            sides.append([self._ends[end.partition(".")[0]] for end in ends])
+            size = min(self._size[end.partition(".")[0]] for end in ends)
+            self.initial_gap[p] = 0.0 if gap <= TOUCHING * size else gap
+        self.delassus = self.normal.T @ (self.response[:, None] * self.normal)
+        softer = [min(row) for row in sides]
+        self.points = ContactPoints(
+            names=tuple(contacts),
+            stiffness=_locked([row[0] for row in softer]),
+            frequency=_locked([min(one[1] for one in row) for row in sides]),
+            mass=_locked([2.0 * s[0] / s[1] ** 2 for s in softer]),
+            equal_sides=_locked([all(np.allclose(one, row[0], rtol=1e-12) for one in row) for row in sides], bool),
+            delassus=_locked(np.diag(self.delassus)),
+            weight=_locked([1.0] * len(sides)),
+        )
+
+    def march(self) -> Histories:
+        """March to the end and one trial step beyond, which gives the last force."""
+        dt, u = self.dt, np.zeros(self.mass.size)
+        v = self.velocity - 0.5 * dt * self.response * self.force
+        kept: list[tuple[Floats, Floats, Floats]] = []
+        for n in range(self.steps + 1):
+            bulk = self.response * (self.force - self.stiffness @ u)
+            ahead = v + dt * bulk
+            ahead[self.held] = 0.0
+            multiplier = self.multipliers(u, v, u + dt * ahead, ahead, bulk, n * dt)
+            kept.append((multiplier, self.initial_gap + self.normal.T @ u, u))
+            v = ahead + dt * self.response * (self.normal @ multiplier)
+            u = u + dt * v
+        return Histories(*(np.array(column) for column in zip(*kept, strict=True)))
+
+    def multipliers(self, u: Floats, v: Floats, ahead: Floats, rate: Floats, bulk: Floats, time: float) -> Floats:
+        """Return the multipliers of a step, (contacts,), from the state before it and after the bulk update."""
+        gaps = self.initial_gap + self.normal.T @ u, self.initial_gap + self.normal.T @ ahead
+        rates = self.normal.T @ v, self.normal.T @ rate
+        if isinstance(self.bound, Rows):
+            return self._by_rows(self.bound, gaps, rates, self.normal.T @ bulk)
+        multiplier = np.full(len(self.points.names), np.nan)
+        seen = [_locked(one) for one in (*gaps, *rates)]
+        s, dt = _locked(np.diag(self.delassus)), self.dt
+        trial = Trial(seen[0], seen[1], seen[2], seen[3], s, dt, time, dt * dt, dt)
+        kernel: Any = getattr(type(self.law), "multipliers", None)
+        if kernel is None:
+            raise CheckFailed("bind returned no Rows, and there is no static method `multipliers`")
+        getattr(kernel, "py_func", kernel)(self.bound, trial, multiplier)
+        if np.isnan(multiplier).any():
+            raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
+        return multiplier
+
+    def _by_rows(
+        self, rows: Rows, gaps: tuple[Floats, Floats], rates: tuple[Floats, Floats], acceleration: Floats
+    ) -> Floats:
+        count = len(self.points.names)
+        judged: Judged = getattr(self.table, rows.at)
+        gap, rate = gaps[judged.gap == "predicted"], rates[judged.rate == "predicted"]
+        weights = [np.broadcast_to(np.asarray(one, float), count) for one in (rows.gap, rows.rate, rows.acceleration)]
+        sigma = np.broadcast_to(np.asarray(rows.sigma, dtype=float), count)
+        answer = sum(weight * one for weight, one in zip(weights, judged.answer, strict=True))
+        right = -weights[0] * gap - weights[1] * rate
+        if judged.acceleration == "bulk":
+            right = right - weights[2] * acceleration
+        active = np.flatnonzero((gap < 0.0) | (rows.active == "all"))
+        left = np.diag(sigma) + np.asarray(answer)[:, None] * self.delassus
+        out = np.zeros(count)
+        out[active] = _solved(left[np.ix_(active, active)], right[active], free=rows.sign == "free")
+        return out
+
+
+def _solved(left: Floats, right: Floats, *, free: bool) -> Floats:
+    """Return x with ``left x = right``, or with ``0 <= x, left x - right >= 0, x (left x - right) = 0``."""
+    count = right.size
+    if free and count:
+        return np.asarray(np.linalg.solve(left, right), dtype=float)
+    best, least = np.zeros(count), math.inf
+    scale = float(np.abs(right).max(initial=0.0))
+    for size in range(count + 1):
+        for some in itertools.combinations(range(count), size):
+            x = np.zeros(count)
+            which = list(some)
+            x[which] = np.linalg.lstsq(left[np.ix_(which, which)], right[which], rcond=None)[0]
+            spare = left @ x - right
+            miss = max(-float(spare.min(initial=0.0)), -float((x * np.diag(left)).min(initial=0.0)))
+            if miss < least - 1e-13 * scale:
+                best, least = x, miss
+    return best
+
+
+def _locked(values: Any, kind: type = float) -> Any:
+    array: Any = np.array(values, dtype=kind)
+    array.flags.writeable = False
+    return array

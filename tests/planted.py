@@ -1,0 +1,961 @@
+"""Methods that are right, and the same with a mistake of the kind people make, each with the check it must fail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from percuss import (
+    BodyMesh,
+    ContactLaw,
+    Doc,
+    Element,
+    Ge,
+    Gt,
+    Integrator,
+    Judged,
+    LeapFrog,
+    Load,
+    Mass,
+    Material,
+    Measure,
+    Mesh,
+    Region,
+    Rows,
+    Shape,
+    Unit,
+    end_of_step,
+    energy_density,
+    stress,
+)
+from percuss_methods.solutions.bars_in_a_row import BarsInARow
+
+SWITCHING = {"energy-never-grows with central-difference": "a contact that opens or closes between two steps"}
+RIGHT = []
+WRONG = []  # (class, check)
+
+
+def right(cls):
+    RIGHT.append(cls)
+    return cls
+
+
+def caught_by(check):
+    def keep(cls):
+        WRONG.append((cls, check))
+        return cls
+
+    return keep
+
+
+class law:
+    """What contact laws of this file have in common."""
+
+    summary = "a contact law"
+    references = ("nobody, nowhere",)
+
+
+Stiffness = Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h")]
+
+# ------------------------------------------------------------------------------------------- laws that are rows
+
+
+@right
+@dataclass(frozen=True)
+class Spring(ContactLaw):
+    """A spring.
+
+    Formula: ``lambda = beta_s (EA/h) <-g>``.
+    """
+
+    name = "spring"
+    summary = "A spring"
+    references = ("nobody, nowhere",)
+    expected_failures = SWITCHING
+
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+
+
+@caught_by("pushes-apart")
+@dataclass(frozen=True)
+class WrongSign(ContactLaw):
+    """Pulls where it should push."""
+
+    name = "wrong-sign"
+    summary = law.summary
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness), gap=-1.0)
+
+
+@caught_by("options-bounded")
+@dataclass(frozen=True)
+class NoBound(ContactLaw):
+    """A stiffness that may be negative, or zero."""
+
+    name = "no-bound"
+    summary = law.summary
+    beta_s: Annotated[float, Unit("1"), Doc("stiffness")] = 0.25
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+
+
+@caught_by("units")
+@dataclass(frozen=True)
+class WrongUnit(ContactLaw):
+    """A stiffness with a unit, which says that it has none."""
+
+    name = "wrong-unit"
+    summary = law.summary
+    epsilon: Annotated[float, Gt(0), Unit("1"), Doc("stiffness")] = 30.0
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1.0 / self.epsilon)
+
+
+@caught_by("units")
+@dataclass(frozen=True)
+class StepIgnored(ContactLaw):
+    """A compliance made from a step of a millisecond, whatever the step is."""
+
+    name = "step-ignored"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="end", sigma=1e-3**2 * points.delassus, active="all", sign=">= 0")
+
+
+CACHE = {}
+
+
+@caught_by("no-hidden-state")
+@dataclass(frozen=True)
+class Remembers(ContactLaw):
+    """Keeps the stiffness of the first run for all that follow."""
+
+    name = "remembers"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        stiffness = CACHE.setdefault(len(points.names), points.stiffness)
+        return Rows(at="explicit", sigma=4.0 / stiffness)
+
+
+@caught_by("any-number-of-contacts")
+@dataclass(frozen=True)
+class OneForAll(ContactLaw):
+    """Takes the stiffness of the first contact for every one."""
+
+    name = "one-for-all"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness[:1].sum())
+
+
+@caught_by("inputs-untouched")
+@dataclass(frozen=True)
+class ChangesPoints(ContactLaw):
+    """Doubles the stiffness in place."""
+
+    name = "changes-points"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        points.stiffness[:] *= 2.0
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+
+@caught_by("no-contact")
+@dataclass(frozen=True)
+class AtADistance(ContactLaw):
+    """Pushes at any gap."""
+
+    name = "at-a-distance"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness, active="all")
+
+
+@caught_by("guarantees")
+@dataclass(frozen=True)
+class SaysTooMuch(ContactLaw):
+    """A spring that says that nothing overlaps."""
+
+    name = "says-too-much"
+    summary = law.summary
+    guarantees = ("no penetration",)
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+
+@caught_by("guarantees")
+@dataclass(frozen=True)
+class LumpedInertia(ContactLaw):
+    """Bipenalty whose mass is taken off the diagonal of the wrong matrix: it no longer keeps the free step."""
+
+    name = "lumped-inertia"
+    summary = law.summary
+    guarantees = ("keeps the free step",)
+
+    def bind(self, points, dt):
+        eps_s = 4.0 * points.stiffness
+        return Rows(at="explicit", sigma=1.0 / eps_s + 0.25 * dt**2 * points.delassus, acceleration=0.0)
+
+
+@caught_by("guarantees")
+@dataclass(frozen=True)
+class UnknownGuarantee(ContactLaw):
+    """Guarantees something nobody knows."""
+
+    name = "unknown-guarantee"
+    summary = law.summary
+    guarantees = ("never pull",)
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+
+@caught_by("refusals")
+@dataclass(frozen=True)
+class RefusesWithoutAWord(ContactLaw):
+    """Refuses an integrator, and does not say why."""
+
+    name = "refuses-without-a-word"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+    def refuses(self, integrator):
+        return "" if integrator.name == "central-difference" else None
+
+
+@caught_by("refusals")
+@dataclass(frozen=True)
+class RefusesAll(ContactLaw):
+    """Is for nobody."""
+
+    name = "refuses-all"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+    def refuses(self, integrator):
+        return "out of principle"
+
+
+@caught_by("references")
+@dataclass(frozen=True)
+class NoSource(ContactLaw):
+    """From nowhere."""
+
+    name = "no-source"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+
+@caught_by("facts")
+@dataclass(frozen=True)
+class Misspelt(ContactLaw):
+    """Declares to fail a check that there is not."""
+
+    name = "misspelt"
+    summary = law.summary
+    expected_failures = {"energy-newer-grows": "of a typing error"}
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+
+@caught_by("units")
+@dataclass(frozen=True)
+class DeclaredButPasses(ContactLaw):
+    """Declares to fail a check that it passes."""
+
+    name = "declared-but-passes"
+    summary = law.summary
+    expected_failures = {"units": "it was so once"}
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+
+@caught_by("options-documented")
+@dataclass(frozen=True)
+class Silent(ContactLaw):
+    """Does not say what its option is."""
+
+    name = "silent"
+    summary = law.summary
+    beta_s: Annotated[float, Gt(0)] = 0.25
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+
+
+@caught_by("examples")
+@dataclass(frozen=True)
+class BadExample(ContactLaw):
+    """Has an example that no case could have."""
+
+    name = "bad-example"
+    summary = law.summary
+    examples = ({"beta_s": -1.0},)
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+
+
+@caught_by("resolved")
+@dataclass(frozen=True)
+class ResolvesNothing(ContactLaw):
+    """Says of its parameters that they are not numbers."""
+
+    name = "resolves-nothing"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+
+    def resolved(self, points, dt):
+        return {"epsilon_s": 0.0 * points.stiffness / 0.0 if not len(points.names) else np.full(3, 1.0)}
+
+
+# ------------------------------------------------------------------------------- laws with a kernel of their own
+
+
+class Nothing(NamedTuple):
+    none: np.ndarray
+
+
+NOTHING = Nothing(np.zeros(1))
+
+
+@right
+@dataclass(frozen=True)
+class Rigid(ContactLaw):
+    """Exact contact at the end of the step, one point at a time.
+
+    Formula: ``lambda = <-g*> / (dt^2 s)``, g* the gap after the bulk update.
+    """
+
+    name = "rigid"
+    summary = law.summary
+    references = law.references
+    guarantees = ("never pulls",)
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+
+
+@caught_by("exact-impact with central-difference")
+@dataclass(frozen=True)
+class Twice(ContactLaw):
+    """The force, and the force again."""
+
+    name = "twice"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(2):
+            for p in range(multiplier.size):
+                multiplier[p] += max(-trial.predicted_gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+
+
+@caught_by("energy-never-grows with wu-predictor-corrector")
+@dataclass(frozen=True)
+class StaleGap(ContactLaw):
+    """Looks at the gap before the step, and takes it for that at its end."""
+
+    name = "stale-gap"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = max(-trial.gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+
+
+@caught_by("exact-impact with central-difference")
+@dataclass(frozen=True)
+class NoStep(ContactLaw):
+    """Divides by the step once too seldom."""
+
+    name = "no-step"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.dt * trial.delassus[p])
+
+
+@caught_by("any-number-of-contacts")
+@dataclass(frozen=True)
+class FirstOnly(ContactLaw):
+    """Handles the first contact."""
+
+    name = "first-only"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[0] = max(-trial.predicted_gap[0], 0.0) / (trial.dt**2 * trial.delassus[0])
+
+
+@caught_by("inputs-untouched")
+@dataclass(frozen=True)
+class ChangesTrial(ContactLaw):
+    """Clips the gaps it is shown in place."""
+
+    name = "changes-trial"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            trial.predicted_gap[p] = min(trial.predicted_gap[p], 0.0)
+            multiplier[p] = -trial.predicted_gap[p] / (trial.dt**2 * trial.delassus[p])
+
+
+@caught_by("no-hidden-state")
+@dataclass(frozen=True)
+class KeepsInBound(ContactLaw):
+    """Counts its steps in an array that all runs share."""
+
+    name = "keeps-in-bound"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING_KEPT
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        bound.none[0] += 1.0
+        for p in range(multiplier.size):
+            soft = 1.0 / (1.0 + 1e-3 * bound.none[0])
+            multiplier[p] = soft * max(-trial.predicted_gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+
+
+NOTHING_KEPT = Nothing(np.zeros(1))
+
+
+@caught_by("units")
+@dataclass(frozen=True)
+class Tolerant(ContactLaw):
+    """Calls a gap of a tenth of a millimetre closed, in whatever unit it is."""
+
+    name = "tolerant"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            overlap = max(1e-4 - trial.predicted_gap[p], 0.0)
+            multiplier[p] = overlap / (trial.dt**2 * trial.delassus[p])
+
+
+# -------------------------------------------------------------------------------------------------- integrators
+
+
+@right
+@dataclass(frozen=True)
+class Predicting(Integrator):
+    """Contact judged at the predicted state.
+
+    Formula: ``v = v* + dt M^-1 N lambda(u*)``.
+    """
+
+    name = "predicting"
+    summary = "Contact judged at the predicted state"
+    references = ("nobody, nowhere",)
+    order = 2
+    conserves = ("energy", "momentum")
+    critical_courant = 1.0
+
+    def bind(self, dt):
+        return LeapFrog(Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
+
+
+def explicit(dt):
+    return LeapFrog(Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
+
+
+@caught_by("order")
+@dataclass(frozen=True)
+class OrderClaimed(Integrator):
+    """Says that it is of order four."""
+
+    name = "order-claimed"
+    summary = "a scheme"
+    order = 4
+
+    def bind(self, dt):
+        return explicit(dt)
+
+
+@caught_by("critical-courant")
+@dataclass(frozen=True)
+class StableClaimed(Integrator):
+    """Says that it may take twice the step."""
+
+    name = "stable-claimed"
+    summary = "a scheme"
+    order = 2
+    critical_courant = 2.0
+
+    def bind(self, dt):
+        return explicit(dt)
+
+
+@caught_by("critical-courant")
+@dataclass(frozen=True)
+class TooModest(Integrator):
+    """Says that it may take half the step only."""
+
+    name = "too-modest"
+    summary = "a scheme"
+    order = 2
+    critical_courant = 0.5
+
+    def bind(self, dt):
+        return explicit(dt)
+
+
+@caught_by("conserves")
+@dataclass(frozen=True)
+class ConservesWhat(Integrator):
+    """Conserves something nobody knows."""
+
+    name = "conserves-what"
+    summary = "a scheme"
+    order = 2
+    conserves = ("enegry",)
+
+    def bind(self, dt):
+        return explicit(dt)
+
+
+@caught_by("energy-never-grows with bipenalty")
+@dataclass(frozen=True)
+class ShowsTooMuch(Integrator):
+    """Shows the bulk acceleration beside the predicted state, which has it already."""
+
+    name = "shows-too-much"
+    summary = "a scheme"
+    order = 2
+
+    def bind(self, dt):
+        return LeapFrog(Judged("predicted", "predicted", "bulk", (0.0, 0.0, 1.0)), end_of_step(dt))
+
+
+@caught_by("exact-impact with lagrange")
+@dataclass(frozen=True)
+class WrongAnswer(Integrator):
+    """Says of the end of the step that a multiplier moves it half as far as it does."""
+
+    name = "wrong-answer"
+    summary = "a scheme"
+    order = 2
+
+    def bind(self, dt):
+        return explicit(dt)._replace(end=Judged("predicted", "predicted", "bulk", (0.1 * dt * dt, dt, 1.0)))
+
+
+# -------------------------------------------------------------------------------------------------------- loads
+
+
+@right
+@dataclass(frozen=True)
+class Triangle(Load):
+    """A triangle.
+
+    Formula: ``A(t) = peak (1 - |2 t / duration - 1|)`` up to `duration`, zero after it.
+    """
+
+    name = "triangle"
+    summary = "A triangle"
+    examples = ({"peak": 2.0, "duration": 0.1},)
+    peak: Annotated[float, Unit("amplitude"), Doc("largest value")]
+    duration: Annotated[float, Gt(0), Unit("time"), Doc("length")]
+
+    def amplitude(self, time):
+        return self.peak * np.maximum(1.0 - np.abs(2.0 * time / self.duration - 1.0), 0.0)
+
+    def kinks(self):
+        return (0.5 * self.duration, self.duration)
+
+
+class pulse:
+    examples = ({"peak": 2.0, "duration": 0.1},)
+
+
+@caught_by("kinks")
+@dataclass(frozen=True)
+class SmoothClaimed(Load):
+    """A triangle that says it is smooth up to its end."""
+
+    name = "smooth-claimed"
+    summary = "a load"
+    examples = pulse.examples
+    peak: Annotated[float, Unit("amplitude"), Doc("largest value")]
+    duration: Annotated[float, Gt(0), Unit("time"), Doc("length")]
+
+    def amplitude(self, time):
+        return self.peak * np.maximum(1.0 - np.abs(2.0 * time / self.duration - 1.0), 0.0)
+
+    def kinks(self):
+        return (self.duration,)
+
+
+@caught_by("amplitude")
+@dataclass(frozen=True)
+class LooksAtNeighbours(Load):
+    """Scales with the largest time it is asked for."""
+
+    name = "looks-at-neighbours"
+    summary = "a load"
+
+    def amplitude(self, time):
+        return time / (time.max(initial=0.0) or 1.0)
+
+
+@caught_by("amplitude")
+@dataclass(frozen=True)
+class NumberOnly(Load):
+    """Gives one number for all times."""
+
+    name = "number-only"
+    summary = "a load"
+
+    def amplitude(self, time):
+        return 1.0
+
+
+@caught_by("amplitude")
+@dataclass(frozen=True)
+class ChangesTimes(Load):
+    """Shifts the times it was handed."""
+
+    name = "changes-times"
+    summary = "a load"
+
+    def amplitude(self, time):
+        time += 1.0
+        return np.sin(time)
+
+
+# --------------------------------------------------------------------------------------------- bulk of the bodies
+
+
+@caught_by("total-mass")
+@dataclass(frozen=True)
+class LumpedPenalty(Mass):
+    """Lumps a penalty mass on the two ends, so that contact may be stiffer."""
+
+    name = "lumped-penalty"
+    summary = "a mass"
+
+    def nodal(self, element_mass):
+        nodal = np.zeros(element_mass.size + 1)
+        nodal[:-1] += 0.5 * element_mass
+        nodal[1:] += 0.5 * element_mass
+        nodal[[0, -1]] *= 1.5
+        return nodal
+
+
+@caught_by("total-mass")
+@dataclass(frozen=True)
+class Leaning(Mass):
+    """Gives each node the mass of the element behind it, and the last one a bit."""
+
+    name = "leaning"
+    summary = "a mass"
+
+    def nodal(self, element_mass):
+        nodal = np.append(element_mass, 0.1 * element_mass[-1])
+        return nodal * element_mass.sum() / nodal.sum()
+
+
+@right
+@dataclass(frozen=True)
+class Hooke(Material):
+    """Hooke's law.
+
+    Formula: ``stress = young strain``.
+    """
+
+    name = "hooke"
+    summary = "Linear"
+    linear = True
+    examples = ({"young": 100.0, "density": 0.01},)
+    young: Annotated[float, Gt(0), Unit("stress"), Doc("Young's modulus")]
+    density: Annotated[float, Gt(0), Unit("density"), Doc("density")]
+
+    @property
+    def rho(self):
+        return self.density
+
+    @property
+    def modulus(self):
+        return self.young
+
+    def parameters(self):
+        return (self.young,)
+
+    @staticmethod
+    def stress(parameters, strain):
+        return parameters[0] * strain
+
+    @staticmethod
+    def energy_density(parameters, before, after):
+        return 0.5 * parameters[0] * before * after
+
+
+def at_the_top(cls):
+    """Let pickle find a class that a function made."""
+    cls.__qualname__ = cls.__name__ = cls.name.replace("-", "_")
+    globals()[cls.__name__] = cls
+    return cls
+
+
+def material(name, check, *, linear=True, modulus=1.0, curve=0.0, energy=0.5):
+    @dataclass(frozen=True)
+    class Wrong(Material):
+        """Hooke's law, wrongly."""
+
+        summary = "a material"
+        examples = ({"young": 100.0, "density": 0.01},)
+        young: Annotated[float, Gt(0), Unit("stress"), Doc("Young's modulus")]
+        density: Annotated[float, Gt(0), Unit("density"), Doc("density")]
+
+        @property
+        def rho(self):
+            return self.density
+
+        @property
+        def modulus(self):
+            return modulus * self.young
+
+        def parameters(self):
+            return (self.young, curve, energy)
+
+        @staticmethod
+        def stress(parameters, strain):
+            return parameters[0] * strain * (1.0 - parameters[1] * abs(strain))
+
+        @staticmethod
+        def energy_density(parameters, before, after):
+            return parameters[2] * parameters[0] * before * after
+
+        vars()["name"] = name
+        vars()["linear"] = linear
+
+    return caught_by(check)(at_the_top(Wrong))
+
+
+material("too-soft", "stress-and-energy", modulus=0.5)
+material("curved", "stress-and-energy", curve=3.0)
+material("twice-the-energy", "stress-and-energy", energy=1.0)
+
+
+class Arrays(NamedTuple):
+    inverse: np.ndarray
+    area: np.ndarray
+    direction: np.ndarray
+
+
+def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_factor=0.5):
+    @dataclass(frozen=True)
+    class Plain(Element):
+        """A bar of two nodes.
+
+        Formula: ``force = A stress(strain) e``.
+        """
+
+        summary = "A bar"
+        references = ("nobody, nowhere",)
+
+        def bind(self, body: BodyMesh):
+            count = body.mesh.lengths.size
+            return Arrays(1.0 / body.mesh.lengths, np.full(count, body.area), np.tile(body.mesh.direction, (count, 1)))
+
+        def axial_stiffness(self, body, modulus):
+            return modulus * body.area / body.mesh.lengths
+
+        def highest_frequency(self, body, wave_speed):
+            return frequency * wave_speed / body.mesh.lengths
+
+        @staticmethod
+        def internal_force(element, parameters, first, dim, displacement, force):
+            for i in range(force.size):
+                force[i] = 0.0 if sets else force[i]
+            for i in range(displacement.size // dim - 1):
+                stretch = 0.0
+                for d in range(dim):
+                    change = displacement[(i + 1) * dim + d] - displacement[i * dim + d]
+                    stretch += element.direction[first + i, d] * change
+                axial = element.area[first + i] * stress(parameters, stretch * element.inverse[first + i])
+                for d in range(dim):
+                    force[i * dim + d] += factor * axial * element.direction[first + i, d]
+                    force[(i + 1) * dim + d] -= axial * element.direction[first + i, d]
+
+        @staticmethod
+        def energy(element, parameters, first, dim, displacement, velocity, dt):
+            total = 0.0
+            for i in range(displacement.size // dim - 1):
+                after = 0.0
+                rate = 0.0
+                for d in range(dim):
+                    j, k = (i + 1) * dim + d, i * dim + d
+                    after += element.direction[first + i, d] * (displacement[j] - displacement[k])
+                    rate += element.direction[first + i, d] * (velocity[j] - velocity[k])
+                inverse = element.inverse[first + i]
+                density = energy_density(parameters, (after - dt * rate) * inverse, after * inverse)
+                total += 2.0 * energy_factor * element.area[first + i] / inverse * density
+            return total
+
+        vars()["name"] = name
+
+    return (caught_by(check) if check else right)(at_the_top(Plain))
+
+
+element("plain-bar")
+element("adds-to-the-force", "force-and-energy", sets=False)
+element("one-sided", "force-and-energy", factor=0.9)
+element("energy-of-its-own", "force-and-energy", energy_factor=0.4)
+element("too-slow", "frequency", frequency=1.0)
+element("too-fast", "frequency", frequency=5.0)
+
+
+@caught_by("mesh")
+@dataclass(frozen=True)
+class NeverFiner(Shape):
+    """Has as many elements as it was born with."""
+
+    name = "never-finer"
+    summary = "a shape"
+    regions = ("left", "right")
+    examples = ({"length": 1.0},)
+    length: Annotated[float, Gt(0), Unit("length"), Doc("length")]
+
+    def dimension(self):
+        return None
+
+    def mesh(self, at, refine):
+        direction = np.eye(at.size)[0]
+        nodes = at + np.linspace(0.0, self.length, 5)[:, None] * direction
+        ends = {"left": Region((0,), -direction), "right": Region((4,), direction)}
+        return Mesh(nodes, np.full(4, self.length / 4), direction, ends)
+
+
+@caught_by("mesh")
+@dataclass(frozen=True)
+class AtTheOrigin(Shape):
+    """Begins at the origin, wherever it should."""
+
+    name = "at-the-origin"
+    summary = "a shape"
+    regions = ("left", "right")
+    examples = ({"length": 1.0},)
+    length: Annotated[float, Gt(0), Unit("length"), Doc("length")]
+    grading: Annotated[float, Ge(0), Unit("1"), Doc("not looked at")] = 1.0
+
+    def dimension(self):
+        return None
+
+    def mesh(self, at, refine):
+        direction, n = np.eye(at.size)[0], 4 * refine
+        nodes = np.linspace(0.0, self.length, n + 1)[:, None] * direction
+        ends = {"left": Region((0,), -direction), "right": Region((n,), direction)}
+        return Mesh(nodes, np.full(n, self.length / n), direction, ends)
+
+
+# ------------------------------------------------------------------------------------------ solutions, measures
+
+
+@caught_by("signorini")
+@dataclass(frozen=True)
+class Sticky(BarsInARow.__mro__[1]):
+    """The exact solution, with the force of a contact that sticks."""
+
+    name = "sticky"
+    summary = "a solution"
+
+    def covers(self, model):
+        return BarsInARow().covers(model)
+
+    def solve(self, model, end):
+        solved = BarsInARow().solve(model, end)
+        for contact in solved.contacts.values():
+            force = contact.force
+            object.__setattr__(contact, "force", lambda t, f=force: f(t) - 1e-3)
+        return solved
+
+
+@caught_by("measure")
+@dataclass(frozen=True)
+class Tidies(Measure):
+    """Takes the absolute value of the forces, in place."""
+
+    name = "tidies"
+    summary = "a measure"
+    what = "largest force"
+
+    def of(self, result):
+        force = result.arrays["contact_force"]
+        force -= force.mean() + 1.0
+        return float(force.max(initial=0.0))
+
+
+@caught_by("measure")
+@dataclass(frozen=True)
+class NotANumber(Measure):
+    """Divides by what may be nothing."""
+
+    name = "not-a-number"
+    summary = "a measure"
+    what = "a quotient"
+
+    def of(self, result):
+        with np.errstate(all="ignore"):
+            return float(np.float64(1.0) / np.float64(0.0))

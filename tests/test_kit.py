@@ -1,0 +1,237 @@
+"""The conformance kit itself: right methods pass, planted mistakes are caught by the check that should, by name."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dense
+import planted
+from percuss import PluginError
+from percuss.registry import Registry
+from percuss.testing import CheckFailed, StrictSystem, conformance
+from percuss.testing.kit import Subject, checks, known_checks, named, perform
+
+REGISTRY = Registry.load()
+
+
+@pytest.mark.parametrize("cls", planted.RIGHT, ids=lambda cls: cls.name)
+def test_a_method_without_a_mistake_conforms(cls):
+    report = conformance(cls, strict=False)
+    assert report.passed, str(report)
+    assert report.count("passed") >= 8
+
+
+@pytest.mark.parametrize(("cls", "name"), planted.WRONG, ids=[f"{cls.name}-{name}" for cls, name in planted.WRONG])
+def test_a_planted_mistake_is_caught_by_the_check_that_should(cls, name):
+    subject = Subject.of(cls, REGISTRY)
+    (found,) = [perform(*each[:1], subject, each[1]) for each in checks(subject) if named(*each) == name]
+    assert not found.good, f"{name} let it pass: {found.message or found.status}"
+    assert name in str(found)
+
+
+def test_more_than_a_dozen_mistakes_are_planted_and_most_checks_see_one():
+    assert len(planted.WRONG) > 40
+    seen = {name.partition(" with ")[0] for _, name in planted.WRONG}
+    unseen = {one.name for one in known_checks()} - seen
+    # identities that no plug-in can break by itself: the framework moves, turns and applies what it gives
+    assert unseen <= {
+        "translation", "dimensions", "mirror", "naming", "balances", "runs", "first-step", "certificate", "schema",
+        "as-a-strict-host-has-it", "compiled-and-plain", "documented", "formula", "frozen", "facts-of-loads",
+        "runs-in-a-case", "impulse-and-balances", "methods-tend-to-it",
+    }, unseen  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------ how it is run
+
+
+def test_without_pytest_one_call_runs_all_and_raises_with_the_report():
+    with pytest.raises(AssertionError, match=r"DOES NOT CONFORM(.|\n)*failed  kinks\n +the amplitude has a kink"):
+        conformance(planted.SmoothClaimed)
+    report = conformance(planted.SmoothClaimed, strict=False)
+    assert not report.passed
+    assert report.as_dict()["passed"] is False
+    assert {one["status"] for one in report.as_dict()["checks"]} == {"passed", "failed"}
+
+
+def test_a_declared_failure_that_does_not_occur_is_an_error():
+    subject = Subject.of(planted.DeclaredButPasses, REGISTRY)
+    (units,) = [one for one in known_checks() if one.name == "units"]
+    outcome = perform(units, subject)
+    assert outcome.status == "passes unexpectedly"
+    assert not outcome.good
+    assert "declared to fail (it was so once), and does not: take the entry out" in str(outcome)
+
+
+def test_a_declared_failure_that_occurs_is_told_with_its_reason():
+    subject = Subject.of(planted.Spring, REGISTRY)
+    (never,) = [one for one in known_checks() if one.name == "energy-never-grows"]
+    outcome = perform(never, subject, "central-difference")
+    assert outcome.status == "expected failure"
+    assert outcome.good
+    assert "a contact that opens or closes between two steps" in str(outcome)
+    undeclared = perform(never, Subject.of(planted.Silent, REGISTRY), "central-difference")
+    assert undeclared.status == "failed"
+    assert "energy grew by" in undeclared.message
+
+
+def test_one_line_of_pytest_is_one_test_a_check(pytester_free_run):
+    out = pytester_free_run(
+        "from planted import Triangle, SmoothClaimed\n"
+        "from percuss.testing import conformance_test\n"
+        "test_right = conformance_test(Triangle)\n"
+        "test_wrong = conformance_test(SmoothClaimed)\n"
+    )
+    assert "test_wrong[kinks]" in out
+    assert "the amplitude has a kink near time 0.0" in out
+    assert "2 failed" in out  # the other is its formula
+    assert "test_right" not in out.partition("short test summary")[2]
+
+
+@pytest.fixture
+def pytester_free_run(tmp_path):
+    """Run pytest on a file by itself and return what it prints."""
+
+    def ran(text):
+        file = tmp_path / "test_mine.py"
+        file.write_text(text)
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rf", str(file)]
+        here = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+        return subprocess.run(command, cwd=tmp_path, env=here, capture_output=True, text=True, check=False).stdout
+
+    return ran
+
+
+def test_what_is_no_method_is_refused():
+    for thing in (42, planted.Spring(), dict, planted.ContactLaw):
+        with pytest.raises(PluginError, match="is no finished component: pass the class"):
+            conformance(thing)
+
+
+FILE = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from percuss import Doc, Gt, Load, Unit
+
+
+@dataclass(frozen=True)
+class Mine(Load):
+    """A step down.
+
+    Formula: ``A(t) = value`` up to `duration`, zero after it.
+    """
+
+    name = "mine"
+    summary = "A step down"
+    examples = ({"value": 2.0},)
+    expected_failures = {"kinks": "it does not know its own end"}
+
+    value: Annotated[float, Unit("amplitude"), Doc("before")]
+    duration: Annotated[float, Gt(0), Unit("time"), Doc("until")] = 0.1
+
+    def amplitude(self, time):
+        return np.where(time < self.duration, self.value, 0.0)
+
+    def kinks(self):
+        return ()
+'''
+
+
+@pytest.fixture
+def verified(tmp_path):
+    """Write a single-file plug-in, verify it and return what came out."""
+
+    def ran(text, *more):
+        file = tmp_path / "mine.py"
+        file.write_text(text)
+        command = [sys.executable, "-m", "percuss", "verify", "--plugin", str(file), *more]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    return ran
+
+
+def test_a_single_file_is_verified_without_pytest(verified):
+    done = verified(FILE)
+    assert done.returncode == 0, done.stdout
+    assert "mine (loads) conforms: " in done.stdout
+    assert "expected failure  kinks (it does not know its own end)" in done.stdout
+    wrong = verified(FILE.replace("Formula:", "So:"), "--json")
+    assert wrong.returncode == 1
+    told = json.loads(wrong.stdout)
+    assert told["passed"] is False
+    (failed,) = [one for one in told["methods"][0]["checks"] if one["status"] == "failed"]
+    assert failed["name"] == "formula"
+    assert failed["demand"].startswith("The docstring of a method has a paragraph")
+
+
+def test_a_registered_method_is_verified_by_its_name(verified):
+    done = verified(FILE, "--method", "ripple")
+    assert done.returncode == 0, done.stdout
+    assert "ripple (measures) conforms" in done.stdout
+    unknown = verified(FILE, "--method", "riple")
+    assert unknown.returncode == 2
+    assert "Did you mean 'ripple'?" in unknown.stderr
+
+
+def test_there_must_be_something_to_verify(tmp_path):
+    done = subprocess.run([sys.executable, "-m", "percuss", "verify"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "nothing to verify" in done.stderr
+
+
+# ------------------------------------------------------------------------------------------------- strict host
+
+CASE = {
+    "bodies": {
+        "a": {"bar": {"length": 1.0, "elements": 5}, "material": {"young": 100.0, "density": 0.01}, "area": 1.0,
+              "at": 0.0, "velocity": 0.5},
+        "b": {"bar": {"length": 2.0, "elements": 4}, "material": {"young": 49.0, "density": 0.02}, "area": 2.0,
+              "at": 1.0, "velocity": 0.0, "fixed": ["right"]},
+    },
+    "contacts": {"ab": {"between": ["a.right", "b.left"]}, "wall": {"body": "a.left", "wall": -0.001}},
+    "loads": {},
+    "time": {"steps": 100, "courant": 0.5},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("integrator", REGISTRY.names("integrators"))
+@pytest.mark.parametrize("law", ["penalty", "bipenalty", "lagrange"])
+def test_the_strict_host_gives_what_the_dense_solver_gives(integrator, law):
+    """Two hosts that know nothing of each other, nor of the march."""
+    options = {"penalty": {"beta_s": 0.4}, "bipenalty": {"beta_s": 0.4, "ratio": 1.0}, "lagrange": {}}[law]
+    host = StrictSystem(CASE, REGISTRY.get("integrators", integrator)(), REGISTRY.get("contacts", law)(**options))
+    mine, theirs = host.march(), dense.march(CASE, integrator, {"name": law, **options})
+    assert np.abs(theirs.force).max() > 0.0
+    assert np.abs(mine.contact_force - theirs.force).max() <= 1e-10 * np.abs(theirs.force).max()
+    assert np.abs(mine.displacement - theirs.u).max() <= 1e-11 * np.abs(theirs.u).max()
+
+
+def test_the_strict_host_hands_out_nothing_that_can_be_changed():
+    cd = REGISTRY.get("integrators", "central-difference")()
+    with pytest.raises(ValueError, match="read-only"):
+        StrictSystem(CASE, cd, planted.ChangesPoints())
+    with pytest.raises(ValueError, match="read-only"):
+        StrictSystem(CASE, cd, planted.ChangesTrial()).march()
+    with pytest.raises(CheckFailed, match="left a point without a value"):
+        StrictSystem(CASE, cd, planted.FirstOnly()).march()
+    points = StrictSystem(CASE, cd, planted.Spring()).points
+    with pytest.raises(AttributeError):
+        points.model  # noqa: B018
+
+
+def test_without_hypothesis_the_kit_says_what_to_install():
+    code = (
+        "import sys; sys.modules['hypothesis'] = None\n"
+        "from percuss.cli import app\n"
+        "app(['verify', '--method', 'ripple'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "error: the kit draws its cases with hypothesis: pip install 'percuss[kit]'" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,175 @@
+"""Somebody else's packages: built as wheels, installed beside percuss, used, and taken away again.
+
+Everything happens in one fresh virtual environment that sees nothing of the environment in which the tests run:
+percuss comes from a wheel of this checkout, the packages from wheels of what `percuss new` writes, third-party
+dependencies from the package index. That takes half a minute, once for the module; borrowing the dependencies of the
+running environment by a ``.pth`` would save most of it, but where percuss itself is installed there, as in a check of
+the whole project, it would come along.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+BIN = "Scripts" if os.name == "nt" else "bin"
+
+
+class World:
+    """A folder with a fresh environment, and the packages `soft-stop`, `leaper`, `crooked` and `misnamed` in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.environ = {k: v for k, v in os.environ.items() if k not in {"PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV"}}
+        self.environ |= {"PIP_DISABLE_PIP_VERSION_CHECK": "1", "COLUMNS": "200", "NO_COLOR": "1"}
+
+    def run(self, *args: str, program: str = "percuss", cwd: str = ".") -> subprocess.CompletedProcess[str]:
+        words = [str(self.folder / "venv" / BIN / program), *args]
+        where = self.folder / cwd
+        return subprocess.run(
+            words, cwd=where, env=self.environ, capture_output=True, text=True, timeout=600, check=False
+        )
+
+    def pip(self, *args: str) -> None:
+        done = self.run("-m", "pip", *args, program="python")
+        assert done.returncode == 0, done.stderr
+
+    def json(self, *args: str, cwd: str = ".") -> dict:
+        done = self.run(*args, "--json", cwd=cwd)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    def wheels(self, *names: str) -> list[str]:
+        return [str(next((self.folder / "wheels").glob(f"{name.replace('-', '_')}-*.whl"))) for name in names]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """Build and install everything."""
+    world = World(tmp_path_factory.mktemp("third_party"))
+    venv.create(world.folder / "venv", with_pip=True)
+    world.pip("install", "-q", "hatchling")
+    world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", str(ROOT))
+    (wheel,) = world.wheels("percuss")
+    world.pip("install", "-q", f"{wheel}[kit]", "pytest")
+    for name, kind in (("soft-stop", "contact"), ("leaper", "integrator"), ("crooked", "load"), ("misnamed", "mass")):
+        assert world.run("new", name, "--kind", kind).returncode == 0
+    edit(world, "crooked/crooked.py", "from percuss import Doc, Floats,", "from percuss import Doc, Float,")
+    edit(world, "misnamed/misnamed.py", "def percuss_masses", "def percuss_mass")
+    folders = [f".{os.sep}{name}" for name in ("soft-stop", "leaper", "crooked", "misnamed")]
+    world.pip("wheel", "-q", "--no-deps", "--no-build-isolation", "-w", "wheels", *folders)
+    world.pip("install", "-q", "--no-deps", *world.wheels("soft-stop", "leaper", "crooked", "misnamed"))
+    return world
+
+
+def edit(world: World, file: str, old: str, new: str) -> None:
+    path = world.folder / file
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def listed(world: World) -> dict[str, dict]:
+    return {one["name"]: one for one in world.json("plugins")["components"]}
+
+
+def test_the_environment_is_its_own(world: World) -> None:
+    code = "import percuss, percuss_methods, sys; print(percuss.__file__, percuss_methods.__file__, sys.path)"
+    done = world.run("-c", code, program="python")
+    assert done.stdout.count("site-packages") >= 3, done.stderr
+    assert str(ROOT) not in done.stdout
+    outer = {str(Path(place)) for place in sys.path if "site-packages" in place}
+    assert not [place for place in outer if place in done.stdout]
+
+
+def test_a_package_is_listed_with_where_it_is_from(world: World) -> None:
+    told = listed(world)
+    for name, module in (("soft-stop", "soft_stop"), ("leaper", "leaper")):
+        one = told[name]
+        assert (one["distribution"], one["version"], one["module"]) == (name, "0.1.0", module)
+        assert Path(one["file"]).is_relative_to(world.folder / "venv")
+        assert Path(one["file"]).name == f"{module}.py"
+        assert one["contract_version"] == world.json("plugins")["contract"] == 1
+    assert told["penalty"]["distribution"] == "percuss"
+    assert "soft-stop 0.1.0, contract 1" in world.run("plugins").stdout
+
+
+def test_a_broken_package_costs_only_itself(world: World) -> None:
+    told = world.json("plugins")
+    crooked, misnamed = told["broken"]
+    assert crooked["source"] == "crooked 0.1.0"
+    assert "has no 'Float' in percuss; did you mean 'Floats'?" in crooked["error"]
+    assert crooked["file"].endswith("crooked.py:8")
+    assert misnamed["source"] == "misnamed 0.1.0"
+    assert misnamed["error"] == "percuss_mass: no such hook; did you mean percuss_masses?"
+    line = (world.folder / "misnamed" / "misnamed.py").read_text().splitlines().index("@hookimpl") + 1
+    assert misnamed["file"].endswith(f"misnamed.py:{line}")
+    assert {"crooked", "misnamed"} & {one["name"] for one in told["components"]} == set()
+    assert world.run("plugins").stdout.count("not usable") == 2
+
+
+def test_a_case_runs_with_it(world: World) -> None:
+    verified = world.json("verify", "soft-stop/case.yaml", "leaper/case.yaml")
+    assert verified["passed"]
+    ran = world.json("run", "case.yaml", "-o", "rows.nc", cwd="soft-stop")
+    assert ran["status"] == "done"
+    assert abs(ran["contacts"]["tip"]["impulse"] - 0.01) < 3e-4
+    assert ran["energy"]["ledger_error"] < 1e-12
+
+
+def test_a_case_that_names_a_broken_one_says_why_it_is_not_there(world: World) -> None:
+    done = world.run("run", "case.yaml", cwd="crooked")
+    assert done.returncode == 2
+    assert "crooked" in done.stderr
+    assert "did you mean 'Floats'?" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_study_sweeps_it_on_two_workers(world: World) -> None:
+    (world.folder / "study.yaml").write_text(
+        "percuss-study: 1\ntitle: A sweep\ncases: [soft-stop/case.yaml]\n"
+        "methods: {integrators: [leaper, central-difference], contacts: [soft-stop]}\n"
+        "vary: {method.contact.beta_s: [0.5, 1, 2, 4]}\nmeasure: [force_error_l2, contacts.*.impulse]\n"
+    )
+    told = world.json("study", "study.yaml", "--workers", "2")
+    assert (told["complete"], told["counts"]) == (True, {"done": 8})
+    assert {(row["integrator"], row["contact"]) for row in told["rows"]} == {
+        ("leaper", "soft-stop"),
+        ("central-difference", "soft-stop"),
+    }
+    assert all(abs(row["contacts.*.impulse"] - 0.01) < 5e-4 for row in told["rows"])
+
+
+@pytest.mark.parametrize("name", ["soft-stop", "leaper"])
+def test_its_own_tests_pass(world: World, name: str) -> None:
+    done = world.run("-q", "tests", program="pytest", cwd=name)
+    assert done.returncode == 0, done.stdout
+    assert " passed" in done.stdout
+
+
+def test_a_single_file_is_verified(world: World) -> None:
+    assert world.run("new", "lone", "--kind", "contact", "--single-file").returncode == 0
+    done = world.run("verify", "--plugin", "lone.py")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "lone" in done.stdout
+
+
+def test_once_uninstalled_it_is_gone(world: World) -> None:
+    world.pip("uninstall", "-q", "-y", "soft-stop")
+    try:
+        told = listed(world)
+        assert "soft-stop" not in told
+        assert {"leaper", "penalty"} <= set(told)
+        done = world.run("run", "case.yaml", cwd="soft-stop")
+        assert done.returncode == 2
+        assert "case.yaml:19:19: method.contact.name: unknown contact law" in done.stderr
+        assert "soft-stop" in done.stderr
+        assert "Traceback" not in done.stderr
+        assert world.run("run", "case.yaml", "--set", "method.contact=penalty", cwd="soft-stop").returncode == 0
+    finally:
+        world.pip("install", "-q", "--no-deps", *world.wheels("soft-stop"))
