@@ -246,6 +246,7 @@ def compile_error() -> tuple[type[Exception], ...]:
 def _options(source: types.FunctionType, *, counting: bool, cache: bool, reduction: bool) -> dict[str, Any]:
     """Return how a function is compiled."""
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+    # whole stages are worth a call; copied into one another they would take the compiler twice as long
     if not cache and source.__module__ != "percuss.stages":
         options["forceinline"] = True  # a call that is not inlined passes every array as a handful of numbers
     if reduction or getattr(source, "reduction", False):
