@@ -364,7 +364,7 @@ class Rigid(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
 
 
 @caught_by("exact-impact with central-difference")
@@ -383,7 +383,7 @@ class Twice(ContactLaw):
         multiplier[:] = 0.0
         for _ in range(2):
             for p in range(multiplier.size):
-                multiplier[p] += max(-trial.predicted_gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+                multiplier[p] += max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
 
 
 @caught_by("energy-never-grows with wu-predictor-corrector")
@@ -400,7 +400,7 @@ class StaleGap(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+            multiplier[p] = max(-trial.gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
 
 
 @caught_by("exact-impact with central-difference")
@@ -417,7 +417,7 @@ class NoStep(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.dt * trial.delassus[p])
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.rate_answer * trial.delassus[p])
 
 
 @caught_by("any-number-of-contacts")
@@ -433,7 +433,7 @@ class FirstOnly(ContactLaw):
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
-        multiplier[0] = max(-trial.predicted_gap[0], 0.0) / (trial.dt**2 * trial.delassus[0])
+        multiplier[0] = max(-trial.predicted_gap[0], 0.0) / (trial.gap_answer * trial.delassus[0])
 
 
 @caught_by("inputs-untouched")
@@ -451,7 +451,7 @@ class ChangesTrial(ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             trial.predicted_gap[p] = min(trial.predicted_gap[p], 0.0)
-            multiplier[p] = -trial.predicted_gap[p] / (trial.dt**2 * trial.delassus[p])
+            multiplier[p] = -trial.predicted_gap[p] / (trial.gap_answer * trial.delassus[p])
 
 
 @caught_by("no-hidden-state")
@@ -470,7 +470,7 @@ class KeepsInBound(ContactLaw):
         bound.none[0] += 1.0
         for p in range(multiplier.size):
             soft = 1.0 / (1.0 + 1e-3 * bound.none[0])
-            multiplier[p] = soft * max(-trial.predicted_gap[p], 0.0) / (trial.dt**2 * trial.delassus[p])
+            multiplier[p] = soft * max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
 
 
 NOTHING_KEPT = Nothing(np.zeros(1))
@@ -491,7 +491,7 @@ class Tolerant(ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             overlap = max(1e-4 - trial.predicted_gap[p], 0.0)
-            multiplier[p] = overlap / (trial.dt**2 * trial.delassus[p])
+            multiplier[p] = overlap / (trial.gap_answer * trial.delassus[p])
 
 
 # -------------------------------------------------------------------------------------------------- integrators

@@ -86,6 +86,8 @@ def round_off(case, base=None, names=COMPARED):
 
 REGISTRY = Registry.load()
 INTEGRATORS = REGISTRY.names("integrators")
+# those whose ledger closes to round-off; of others the closure is what the scheme itself takes from the energy or adds
+LEAPFROG = [name for name in INTEGRATORS if isinstance(REGISTRY.get("integrators", name)().bind(1.0), percuss.LeapFrog)]
 LAWS = [
     {"name": name, **options}
     for name in REGISTRY.names("contacts")

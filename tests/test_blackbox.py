@@ -14,7 +14,7 @@ from percuss.certificate import certificate
 from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
 from percuss.pencil import Pencil
-from strategies import LAWS, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
+from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
 from test_stability import ROWS, wall
 
 WU, CD = "wu-predictor-corrector", "central-difference"
@@ -39,7 +39,8 @@ def drawn_model(case, pair):
 def quotient(motions, dt, contacts):
     """Return the amplification matrix without the motions that are no instability."""
     matrix = ClosedStep(motions, dt, contacts).matrix()
-    idle = np.kron(np.eye(2), motions.idle(dt, contacts))
+    idle = motions.idle(dt, contacts)
+    idle = np.kron(np.eye(matrix.shape[0] // idle.shape[0]), idle)
     rest = np.eye(matrix.shape[0]) - idle @ idle.T
     return rest @ matrix @ rest
 
@@ -376,7 +377,7 @@ def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
 # ---------------------------------------------------------------------------------------------------- courant 1
 
 
-@pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
+@pytest.mark.parametrize("pair", [pair for pair in ROW_PAIRS if pair[0] in LEAPFROG], ids=pair_id)
 def test_courant_number_one_runs_where_the_law_allows_it(pair):
     case = hunek(n=20, courant=1.0, integrator=pair[0], contact=pair[1])
     found = certificate(model_of(case))

@@ -12,7 +12,7 @@ from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 import percuss
-from strategies import INTEGRATORS, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
+from strategies import INTEGRATORS, LEAPFROG, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
 
 INVARIANT = ("contact_force", "gap", "kinetic_energy", "elastic_energy", "contact_work", "external_work")
 EACH_PAIR = pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
@@ -50,7 +50,19 @@ def never_stopped(case, stopped):
 def test_momentum_and_energy_are_accounted_for(pair, case):
     result = finished(with_pair(case, pair))
     assert result.summary["momentum"]["error"] <= 1e-12
-    assert result.summary["energy"]["ledger_error"] <= 1e-12
+    if pair[0] in LEAPFROG:  # of others see test_stages
+        assert result.summary["energy"]["ledger_error"] <= 1e-12
+
+
+def gap_rates(case, result):
+    """Return the gap rates from the velocities of the probes, (time, contact); bars along x."""
+    velocity = dict(zip(result.coordinates["probe"], result.arrays["velocity"][:, :, 0].T, strict=True))
+    out = np.zeros_like(result.arrays["gap"])
+    for k, one in enumerate(case["contacts"].values()):
+        ends = one["between"] if "between" in one else [one["body"]]
+        sign = 1.0 if ends[0].endswith(".right") else -1.0
+        out[:, k] = sign * ((velocity[ends[1]] if len(ends) > 1 else 0.0) - velocity[ends[0]])
+    return out
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -67,16 +79,18 @@ def test_the_accounts_are_those_of_the_histories(integrator, case):
         assert found["peak_force"] == pytest.approx(max(force[:steps, k].max(), 0.0), rel=1e-14)
         assert found["closed_time"] == pytest.approx(dt * np.count_nonzero(force[:steps, k]), rel=1e-12)
         assert found["penetration"]["largest"] == pytest.approx(max(-gap[:steps, k].min(), 0.0), rel=1e-12)
-    # work of the contacts, from gaps on either side of each step
+    # work of the contacts, from gaps on either side of each step, or gap rates at its ends
+    rate = gap_rates(case, result)
     work = np.zeros(steps)
     for n in range(1, steps):
-        work[n] = work[n - 1] + 0.5 * force[n] @ (gap[n + 1] - gap[n - 1])
+        moved = 0.5 * (gap[n + 1] - gap[n - 1]) if integrator in LEAPFROG else 0.5 * dt * (rate[n] + rate[n + 1])
+        work[n] = work[n - 1] + force[n] @ moved
     mine = result.arrays["contact_work"][:steps] - result.arrays["contact_work"][0]
     scale = np.abs(mine).max() + np.abs(force).max(initial=0.0) * np.abs(gap).max(initial=0.0) * 1e-3
     assert np.abs(mine - work).max() <= 1e-11 * scale
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", LEAPFROG)
 @given(case=rows(gaps=True))
 def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})))
@@ -88,7 +102,7 @@ def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
     assert np.abs(force[:-1] * gap[1:]).max() <= 1e-12 * force.max() * moved
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", LEAPFROG)
 @given(case=rows(loads=False))
 def test_energy_of_the_lagrange_method_never_grows(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})))

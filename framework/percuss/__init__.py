@@ -19,11 +19,11 @@ _MODULES = {
     "contracts": (
         "AllowInf BodyMesh ContactLaw ContactPoints DataFile Doc Element Exact ExactContact Floats Ge Gt "
         "Integers Integrator Judged Le LeapFrog Load Lt Mass Material Measure Mesh Region Rows Shape Solution "
-        "Trial Unit end_of_step"
+        "Stages Trial Unit end_of_step"
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "hookspecs": "hookimpl",
-    "kernels": "energy_density stress",
+    "kernels": "accelerations energy_density stress",
     "maps": "stability",
     "result": "Result open_result",
     "runner": "run",
@@ -67,9 +67,11 @@ __all__ = [
     "RunError",
     "Shape",
     "Solution",
+    "Stages",
     "Study",
     "Trial",
     "Unit",
+    "accelerations",
     "compare",
     "end_of_step",
     "energy_density",
@@ -114,13 +116,14 @@ if TYPE_CHECKING:
         Rows,
         Shape,
         Solution,
+        Stages,
         Trial,
         Unit,
         end_of_step,
     )
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.hookspecs import hookimpl
-    from percuss.kernels import energy_density, stress
+    from percuss.kernels import accelerations, energy_density, stress
     from percuss.maps import stability
     from percuss.result import Result, open_result
     from percuss.runner import run

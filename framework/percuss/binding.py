@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss import escape, kernels, loop
+from percuss import escape, kernels, loop, schemes, stages
 from percuss.specialise import Specialiser, compile_error, jit_disabled
+
+if TYPE_CHECKING:
+    from percuss.contracts import Integrator
+    from percuss.staged import Staged
 
 Parts = Sequence[tuple[Any, Any]]  # element and material class of each group of bodies
 Laws = list[dict[str, Any]]  # bound laws that are not rows
@@ -21,10 +25,11 @@ class Kernels(NamedTuple):
     elastic: Callable[..., float]
     compiled: bool
     reasons: tuple[str, ...]
+    begin: Callable[..., None] | None = None  # of schemes that are no leap-frog
 
 
-def bind(parts: Parts, laws: Laws, *, compiled: bool, counting: bool = False) -> Kernels:
-    """Return the loop over `parts` and `laws`.
+def bind(parts: Parts, laws: Laws, stepper: Integrator | None, *, compiled: bool, counting: bool = False) -> Kernels:
+    """Return the loop over `parts` and `laws`; that of stages where there is a `stepper`, an integrator with a kernel.
 
     It is compiled if asked for and possible at all, and with `counting` in such a way that kernels may allocate.
     """
@@ -34,11 +39,18 @@ def bind(parts: Parts, laws: Laws, *, compiled: bool, counting: bool = False) ->
     elif jit_disabled():
         reason = "compilation is switched off by NUMBA_DISABLE_JIT"
     maker = Specialiser(jit=not reason, counting=counting)
-    advance, elastic = _loop(maker, parts, laws, frozenset())
-    return Kernels(advance, elastic, compiled=not reason, reasons=(reason,) if reason else ())
+    made = _loop(maker, parts, laws, stepper, frozenset())
+    return made._replace(compiled=not reason, reasons=(reason,) if reason else ())
 
 
-def bind_around(error: Exception, parts: Parts, groups: Sequence[Any], laws: Laws, trial: tuple[Any, ...]) -> Kernels:
+def bind_around(
+    error: Exception,
+    parts: Parts,
+    groups: Sequence[Any],
+    laws: Laws,
+    trial: tuple[Any, ...],
+    staged: Staged | None = None,
+) -> Kernels:
     """Return the loop in Python around those parts that cannot be compiled; the others stay compiled.
 
     Parameters
@@ -49,6 +61,8 @@ def bind_around(error: Exception, parts: Parts, groups: Sequence[Any], laws: Law
         As in `bind`, and the arrays of each group.
     trial
         Nodal arrays, displacement, velocity, dimension and step to try a group with; written over.
+    staged
+        What the march carries for a scheme that is no leap-frog.
     """
     bulk, u, v, dim, dt = trial
     momentum = np.zeros((1 + max(int(group.body.max()) for group in groups)) * dim)
@@ -56,7 +70,10 @@ def bind_around(error: Exception, parts: Parts, groups: Sequence[Any], laws: Law
     for part, group in zip(parts, groups, strict=True):
         maker = Specialiser(_slots(*part), counting=True)
         try:
-            maker.bind(kernels.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
+            if staged is None:
+                maker.bind(kernels.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
+            else:
+                maker.bind(stages.force_group)(group, u, np.zeros(u.size), dim)
             maker.bind(kernels.elastic_group)(group, u, v, dim, dt)
         except compile_error() as why:
             reasons[_name(*part)] = why
@@ -64,37 +81,64 @@ def bind_around(error: Exception, parts: Parts, groups: Sequence[Any], laws: Law
         why_not = escape.why_not(entry)
         if why_not is not None:
             reasons[f"contact law {entry['law'].name}"] = why_not
+    stepper = None if staged is None else staged.model.case.method.integrator
+    if stepper is not None:
+        unfit = _unfit(stepper, staged)
+        if unfit is not None:
+            reasons[f"integrator {stepper.name}"] = unfit
     if not reasons:
         raise error
-    maker = Specialiser(counting=True)
-    advance, elastic = _loop(maker, parts, laws, frozenset(reasons))
+    made = _loop(Specialiser(counting=True), parts, laws, stepper, frozenset(reasons))
     said = tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
-    return Kernels(advance, elastic, compiled=False, reasons=said)
+    return made._replace(compiled=False, reasons=said)
 
 
-def _loop(
-    maker: Specialiser, parts: Parts, laws: Laws, plain: frozenset[str]
-) -> tuple[Callable[..., int], Callable[..., float]]:
+def _unfit(stepper: Integrator, staged: Any) -> Exception | None:
+    """Return why the kernel of an integrator cannot be compiled, or None."""
+    slots = {kernels.accelerations: schemes.known}
+    u, v, kept = (array.copy() for array in staged.state)
+    try:
+        step = Specialiser(slots, counting=True).bind(schemes.kernel_of(stepper))
+        step(staged.said.numbers, (np.zeros(u.size),), u, v, kept, staged.model.dt)
+    except compile_error() as error:
+        return error
+    return None
+
+
+def _loop(maker: Specialiser, parts: Parts, laws: Laws, stepper: Integrator | None, plain: frozenset[str]) -> Kernels:
     """Return the loop and the strain-energy kernel; parts named in `plain` and what calls them stay Python."""
-    bulk: Any = None
-    elastic: Any = None
     whole = not plain
+    update = ((kernels.bulk_group, kernels.bulk_head, kernels.bulk_tail, kernels.bulk_chain) if stepper is None else
+              (stages.force_group, stages.force_head, stages.force_tail, stages.force_chain))  # fmt: skip
+    energies = kernels.elastic_group, kernels.elastic_head, kernels.elastic_tail, kernels.elastic_chain
+    bulk = _chained(maker, parts, update, plain)
+    elastic = _chained(maker, parts, energies, plain)
+    own = escape.bind(maker, laws, plain)
+    top = maker.with_slots({loop.bulk: bulk, stages.forces: bulk, loop.elastic: elastic, loop.own_laws: own})
+    energy = top.bind(loop.strain_energy, cache=True, plain=not whole)
+    if stepper is None:
+        return Kernels(top.bind(loop.advance, cache=True, plain=not whole), energy, compiled=whole, reasons=())
+    # called, not copied into every stage: that takes the compiler long, and brings little
+    slots: dict[Any, Any] = {kernels.accelerations: top.bind(stages.accelerate, cache=True)}
+    part = top.with_slots(slots)
+    part.jit = maker.jit and f"integrator {stepper.name}" not in plain
+    part.counting = True  # nearly every such kernel allocates
+    slots[stages.take_step] = part.bind(schemes.kernel_of(stepper), cache=True)
+    top = top.with_slots(slots)
+    advance = top.bind(stages.advance, cache=True, plain=not whole)
+    return Kernels(advance, energy, whole, (), top.bind(stages.begin, cache=True, plain=not whole))
+
+
+def _chained(maker: Specialiser, parts: Parts, templates: tuple[Any, ...], plain: frozenset[str]) -> Any:
+    """Return what `templates` (of one group, the slots of first and others, of a pair) make of all parts."""
+    group, first, others, chain = templates
+    made: Any = None
     for element, material in reversed(parts):
         part = maker.with_slots(_slots(element, material))
         part.jit = maker.jit and _name(element, material) not in plain
-        head = part.bind(kernels.bulk_group, cache=not whole)
-        head_energy = part.bind(kernels.elastic_group, cache=not whole)
-        if bulk is None:
-            bulk, elastic = head, head_energy
-            continue
-        slots: dict[Any, Any] = {kernels.bulk_head: head, kernels.bulk_tail: bulk}
-        bulk = maker.with_slots(slots).bind(kernels.bulk_chain, plain=not whole)
-        slots = {kernels.elastic_head: head_energy, kernels.elastic_tail: elastic}
-        elastic = maker.with_slots(slots).bind(kernels.elastic_chain, plain=not whole)
-    slots = {loop.bulk: bulk, loop.elastic: elastic, loop.own_laws: escape.bind(maker, laws, plain)}
-    top = maker.with_slots(slots)
-    advance = top.bind(loop.advance, cache=True, plain=not whole)
-    return advance, top.bind(loop.strain_energy, cache=True, plain=not whole)
+        head = part.bind(group, cache=bool(plain))
+        made = head if made is None else maker.with_slots({first: head, others: made}).bind(chain, plain=bool(plain))
+    return made
 
 
 def _slots(element: Any, material: Any) -> dict[Any, Any]:

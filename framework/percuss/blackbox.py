@@ -4,6 +4,10 @@ About a state deep in contact the step is affine, ``step(x0 + e) - step(x0) = A 
 linear there. Motions without strain that no closed gap feels (rigid translation, sideways mechanisms), and at the very
 step 2/omega the highest mode of a free bar, grow linearly and are no instability: they are deflated. States are
 weighted by the root of the mass, (u, dt v), in which the step without contact is close to orthogonal.
+
+Of a scheme in stages what it keeps between steps, dt^2 times an acceleration, is part of the state, and contact is held
+closed by the loop itself wherever the law is rows: in a stage the force may have driven the ends apart already. Without
+contact each mode is an oscillator by itself, of which the kernel is asked.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import numpy as np
 from percuss import loop
 from percuss.march import March
 from percuss.pencil import EDGE, Pencil
+from percuss.staged import State
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +31,7 @@ if TYPE_CHECKING:
     from percuss.model import Model
 
 DEPTH = 64.0  # of overlap and closing, over what a perturbation makes of either
+FAR = 1e12  # of an open gap whose law is rows
 DENSE = 240  # largest state of which all eigenvalues are found; above, the largest by Arnoldi's iteration
 KRYLOV = 24  # vectors kept
 RESTARTS = 12  # half as many for states above
@@ -86,57 +92,78 @@ class ClosedStep:
         self.size = motions.basis.shape[1]
         self.march = March(self.model)
         self.march.settle()
-        width = len(self.model.case.loads) + 1
-        bodies = len(self.model.bodies) * self.model.dim
-        self._drive = loop.Drive(np.zeros((1, width)), np.zeros((1, width)), np.zeros((1, bodies)))
+        self.parts = 2 + (self.march.staged.state.kept.shape[0] if self.march.staged else 0)
+        self._drive = self._no_loads()
         self._record = self.march.record._replace(every=2**62, last=-1, field_every=0)
         self._few = self.march.few
         self._few.totals[0].floor = np.inf
         self._start = self._hold()
-        self._after = self._step(*self._start)
+        self._after = self._step(self._start)
 
-    def _hold(self) -> tuple[Floats, Floats]:
-        """Set the gaps deep in contact or far out of it; return the state (u, v) from which all steps are made."""
+    def _no_loads(self) -> Any:
+        if self.march.staged:  # the model's loads are those of the case, switched off
+            return type(drive := self.march.staged.drive(0, 1))(*(0.0 * part for part in drive))
+        width = len(self.model.case.loads) + 1
+        bodies = len(self.model.bodies) * self.model.dim
+        return loop.Drive(np.zeros((1, width)), np.zeros((1, width)), np.zeros((1, bodies)))
+
+    def _hold(self) -> Floats:
+        """Set the gaps deep in contact or far out of it; return the state from which all steps are made, (parts, n)."""
         signs = np.ones(len(self.model.meetings))
         signs[self.closed] = -1.0
         nodes = [node for meeting in self.model.meetings for node in meeting.nodes]
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
         self._scale = np.sqrt(lightest) / self.motions.root
-        self._few.points.initial_gap = DEPTH * signs[self.march.order]
+        points, order = self._few.points, self.march.order
+        points.initial_gap = DEPTH * signs[order]
+        if self.march.staged:
+            closed, rows = signs[order] < 0, points.own == 0
+            points.initial_gap[rows & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
+            points.initial_gap[rows & (points.initial_gap > 0)] = FAR
+            points.always[rows & closed], points.never_pulls[rows & closed] = 1, 0
+            signs[np.array(order, dtype=np.int64)[rows]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
         speed = np.linalg.lstsq(gaps, DEPTH * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
-        v = (self.motions.basis @ speed) * self._scale / self.model.dt
-        return np.zeros_like(v), v
+        out = np.zeros((self.parts, self._scale.size))
+        out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
+        return out
 
-    def _step(self, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-        u, v = u.copy(), v.copy()
-        march = self.march
+    def _step(self, state: Floats) -> Floats:
+        state, march = state.copy(), self.march
+        if march.staged:
+            whole = State(*(np.zeros_like(array) for array in march.staged.state))
+            views = [array[..., : state.shape[1]] for array in whole]
+            views[0][:], views[1][:], views[2][:] = state[0], state[1], state[2:]
+            march.staged.advance(march.kernels.advance, self._drive, self._record, 1, 1, whole)
+            return np.concatenate([views[0][None], views[1][None], views[2]])
         march.kernels.advance(
-            march.nested, march.bulk, self._few, march.bound, self._drive, self._record, u, v,
+            march.nested, march.bulk, self._few, march.bound, self._drive, self._record, state[0], state[1],
             False, march.dim, self.model.dt, 1, 1,
         )  # fmt: skip
-        return u, v
+        return state
 
     def __call__(self, states: Floats) -> Floats:
-        """Return what the step makes of weighted states (u, dt v), one a column, (2 n, k) or (2 n,)."""
-        dt, n, motions = self.model.dt, self.size, self.motions
-        scale = self._scale if states.ndim == 1 else self._scale[:, None]
-        u, v = motions.basis @ states[:n] * scale, motions.basis @ states[n:] * (scale / dt)
-        made = [
-            self._step(self._start[0] + one, self._start[1] + other)
-            for one, other in zip(np.atleast_2d(u.T), np.atleast_2d(v.T), strict=True)
-        ]
-        place = np.array([one - self._after[0] for one, _ in made]).T.reshape(u.shape)
-        speed = np.array([other - self._after[1] for _, other in made]).T.reshape(v.shape)
-        return np.concatenate([motions.read @ (place / scale), motions.read @ (dt * speed / scale)])
+        """Return what the step makes of weighted states (u, dt v, dt^2 kept), one a column, (parts n, k) or (parts n,).
+
+        Only schemes in stages keep anything.
+        """
+        n, motions = self.size, self.motions
+        scale = self._scale * self.model.dt ** -np.minimum(np.arange(self.parts), 2.0)[:, None]  # (parts, nodal)
+        columns = states.reshape(self.parts, n, -1)
+        made = np.empty_like(columns)
+        for k in range(columns.shape[2]):
+            moved = np.stack([motions.basis @ part for part in columns[:, :, k]]) * scale
+            change = (self._step(self._start + moved) - self._after) / scale
+            made[:, :, k] = np.stack([motions.read @ part for part in change])
+        return made.reshape(states.shape)
 
     def matrix(self) -> Floats:
-        """Return the amplification matrix, (2 n, 2 n)."""
-        return self(np.eye(2 * self.size))
+        """Return the amplification matrix, (parts n, parts n)."""
+        return self(np.eye(self.parts * self.size))
 
     def linear(self) -> bool:
         """Return whether the step is linear in the state."""
-        one = np.random.default_rng(0).uniform(-1.0, 1.0, 2 * self.size)
+        one = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
         there, back = self(one), self(-0.5 * one)
         return bool(np.abs(there + 2.0 * back).max() <= LINEAR * np.abs(there).max())
 
@@ -207,10 +234,10 @@ class Motions:
         """Return an orthonormal basis of the motions that grow linearly and are no instability, (n, w)."""
         gaps = self.gaps[sorted(closed)]
         out = []
-        for group in (self.strainless, self.highest(dt)):
+        for group in (self.strainless, *(() if self.model.stages else (self.highest(dt),))):
             if gaps.size and group.size:
                 _, size, right = np.linalg.svd(gaps @ group)
-                rank = int((size > 1e-9 * max(float(size.max()), 1e-300)).sum())
+                rank = int((size > 1e-9 * np.linalg.norm(gaps)).sum())
                 out.append(group @ right[rank:].T)
             else:
                 out.append(group)
@@ -260,12 +287,13 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
     step = ClosedStep(motions, dt, closed)
     if not step.linear():
         return Found(np.nan, None, whole=False)
-    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed else None
-    if 2 * step.size > DENSE and theta is not None:  # then the closed step is bounded where that of the bodies is
+    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.march.staged else None
+    size = step.parts * step.size
+    if size > DENSE and theta is not None:  # then the closed step is bounded where that of the bodies is
         nothing = np.zeros(len(motions.model.meetings))
         return Found(1.0 if motions.pencil.definite(dt, nothing, nothing)[0] else np.inf, theta, whole=True)
-    idle: Floats = np.kron(np.eye(2), motions.idle(dt, closed)).astype(np.float64)
-    if 2 * step.size > DENSE:
+    idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, closed)).astype(np.float64)
+    if size > DENSE:
         return Found(1.0 if sure else _largest(step, idle), theta, whole=False)
     matrix = step.matrix()
     rest = matrix - idle @ (idle.T @ matrix)
@@ -302,7 +330,7 @@ def _largest(step: ClosedStep, idle: Floats) -> float:
     """Return the largest eigenvalue modulus that Arnoldi's iteration finds, 0 where none stands out."""
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
-    size = 2 * step.size
+    size = step.parts * step.size
 
     def product(state: Floats) -> Floats:
         state = step(state - idle @ (idle.T @ state))

@@ -52,6 +52,7 @@ __all__ = [
     "Rows",
     "Shape",
     "Solution",
+    "Stages",
     "Trial",
     "Unit",
 ]
@@ -210,8 +211,52 @@ class LeapFrog(NamedTuple):
     end: Judged
 
 
+class Stages(NamedTuple):
+    """A scheme that is no leap-frog: displacement and velocity at t_n, accelerations asked for in stages of the step.
+
+    Attributes
+    ----------
+    times
+        Of each stage, the fraction of the step at which its accelerations are taken: 0 at t_n, 1 at t_{n+1}. Loads are
+        those of that time.
+    numbers
+        Coefficients that `step` is handed: a NamedTuple or tuple of floats.
+    end
+        Of each stage, ``(r_v, r_a, s_a)``, all greater than 0: laws judged at the end of the step are judged in this
+        stage at the displacement ``u + r_v v + r_a a`` and the velocity ``v + s_a a``; u and v as `step` hands them to
+        `percuss.accelerations` there, a what it gets back. Take for it the displacement that the scheme reaches by the
+        next stage, and the mean velocity until then: ``s_a = r_a / r_v``. Empty: such laws are refused.
+    """
+
+    times: tuple[float, ...]
+    numbers: tuple[float, ...] = ()
+    end: tuple[tuple[float, float, float], ...] = ()
+
+
 class Integrator(Component, contract="integrators"):
-    """A time integrator.
+    """A time integrator: a leap-frog scheme, complete with its `bind`, or any other explicit one, with a kernel.
+
+    A scheme whose `bind` returns `LeapFrog` says no more; the framework makes the step. Any other one returns `Stages`
+    and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that takes displacement u and velocity
+    v, flat arrays, from t_n to t_{n+1}, *in place*. In it ``percuss.accelerations(system, stage, u, v, a)``, imported
+    by name, sets the array `a`, as long as u, to ``M^-1 (f_ext - f_int(u) + N lambda)`` at the time of that stage; v is
+    seen by contact alone. What the scheme remembers from step to step is in the rows of `kept`, (kept, size of u)::
+
+        @staticmethod
+        def step(numbers, system, u, v, kept, dt):  # velocity Verlet; kept = 1, Stages(times=(1.0,))
+            v += 0.5 * dt * kept[0]
+            u += dt * v
+            accelerations(system, 0, u, v, kept[0])
+            v += 0.5 * dt * kept[0]
+
+    A kernel may allocate arrays. Every entry of u, v and kept must be treated alike: behind the degrees of freedom of
+    the nodes stand entries whose accelerations are the multipliers, the reactions and the amplitudes of the loads, and
+    from what becomes of them follow the impulses and works of a step, whatever its weights. Before the first step the
+    framework checks that a constant acceleration a changes v by dt a, and v alone u by dt v.
+
+    In a stage, laws judged explicitly see ``g(u)``, ``N^T v`` and the bulk acceleration of the gap, of which a
+    multiplier changes the last alone. Along a support or drive the acceleration is that of the prescribed velocity,
+    over the step.
 
     Attributes
     ----------
@@ -222,14 +267,18 @@ class Integrator(Component, contract="integrators"):
     critical_courant
         Courant number up to which a uniform bar without contact is stable, with the first of `examples`; None where
         it is not known.
+    kept
+        How many rows a scheme with a kernel `step` keeps; each begins as the acceleration at t = 0, with contact
+        judged as in the last stage.
     """
 
     order: ClassVar[int]
     conserves: ClassVar[tuple[str, ...]] = ()
     critical_courant: ClassVar[float | None] = None
+    kept: ClassVar[int] = 0
 
     @abstractmethod
-    def bind(self, dt: float) -> LeapFrog:
+    def bind(self, dt: float) -> LeapFrog | Stages:
         """Return how contact is judged in a step of length `dt`.
 
         Parameters
@@ -241,6 +290,8 @@ class Integrator(Component, contract="integrators"):
         -------
         LeapFrog
             The framework does the bulk update and solves the contact equation.
+        Stages
+            The framework gives accelerations with contact in them, and the class has a kernel `step`.
         """
 
     def refuses(self, law: ContactLaw) -> str | None:  # noqa: ARG002
@@ -320,6 +371,10 @@ class Rows(NamedTuple):
 class Trial(NamedTuple):
     """What the kernel of a law that is not rows sees of its points in one step; (P,) arrays, read-only.
 
+    With an integrator of `Stages` it is called in every stage, and sees there g(u) and N^T v, and predicted the state
+    that the integrator's `end` says; where that is empty, ``g + dt g' + dt^2 g''`` and ``g' + dt g''`` with the bulk
+    acceleration g''.
+
     Attributes
     ----------
     gap, predicted_gap
@@ -329,7 +384,9 @@ class Trial(NamedTuple):
     delassus
         s of each point [1/mass].
     dt, time
-        Step, and t_n.
+        Step, and t_n or the time of the stage.
+    gap_answer, rate_answer
+        What a multiplier of 1/s adds to the predicted gap and to the predicted rate: dt^2 and dt of a leap-frog step.
     """
 
     gap: Floats
@@ -339,6 +396,8 @@ class Trial(NamedTuple):
     delassus: Floats
     dt: float
     time: float
+    gap_answer: float
+    rate_answer: float
 
 
 class ContactLaw(Component, contract="contacts"):

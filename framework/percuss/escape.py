@@ -15,30 +15,37 @@ from percuss.specialise import Specialiser, compile_error
 if TYPE_CHECKING:
     from percuss.contracts import Floats
 
+Answer = tuple[float, float]
+
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
     """Slot: fill the multipliers of one law's points."""
     raise NotImplementedError
 
 
-def tail(bound: Any, points: Any, dt: float, time: float, first: int) -> None:
+def tail(bound: Any, points: Any, dt: float, time: float, answer: Answer, first: int) -> None:
     """Slot: the laws behind this one; none unless bound."""
 
 
-def one_law(bound: Any, points: Any, dt: float, time: float, first: int) -> None:
+def one_law(bound: Any, points: Any, dt: float, time: float, answer: Answer, first: int) -> None:
     """Let one law fill the multipliers of its points, which start at `first`, then those behind it."""
     mine = points[first : first + bound[1]]
-    trial = Trial(mine.gap, mine.predicted_gap, mine.rate, mine.predicted_rate, mine.delassus, dt, time)
+    trial = Trial(
+        mine.gap, mine.predicted_gap, mine.rate, mine.predicted_rate, mine.delassus, dt, time, answer[0], answer[1]
+    )
     multipliers(bound[0], trial, mine.multiplier)
-    tail(bound[2], points, dt, time, first + bound[1])
+    tail(bound[2], points, dt, time, answer, first + bound[1])
 
 
-def laws(bound: Any, points: Any, dt: float, time: float) -> None:
-    """Let every law that is not rows fill its multipliers; a template around `first_law`."""
-    first_law(bound[1], points, dt, time, bound[0])
+def laws(bound: Any, points: Any, dt: float, time: float, answer: Answer) -> None:
+    """Let every law that is not rows fill its multipliers; a template around `first_law`.
+
+    `answer` is what a multiplier of 1/s adds to the predicted gap and to the predicted rate.
+    """
+    first_law(bound[1], points, dt, time, answer, bound[0])
 
 
-def first_law(bound: Any, points: Any, dt: float, time: float, first: int) -> None:
+def first_law(bound: Any, points: Any, dt: float, time: float, answer: Answer, first: int) -> None:
     """Slot: the first law that is not rows; nothing to do where there is none."""
 
 
@@ -85,7 +92,7 @@ def why_not(entry: dict[str, Any]) -> Exception | None:
     points = np.recarray(len(entry["where"]), dtype=POINT)
     points[:] = np.ones((), dtype=POINT)
     try:
-        bind(Specialiser(counting=True), [entry], frozenset())(nest([entry], 0), points, 1.0, 0.0)
+        bind(Specialiser(counting=True), [entry], frozenset())(nest([entry], 0), points, 1.0, 0.0, (1.0, 1.0))
     except compile_error() as error:
         return error
     return None

@@ -45,6 +45,7 @@ def explanation(model: Model) -> Explanation:
         "Integrator",
         f"  {method.name}: {method.summary}",
         *_formula(type(method)),
+        *_stages(model),
         "Step",
         f"  {model.dt:.9g}, Courant number {model.courant:.6g} of the element with the smallest h/c; "
         f"{model.steps} steps to {model.steps * model.dt:.9g}"
@@ -75,6 +76,20 @@ def explanation(model: Model) -> Explanation:
         "notes": list(case.notes),
     }
     return Explanation("\n".join(lines), plain(data))
+
+
+def _stages(model: Model) -> list[str]:
+    """Return what is told of an integrator that is no leap-frog scheme."""
+    if model.stages is None:
+        return []
+    times = ", ".join(f"{one:.6g}" for one in model.stages.times)
+    end = "is judged there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
+    return [
+        f"  no leap-frog scheme: accelerations, contact included, at {times} of each step; a law judged at the end of "
+        f"the step {end}",
+        "  forces and impulses are those of whole steps; energies stand at the end of each, and their closure counts "
+        "what the scheme itself gains or loses",
+    ]
 
 
 def _bodies(model: Model) -> list[str]:

@@ -58,10 +58,10 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
     step = int(total.rise_step) if total.rise > 0 else None
     return {
         "guarantee": guarantee,
-        "quantity": quantity(outcome.points),
+        "quantity": "contact work" if march.staged else quantity(outcome.points),
         "largest": rise,
         "step": step,
-        "time": (step + 0.5) * march.model.dt if step is not None else None,
+        "time": (step + march.energy_at) * march.model.dt if step is not None else None,
         "between_switchings": drift,
         "allowed": allowed if judged is not None else None,
         "kept": bool(judged <= allowed) if judged is not None else None,

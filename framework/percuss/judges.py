@@ -18,6 +18,7 @@ from percuss.blackbox import DENSE, Motions, combinations, examine
 from percuss.contact import broadcast, delassus_rows
 from percuss.contracts import Rows
 from percuss.pencil import EDGE, Pencil, critical_step, largest
+from percuss.schemes import reach, scheme
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats, Judged
@@ -30,6 +31,7 @@ BY_END = "the force follows from the gap at the end of the step: energy and what
 NO_CONTACT = "without contact the step conserves energy"
 JUMPS = "the force follows from the gap at the current state: energy jumps as a contact closes or opens, either way"
 PULLS = "with its mass the contact pulls before it opens, and each opening or closing may gain energy"
+OTHER = "{} is no leap-frog scheme: what it does to energy as contacts open and close is not known"
 SHARED = "contacts share an end: one may open or close another against what was predicted"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
@@ -50,7 +52,8 @@ class Closed:
     predicted
         Whether the law is judged at the predicted gap.
     unknown
-        Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate.
+        Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate; in a scheme of
+        stages all that are judged at the end of the step, too.
     energy, why
         What the pair guarantees of the energy, the weakest of all contacts, and the reason in words.
     """
@@ -95,7 +98,9 @@ def closed(model: Model, dt: float) -> Closed:
     predicted = np.zeros(count, dtype=bool)
     unknown: list[str] = []
     energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
-    table = model.case.method.integrator.bind(dt)
+    stages, (*_, table) = scheme(model.case.method.integrator, dt)
+    if stages is not None:
+        energy.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     for entry in model.laws:
         law, where = entry["law"], entry["where"]
         bound = law.bind(entry["points"], dt)
@@ -104,7 +109,7 @@ def closed(model: Model, dt: float) -> Closed:
             continue
         rows = broadcast(bound, entry["points"], law.name)
         if rows["at"] == "end":
-            held = rows["active"] == "all" and rows["sign"] == ">= 0" and not rows["rate"].any()
+            held = stages is None and rows["active"] == "all" and rows["sign"] == ">= 0" and not rows["rate"].any()
             if not held:
                 unknown.append(law.name)
             continue
@@ -122,7 +127,7 @@ def closed(model: Model, dt: float) -> Closed:
             energy.append((NOT_GUARANTEED, PULLS) if inertia[where].any() else (BETWEEN, JUMPS))
         elif _share_an_end(model, where):
             energy.append((NOT_GUARANTEED, SHARED))
-    if unknown:
+    if unknown and stages is None:
         energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
     weakest, why = max(energy, key=lambda one: WEAKEST_LAST.index(one[0]))
     return Closed(stiffness, inertia, predicted, tuple(unknown), weakest, why)
@@ -144,7 +149,9 @@ def _share_an_end(model: Model, where: list[int]) -> bool:
 class RowsJudge:
     """Judges steps by the rows of the laws: exact for any mesh and any combination of contacts.
 
-    Central difference by the inertia of the closed pencil, Wu's predictor-corrector by theta in operator form.
+    Central difference by the inertia of the closed pencil, Wu's predictor-corrector by theta in operator form. In
+    stages, laws judged at the current state make every mode of the closed pencil an oscillator, so that its inertia
+    tells there too, at the step that brings central difference to its limit where it brings the scheme to its own.
 
     Parameters
     ----------
@@ -157,6 +164,7 @@ class RowsJudge:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.pencil = Pencil(model)
+        self.reach = reach(model.case.method.integrator, model.stages, model.dt)
         diagonal, others = delassus_rows(model.sides(0.5 * model.dt))
         self.delassus = np.diag(diagonal)
         for p, row in enumerate(others):
@@ -188,8 +196,10 @@ class RowsJudge:
         """Return what is to be said of a step."""
         said = closed(self.model, dt)
         current = ~said.predicted
+        if self.reach == 0.0:
+            return Finding(False)
         definite, worst = self.pencil.definite(
-            dt, np.where(current, said.stiffness, 0.0), np.where(current, said.inertia, 0.0)
+            dt / self.reach, np.where(current, said.stiffness, 0.0), np.where(current, said.inertia, 0.0)
         )
         theta, group = self.theta(dt, said)
         if theta is None or theta <= 1.0:
@@ -207,11 +217,11 @@ class RowsJudge:
     @cached_property
     def free(self) -> float:
         """The largest step that is stable without contact."""
-        return free_step(self.pencil)
+        return free_step(self.pencil) * self.reach
 
     def critical(self) -> float:
         """Return the largest stable step, laws bound anew for each step tried."""
-        return critical_step(lambda dt: self.judge(dt).stable, self.free)
+        return critical_step(lambda dt: self.judge(dt).stable, self.free) if self.free > 0 else 0.0
 
 
 class BlackBoxJudge:
@@ -233,14 +243,23 @@ class BlackBoxJudge:
     @cached_property
     def free(self) -> float:
         """The largest step that is stable without contact."""
-        return free_step(self.motions.pencil)
+        model = self.model
+        return free_step(self.motions.pencil) * reach(model.case.method.integrator, model.stages, model.dt)
+
+    @cached_property
+    def _tried(self) -> list[tuple[int, ...]]:
+        """The combinations of closed contacts; of stages without the open one, which `free` is about."""
+        every = combinations(len(self.model.meetings))
+        return every if self.model.stages is None else every[1:]
 
     def judge(self, dt: float) -> Finding:
         """Return what is to be said of a step, over the combinations of closed contacts that are tried."""
         doubt, radius, theta = "", -1.0, None
         worst: list[int] = []
-        tried = combinations(len(self.model.meetings))
-        if 2 ** len(self.model.meetings) > len(tried):
+        tried = self._tried
+        if self.model.stages is not None and dt > self.free * (1.0 + EDGE):
+            return Finding(False)
+        if 2 ** len(self.model.meetings) > len(combinations(len(self.model.meetings))):
             doubt = "tried were no contact, each one and all of them closed"
         for one in tried:
             found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
@@ -264,10 +283,9 @@ class BlackBoxJudge:
 
         0 where the step is not linear, of which nothing can be said.
         """
-        tried = [
-            (one, examine(self.motions, self.free * (1.0 - EDGE), one))
-            for one in combinations(len(self.model.meetings))
-        ]
+        if self.free == 0.0:
+            return 0.0
+        tried = [(one, examine(self.motions, self.free * (1.0 - EDGE), one)) for one in self._tried]
         if not all(found.linear for _, found in tried):
             return 0.0
         limits = [one for one, found in tried if not found.stable]
@@ -304,6 +322,8 @@ class ClosedForm:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        if model.stages is not None:
+            raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
         for body in model.bodies.values():
             if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():

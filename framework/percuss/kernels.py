@@ -30,6 +30,11 @@ def energy_density(parameters: Floats, before: float, after: float) -> float:
     _unbound()
 
 
+def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Slot: set `a` to the accelerations in a stage of the step; bound to `percuss.stages.accelerate`."""
+    _unbound()
+
+
 def internal_force(
     element: Any,
     parameters: Floats,

@@ -3,6 +3,10 @@
 Energies are staggered, at t_{n+1/2}: kinetic ``v M v / 2``, elastic ``u_n K u_{n+1} / 2``. For every leap-frog method
 on linear bodies the change of their sum over a step is ``lambda (g_{n+1} - g_{n-1}) / 2`` of the contacts plus
 ``(f_ext + reactions) (u_{n+1} - u_{n-1}) / 2``, to round-off; both works are summed in every step.
+
+Of schemes in stages (`percuss.stages`) energies are those of the state at t_{n+1}, and the work of a force is its
+impulse in the step times ``(v_n + v_{n+1}) / 2``, which is what the kinetic energy takes up, to round-off. What is
+left of the closure is what the scheme makes of the strain energy: it does not vanish.
 """
 
 from __future__ import annotations
@@ -75,8 +79,8 @@ def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
 def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
     """Return linear momentum before the first and after the last step, the impulses between, and their closure.
 
-    The momenta are those at -dt/2 and t_N - dt/2, between which N steps bring exactly the impulses given; the error is
-    their difference over the largest impulse or momentum involved.
+    The momenta are those at -dt/2 and t_N - dt/2, of a scheme in stages at 0 and t_N, between which N steps bring
+    exactly the impulses given; the error is their difference over the largest impulse or momentum involved.
     """
     model, dim = march.model, march.dim
     mass = model.mass[:, None]

@@ -124,7 +124,7 @@ def strain_energy(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> flo
     return elastic(groups, u, v, dim, dt)
 
 
-def own_laws(bound: Any, points: Any, dt: float, time: float) -> None:
+def own_laws(bound: Any, points: Any, dt: float, time: float, answer: tuple[float, float]) -> None:
     """Slot: the multipliers of laws that are not rows; nothing to do where there is none."""
 
 
@@ -164,7 +164,7 @@ def advance(
         sound = True
         if points.size > 0:
             judge(points, few.entries, special, dt)
-            own_laws(bound, points, dt, n * dt)
+            own_laws(bound, points, dt, n * dt, (dt * dt, dt))
             sound = solve(points, few.others, dt)
             correct(points, few.entries, special, dt)
             if shares.size > 0:

@@ -16,6 +16,7 @@ from percuss.contact import carry_over, point_records
 from percuss.contracts import Rows
 from percuss.interrupt import interruptible
 from percuss.specialise import compile_error
+from percuss.staged import Staged
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats
@@ -70,7 +71,7 @@ class March:
         self.dim = model.dim
         self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
         self._arrays()
-        self.kernels = bind(self.group_parts, self.own_laws, compiled=compiled)
+        self.kernels = bind(self.group_parts, self.own_laws, self.stepper, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
 
     def _arrays(self) -> None:
@@ -81,8 +82,15 @@ class March:
         self.reactions = np.zeros(len(model.holds))
         self.special_nodes = list(dict.fromkeys([*meeting, *acted, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.special_nodes)}
-        self.v = model.starting_velocity().ravel()
-        self.u = np.zeros_like(self.v)
+        self.staged = Staged(model, model.stages) if model.stages is not None else None
+        self.stepper = model.case.method.integrator if self.staged else None
+        if self.staged:
+            self.u, self.v = (array[: self.staged.nodal] for array in self.staged.state[:2])
+        else:
+            self.v = model.starting_velocity().ravel()
+            self.u = np.zeros_like(self.v)
+        # where in a step its energies stand, from t_n on, and the step by which they are staggered
+        self.energy_at, self.stagger = (1.0, 0.0) if self.staged else (0.5, model.dt)
         mass = np.repeat(model.mass, dim)
         self.bulk = kernels.Bulk(mass, 1.0 / mass, np.zeros((kernels.BLOCK + 2) * dim))
         self.groups, self.group_parts = self._groups()
@@ -99,6 +107,7 @@ class March:
             for d in range(dim)
         ]
         self.few = self._acting(0.5 * model.dt, records(dofs, loop.SPECIAL))
+        self._renew(0.5 * model.dt)
 
     def _probe_nodes(self) -> list[int]:
         probes = self.model.case.record.probes
@@ -140,7 +149,8 @@ class March:
     def _acting(self, midpoint: float, special: Any) -> loop.Few:
         """Return what acts on few nodes for a run of steps with the same drives; sums start at zero."""
         model, dim = self.model, self.dim
-        active = [(row, h) for row, h in enumerate(model.holds) if h.active(midpoint)]
+        # what a scheme of stages keeps may bring reactions of a hold that has let go
+        active = [(row, h) for row, h in enumerate(model.holds) if self.staged or h.active(midpoint)]
         self.held = [row for row, _ in active]
         sides = model.sides(midpoint)
         sides = [sides[p] for p in self.order]
@@ -153,7 +163,7 @@ class March:
             for i, (_, h) in enumerate(active)
             for p, row in enumerate(sides)
             for side in row
-            if side.node == h.node
+            if side.node == h.node and h.active(midpoint)
         ]
         pushes = [
             (self.place[f.node], i * dim, 1.0 / model.mass[f.node], f.column)
@@ -181,6 +191,11 @@ class March:
         fresh = self._acting(midpoint, before.special)
         carry_over(before.points, fresh.points, before.totals)
         self.few = fresh._replace(totals=before.totals)
+        self._renew(midpoint)
+
+    def _renew(self, midpoint: float) -> None:
+        if self.staged:
+            self.staged.renew(self.nested, self.bulk, self.few, self.bound, midpoint)
 
     def _bank(self) -> None:
         """Move the reactions summed so far to the account of the model's holds."""
@@ -188,8 +203,10 @@ class March:
             self.reactions[row] += one.reaction
         self.few.holds["reaction"] = 0.0
 
-    def _drive(self, first: int, count: int) -> loop.Drive:
+    def _drive(self, first: int, count: int) -> Any:
         model, dim = self.model, self.dim
+        if self.staged:
+            return self.staged.drive(first, count)
         loads = list(model.case.loads.values())
         if not loads:
             if self._quiet.force.shape[0] < count:
@@ -224,6 +241,8 @@ class March:
         """
         started = time.perf_counter()
         self.settle()
+        if self.staged:
+            self.staged.start(self.kernels.begin)
         settled = time.perf_counter()
         self.seconds["compile"] = settled - started
         out = self._nothing_yet()
@@ -284,7 +303,10 @@ class March:
                     out.status, (out.done, out.stop) = "unstable", self._locate(drive, kept, at, count)
                     return
                 out.done += count
-                out.load_impulse += self._load_impulse(drive)
+                if self.staged:
+                    out.load_impulse = self.staged.load_impulse()
+                else:
+                    out.load_impulse += self._load_impulse(drive)
                 if progress is not None:
                     progress(out.done, model.steps)
                 if interrupted.is_set() and out.done < model.steps:
@@ -299,7 +321,9 @@ class March:
             if first <= step < last:
                 self._advance(self._drive(step, 1), step, 1)
 
-    def _advance(self, drive: loop.Drive, first: int, count: int) -> int:
+    def _advance(self, drive: Any, first: int, count: int) -> int:
+        if self.staged:
+            return self.staged.advance(self.kernels.advance, drive, self.record, first, count)
         return self.kernels.advance(
             self.nested, self.bulk, self.few, self.bound, drive, self.record, self.u, self.v,
             bool(self.model.pulls), self.dim, self.model.dt, first, count,
@@ -317,11 +341,11 @@ class March:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
         error = self._failure()
         if error is not None:
-            self.kernels = bind(self.group_parts, self.own_laws, compiled=True, counting=True)
+            self.kernels = bind(self.group_parts, self.own_laws, self.stepper, compiled=True, counting=True)
             error = self._failure()
         if error is not None:
             trial = (self.bulk, self.u.copy(), self.v.copy(), self.dim, self.model.dt)
-            self.kernels = bind_around(error, self.group_parts, self.groups, self.own_laws, trial)
+            self.kernels = bind_around(error, self.group_parts, self.groups, self.own_laws, trial, self.staged)
 
     def _failure(self) -> Exception | None:
         """Compile by marching no steps; return why that is not possible, or None."""
@@ -345,7 +369,7 @@ class March:
 
     def _energy(self) -> float:
         """Return the staggered energy of u and v as they stand."""
-        return self._kinetic(self.v) + float(self.kernels.elastic(self.nested, self.u, self.v, self.dim, self.model.dt))
+        return self._kinetic(self.v) + float(self.kernels.elastic(self.nested, self.u, self.v, self.dim, self.stagger))
 
     def initial_energy(self) -> float:
         """Return the kinetic energy at t = 0."""
@@ -383,7 +407,8 @@ class March:
 
     def _changing(self) -> list[Any]:
         few = self.few
-        return [self.u, self.v, few.points, few.holds, few.totals, few.before]
+        more = self.staged.changing() if self.staged else [self.u, self.v]
+        return [*more, few.points, few.holds, few.totals, few.before]
 
     def _copy(self) -> list[Any]:
         """Return what a step changes, as it is now; written over by the next call."""
@@ -397,14 +422,14 @@ class March:
                 self._kept[k] = array.copy()
         return self._kept
 
-    def _locate(self, drive: loop.Drive, kept: list[Any], first: int, count: int) -> tuple[int, dict[str, Any]]:
+    def _locate(self, drive: Any, kept: list[Any], first: int, count: int) -> tuple[int, dict[str, Any]]:
         """March the chunk again, a step at a time, up to the first step that is not sound."""
         from percuss.certificate import likely_cause
 
         for array, value in zip(self._changing(), kept, strict=True):
             array[:] = value
         for s in range(count):
-            solved = self._advance(loop.Drive(*(part[s : s + 1] for part in drive)), first + s, 1) == 1
+            solved = self._advance(type(drive)(*(part[s : s + 1] for part in drive)), first + s, 1) == 1
             if not solved or not self._sound():
                 break
         total = self.few.totals[0]

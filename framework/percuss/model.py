@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact import Side, broadcast, delassus_rows, judge, own_multipliers
-from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, Rows
+from percuss.contact import NOTHING, Side, broadcast, delassus_rows, judge, own_multipliers
+from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.parts import Body, Hold, Meeting, Pull, Push
+from percuss.schemes import refuse_end, scheme
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,10 +59,11 @@ class Model:
         self._raise()
         self._refuse()
         # laws that are rows first: the others fill their part of the multipliers by kernels of their own
-        self.table = case.method.integrator.bind(self.dt)
+        self.stages, self.tables = scheme(case.method.integrator, self.dt)
         self._check_movable()
         self.laws = self._laws()
         self._raise()
+        refuse_end(case.method.integrator, self.stages, self.laws)
 
     # -- bodies ------------------------------------------------------------------------------------------
 
@@ -105,7 +107,7 @@ class Model:
         other.__dict__.pop("initial_velocity", None)
         other.dt, other.steps, other.pushes, other.pulls = dt, 1, [], []
         other.holds = [dataclasses.replace(hold, load=None, column=0) for hold in holds]
-        other.table = self.case.method.integrator.bind(dt)
+        other.stages, other.tables = scheme(self.case.method.integrator, dt)
         other.laws = other._laws()
         other._raise()
         return other
@@ -271,8 +273,9 @@ class Model:
         """Return the diagonal of S, (P,) [1/mass]."""
         return delassus_rows(self.sides(midpoint))[0]
 
-    def judged(self, delassus: Floats) -> tuple[list[int], Any]:
+    def judged(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
         """Return the order of the points in the loop, and what their laws say there, (P,) `JUDGED`."""
+        table = table or self.tables[-1]
         order: list[int] = []
         parts = [own_multipliers(0)]
         for entry in self.laws:
@@ -280,10 +283,13 @@ class Model:
             order += where
             if isinstance(entry["bound"], Rows):
                 rows = broadcast(entry["bound"], entry["points"], law.name)
-                parts.append(judge(rows, self.table, delassus[where], law.name))
+                parts.append(judge(rows, table, delassus[where], law.name))
             else:
                 parts.append(own_multipliers(len(where)))
-        return order, np.concatenate(parts)
+        out = np.concatenate(parts)
+        if self.stages is not None:
+            out["stores"] = NOTHING
+        return order, out
 
     def parameters(self) -> dict[str, dict[str, float]]:
         """Return, for each contact, its law's parameters as they came out."""

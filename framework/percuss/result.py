@@ -40,6 +40,18 @@ LONG_NAMES = {
     "energy_growth": "growth of contact work with contact energy since the first step over the largest energy so far",
     "stress": "stress in the element",
 }
+IN_STAGES = {  # what these are of a run in stages
+    "contact_force": "mean contact force from t_n to t_n+1, compression positive",
+    "contact_force_exact": "exact contact force, averaged from t_n to t_n+1",
+    "velocity": "velocity at t_n",
+    "kinetic_energy": "kinetic energy at t_n+1",
+    "elastic_energy": "strain energy at t_n+1",
+    "external_work": "work of loads, supports and drives up to t_n+1",
+    "contact_work": "work of the contact forces up to t_n+1",
+    "contact_energy": "nothing: what contacts store is not followed",
+    "energy_error": "energy less all work, over the largest energy so far: what the scheme itself gains or loses",
+    "energy_growth": "growth of contact work since the first step over the largest energy so far",
+}
 HALF_STEP = (
     "kinetic_energy",
     "elastic_energy",
@@ -117,6 +129,10 @@ class Result:
         forces = self.arrays["contact_force_exact"]
         return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
 
+    def _at_the_end(self) -> bool:
+        """Whether energies stand at t_{n+1}, as those of a scheme in stages do."""
+        return bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * self.summary["dt"])
+
     @cached_property
     def histories(self) -> xr.Dataset:
         """Histories on one axis ``time``; energies carry the coordinate ``time_half(time)``."""
@@ -128,8 +144,10 @@ class Result:
             ),
             **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
         }
+        # a scheme that is no leap-frog has its energies, and the force of a step, where the coordinate says
+        whole = IN_STAGES if self.arrays["time_half"].size and self._at_the_end() else {}
         data = {
-            name: (dims.get(name, ("time",)), values, {"long_name": LONG_NAMES[name]})
+            name: (dims.get(name, ("time",)), values, {"long_name": whole.get(name, LONG_NAMES[name])})
             for name, values in self.arrays.items()
             if name in LONG_NAMES
         }

@@ -108,7 +108,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     )
     arrays: dict[str, Any] = {
         "time": outcome.time[:rows],
-        "time_half": outcome.time[:rows] + 0.5 * model.dt,
+        "time_half": outcome.time[:rows] + march.energy_at * model.dt,
         "contact_force": outcome.record.multiplier[:rows][:, back],
         "gap": outcome.record.gap[:rows][:, back],
         "displacement": outcome.record.displacement[:rows].reshape(rows, len(names), dim),
@@ -162,6 +162,11 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
         said.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     if march.record.every > 1 and march.model.meetings:
         said.append("true errors of the contact force need `record.every: 1`")
+    if march.staged:
+        name = march.model.case.method.integrator.name
+        said.append(
+            f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
+        )
     total = march.few.totals[0]
     allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
     if outcome.status != "unstable" and not total.contact_work <= allowed:
@@ -179,11 +184,13 @@ def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any,
     if solution is None:
         return None, None, reason
     names = [meeting.name for meeting in model.meetings]
-    arrays |= truth.sampled(solution, names, arrays["time"], model.dt)
+    # what the impulse lambda dt is the force of: the step around t_n, or in stages the one behind it
+    middle = arrays["time"] + (march.energy_at - 0.5) * model.dt
+    arrays |= truth.sampled(solution, names, arrays["time"], middle, model.dt)
     contacts = {
         name: truth.contact_errors(
             solution.contacts[name],
-            arrays["time"],
+            middle,
             arrays["contact_force"][:, k],
             arrays["contact_force_exact"][:, k],
             model.dt,

@@ -23,7 +23,7 @@ Kernel = Callable[..., Any]
 _COMPILED: dict[tuple[str, bool], Kernel] = {}  # one process compiles or loads a kernel once
 
 # these modules hold the loop; nothing in them allocates
-_OWN = ("percuss.kernels", "percuss.loop", "percuss.contact", "percuss.escape")
+_OWN = ("percuss.kernels", "percuss.loop", "percuss.contact", "percuss.escape", "percuss.stages")
 
 # functions of these packages are the compiler's own business
 _FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
@@ -246,7 +246,7 @@ def compile_error() -> tuple[type[Exception], ...]:
 def _options(source: types.FunctionType, *, counting: bool, cache: bool, reduction: bool) -> dict[str, Any]:
     """Return how a function is compiled."""
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    if not cache:
+    if not cache and source.__module__ != "percuss.stages":
         options["forceinline"] = True  # a call that is not inlined passes every array as a handful of numbers
     if reduction or getattr(source, "reduction", False):
         options["fastmath"] = ("nsz", "reassoc")

@@ -53,20 +53,31 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     return None, "", "; ".join(reasons) or "no solution engine is registered"
 
 
-def sampled(solution: Exact, names: list[str], time: Floats, dt: float) -> dict[str, Floats]:
+def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
     """Return the exact histories on the time axis of a run; nan behind the time the solution reached.
+
+    Parameters
+    ----------
+    solution, names
+        The exact solution, and the contacts asked for.
+    time
+        Times of the records.
+    middle
+        Middle of the step whose impulse each record of the force is.
+    dt
+        Time step.
 
     Returns
     -------
     dict
         ``contact_force_exact``, averaged over each step as the impulse lambda dt is, and ``gap_exact``; (T, contacts).
     """
-    known = time + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
+    known = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)
     gap = np.full((time.size, len(names)), np.nan)
     for k, name in enumerate(names):
         contact = solution.contacts[name]
-        force[known, k] = contact.mean_force(time[known] - 0.5 * dt, time[known] + 0.5 * dt)
+        force[known, k] = contact.mean_force(middle[known] - 0.5 * dt, middle[known] + 0.5 * dt)
         gap[known, k] = contact.gap(time[known])
     return {"contact_force_exact": force, "gap_exact": gap}
 
@@ -81,9 +92,9 @@ def contact_errors(
     contact
         The exact contact.
     time, force
-        The run's records.
+        The run's records, at the middle of the step whose impulse each is.
     exact
-        The exact force averaged over the step around each record.
+        The exact force averaged over that step.
     dt
         Time step.
     reached

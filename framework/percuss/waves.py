@@ -82,8 +82,14 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     InputError
         If there is no such contact.
     PercussError
-        If the contact is not linear when closed, or an end in it is held or in a second contact.
+        If the integrator is no leap-frog scheme, the contact is not linear when closed, or an end in it is held or in a
+        second contact.
     """
+    if model.stages is not None:
+        name = model.case.method.integrator.name
+        raise PercussError(
+            f"{name} is no leap-frog scheme: harmonics at an interface are known of a leap-frog step only"
+        )
     names = [meeting.name for meeting in model.meetings]
     if not names or (contact and contact not in names):
         advice = suggestion(contact, names, "contact") if names else "Add a contact."

@@ -7,6 +7,7 @@ from percuss_methods.contacts.penalty import Penalty
 from percuss_methods.contacts.tied import Tied
 from percuss_methods.elements.bar import BarElement
 from percuss_methods.integrators.central_difference import CentralDifference
+from percuss_methods.integrators.noh_bathe import NohBathe
 from percuss_methods.integrators.wu_predictor_corrector import WuPredictorCorrector
 from percuss_methods.loads.constant import Constant
 from percuss_methods.loads.gravity import Gravity
@@ -25,7 +26,7 @@ from percuss_methods.solutions.bars_in_a_row import BarsInARow
 @hookimpl
 def percuss_integrators() -> list[type]:
     """Return the built-in time integrators."""
-    return [CentralDifference, WuPredictorCorrector]
+    return [CentralDifference, NohBathe, WuPredictorCorrector]
 
 
 @hookimpl

@@ -57,7 +57,7 @@ def some_trial(points: ContactPoints, dt: float) -> Trial:
     gaps, rates = (depth, depth - 1e-4), (np.cos(k), np.cos(k) - 0.3)
     for one in (*gaps, *rates):
         one.flags.writeable = False
-    return Trial(gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25)
+    return Trial(gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt)
 
 
 def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, dt: float) -> Any:
@@ -83,7 +83,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
             trial = some_trial(points, dt)
             whole = _said(subject, bound, trial)
             parts = [
-                _said(subject, one, Trial(*(x[p : p + 1] for x in trial[:5]), trial.dt, trial.time))  # type: ignore[arg-type, call-arg]
+                _said(subject, one, Trial(*(x[p : p + 1] for x in trial[:5]), *trial[5:]))  # type: ignore[arg-type, call-arg]
                 for p, one in enumerate(alone)
             ]
             for name, values in whole.items():

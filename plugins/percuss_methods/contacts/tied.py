@@ -55,4 +55,4 @@ class Tied(ContactLaw):
             if bound.start[i] < middle < bound.stop[i]:
                 tied = True
         for p in range(multiplier.size):
-            multiplier[p] = -trial.predicted_rate[p] / (trial.dt * trial.delassus[p]) if tied else 0.0
+            multiplier[p] = -trial.predicted_rate[p] / (trial.rate_answer * trial.delassus[p]) if tied else 0.0

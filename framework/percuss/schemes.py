@@ -1,0 +1,189 @@
+"""What an integrator says of its step, checked: a leap-frog scheme, or stages with a kernel of its own."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss import kernels
+from percuss.contracts import Integrator, Judged, LeapFrog, Rows, Stages
+from percuss.errors import PluginError, RefusedPair
+from percuss.specialise import Specialiser
+
+if TYPE_CHECKING:
+    from percuss.contracts import Floats
+
+IN_A_STAGE = Judged("current", "current", "bulk", (0.0, 0.0, 1.0))
+GROWS = 1e-9  # of a step: a smaller growth is round-off
+ROUND_OFF = 1e-9
+OSCILLATORS = 1001
+NO_END = "its stages do not say (`end`) at which state a law judged at the end of the step is to be judged"
+
+
+def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
+    """Return the stages of an integrator, None of a leap-frog one, and how contact is judged in each.
+
+    Raises
+    ------
+    PluginError
+        If `bind` returned anything else, or the stages and the kernel `step` do not fit together.
+    """
+    said = integrator.bind(dt)
+    if isinstance(said, LeapFrog):
+        return None, (said,)
+    if not isinstance(said, Stages):
+        raise _wrong(integrator, f"bind returned {type(said).__name__}, expected LeapFrog or Stages")
+    ends = ends_of(said, dt)
+    numbers = np.array([*said.times, *said.numbers, *ends.ravel()], dtype=float)
+    if not said.times or not np.isfinite(numbers).all():
+        raise _wrong(integrator, "Stages need one stage or more, and finite numbers throughout")
+    if ends.shape != (len(said.times), 3) or (ends <= 0).any():
+        raise _wrong(integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all")
+    _try(integrator, said, dt)
+    return said, tuple(
+        LeapFrog(IN_A_STAGE, Judged("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
+        for _, r_a, s_a in ends
+    )
+
+
+def ends_of(stages: Stages, dt: float) -> Floats:
+    """Return r_v, r_a, s_a of each stage, (stages, 3); those of a plain step where a scheme says none."""
+    return np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times), dtype=float)
+
+
+def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[str, Any]]) -> None:
+    """Refuse laws judged at the end of the step where the stages do not say what that is.
+
+    Raises
+    ------
+    RefusedPair
+        For the first such law.
+    """
+    for entry in laws if stages is not None and not stages.end else ():
+        if isinstance(entry["bound"], Rows) and entry["bound"].at == "end":
+            raise RefusedPair(integrator.name, entry["law"].name, NO_END, integrator.name)
+
+
+def kernel_of(integrator: Integrator) -> Callable[..., None]:
+    """Return the kernel of an integrator that is no leap-frog scheme.
+
+    Raises
+    ------
+    PluginError
+        If it has none.
+    """
+    kernel = getattr(type(integrator), "step", None)
+    if kernel is None:
+        raise _wrong(
+            integrator,
+            "bind returned Stages, and the class has no static method `step(numbers, system, u, v, kept, dt)`",
+        )
+    return kernel  # type: ignore[no-any-return]
+
+
+def _wrong(integrator: Integrator, what: str) -> PluginError:
+    return PluginError(f"integrator {integrator.name}: {what}")
+
+
+def known(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set `a` to what `system` holds: accelerations that do not depend on the state."""
+    a[:] = system[0]
+
+
+def oscillating(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set `a` to that of oscillators whose squared frequencies `system` holds."""
+    a[:] = -system[0] * u
+
+
+def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Make a step with a point that flies and one that is accelerated from rest, in plain Python.
+
+    Raises
+    ------
+    PluginError
+        If v does not change by dt a, or u by dt v: the step is not made in place, or does not take up all of the
+        impulse, and its accounts would be wrong.
+    """
+    asked = []
+
+    def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+        asked.append(stage)
+        known(system, stage, u, v, a)
+
+    step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
+    pushed = np.array([0.0, 1.0])
+    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(pushed, (integrator.kept, 1))
+    step(stages.numbers, (pushed,), u, v, kept, dt)
+    if set(asked) - set(range(len(stages.times))):
+        raise _wrong(integrator, f"step asks for stage {max(asked)}, and Stages.times has {len(stages.times)}")
+    if abs(u[0] - dt) > ROUND_OFF * dt or np.abs(v - [1.0, dt]).max() > ROUND_OFF * max(1.0, dt):
+        raise _wrong(
+            integrator,
+            "step must change u and v in place (u += ..., or u[:] = ...), v by dt times an acceleration that is "
+            f"constant and u by dt times a velocity that is; found a change of v by {v[1] / dt:.9g} dt a, and of u by "
+            f"{u[0] / dt:.9g} dt v",
+        )
+
+
+def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Floats) -> Any:
+    """Return the amplification matrices of oscillators, (Z, m, m) of the states (u, dt v, dt^2 kept).
+
+    Parameters
+    ----------
+    integrator, stages, dt
+        The scheme and its step.
+    squares : (Z,) array
+        ``(omega dt)^2`` of each oscillator.
+    """
+    step = Specialiser({kernels.accelerations: oscillating}, jit=False).bind(kernel_of(integrator))
+    size = 2 + integrator.kept
+    out = np.zeros((squares.size, size, size))
+    scale = dt ** -np.concatenate([[0.0, 1.0], np.full(integrator.kept, 2.0)])
+    for k in range(size):
+        state = np.zeros((size, squares.size))
+        state[k] = scale[k]
+        u, v, kept = state[0].copy(), state[1].copy(), state[2:].copy()
+        step(stages.numbers, (squares / dt**2,), u, v, kept, dt)
+        out[:, :, k] = (np.stack([u, v, *kept]) / scale[:, None]).T
+    return out
+
+
+def reach(integrator: Integrator, stages: Stages | None, dt: float) -> float:
+    """Return the largest omega dt up to which a scheme is stable, over 2: that of central difference."""
+    if stages is None:
+        return 1.0
+    try:
+        return _reach(integrator, stages, dt)
+    except TypeError:  # options that have no hash
+        return _reach.__wrapped__(integrator, stages, dt)
+
+
+@functools.lru_cache(maxsize=1024)
+def _reach(integrator: Integrator, stages: Stages, dt: float) -> float:
+
+    def radius(squares: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            matrices = amplification(integrator, stages, dt, squares)
+            matrices = np.where(np.isfinite(matrices), matrices, 1e3)
+            found: Floats = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
+            return found
+
+    grid = np.geomspace(1e-3, 1e3, OSCILLATORS)
+    grows = np.flatnonzero(radius(grid) > 1.0 + GROWS)
+    if grows.size == 0:
+        return 0.5 * float(np.sqrt(grid[-1]))
+    if grows[0] == 0:
+        return 0.0
+    lo, hi = grid[grows[0] - 1], grid[grows[0]]
+    while hi - lo > 1e-13 * hi:
+        middle = 0.5 * (lo + hi)
+        if middle in (lo, hi):
+            break
+        if radius(np.array([middle]))[0] > 1.0 + GROWS:
+            hi = middle
+        else:
+            lo = middle
+    return 0.5 * float(np.sqrt(lo))
