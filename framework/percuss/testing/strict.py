@@ -146,7 +146,7 @@ class StrictSystem:
             raise NotApplicable("the scheme says of no stage how the end of the step is answered")
         clock = [0.0]
 
-        def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+        def accelerations(_: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
             bulk = self.response * (self.force - self.stiffness @ u[:size])
             gap, rate = self.initial_gap + self.normal.T @ u[:size], self.normal.T @ v[:size]
             acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]

@@ -43,6 +43,7 @@ class NohBathe(Integrator):
     examples = ({}, {"p": 0.6})
     order = 2
     conserves = ("momentum",)
+    critical_courant = 1.8725
     kept = 1
     expected_failures = {
         "energy-never-grows": "what it damps is not quite the energy of the state, which swings while waves run; and a "
