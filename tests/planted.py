@@ -25,7 +25,9 @@ from percuss import (
     Region,
     Rows,
     Shape,
+    Stages,
     Unit,
+    accelerations,
     end_of_step,
     energy_density,
     stress,
@@ -601,6 +603,50 @@ class WrongAnswer(Integrator):
         return explicit(dt)._replace(end=Judged("predicted", "predicted", "bulk", (0.1 * dt * dt, dt, 1.0)))
 
 
+def at_the_top(cls):
+    """Let pickle find a class that a function made."""
+    cls.__qualname__ = cls.__name__ = cls.name.replace("-", "_")
+    globals()[cls.__name__] = cls
+    return cls
+
+
+def staged(name, check=None, *, gamma=0.5, order=2, conserves=("momentum",), scale=1.0):
+    """Explicit Newmark with a weight of the new acceleration: velocity Verlet at a half, of first order else."""
+
+    @dataclass(frozen=True)
+    class Newmark(Integrator):
+        """Explicit Newmark.
+
+        Formula: ``u += dt v + dt^2/2 a``, ``v += dt ((1 - gamma) a_n + gamma a_{n+1})``.
+        """
+
+        summary = "Newmark"
+        references = ("Newmark (1959)",)
+        kept = 1
+        expected_failures = {"energy-never-grows": "at the ends of steps it is not quite the energy that is kept"}
+
+        def bind(self, dt):
+            return Stages(times=(1.0,), numbers=(gamma, scale))
+
+        @staticmethod
+        def step(numbers, system, u, v, kept, dt):
+            before = kept[0].copy()
+            u += dt * v + 0.5 * numbers[1] * dt**2 * before
+            v += dt * (1.0 - numbers[0]) * before
+            accelerations(system, 0, u, v, kept[0])
+            v += dt * numbers[0] * kept[0]
+
+        vars()["name"], vars()["order"], vars()["conserves"] = name, order, conserves
+
+    return (caught_by(check) if check else right)(at_the_top(Newmark))
+
+
+staged("newmark")
+staged("order-two-claimed", "order", gamma=0.6)
+staged("energy-claimed", "conserves", conserves=("energy",))
+staged("half-the-acceleration", "order", scale=0.5)
+
+
 # -------------------------------------------------------------------------------------------------------- loads
 
 
@@ -749,13 +795,6 @@ class Hooke(Material):
     @staticmethod
     def energy_density(parameters, before, after):
         return 0.5 * parameters[0] * before * after
-
-
-def at_the_top(cls):
-    """Let pickle find a class that a function made."""
-    cls.__qualname__ = cls.__name__ = cls.name.replace("-", "_")
-    globals()[cls.__name__] = cls
-    return cls
 
 
 def material(name, check, *, linear=True, modulus=1.0, curve=0.0, energy=0.5):
