@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,129 +31,16 @@ from percuss import Ge, Gt, Integrator, Le, Stages, Unit, accelerations
 
 @dataclass(frozen=True)
 """
-VERLET = '''
-class Verlet(Integrator):
-    """Central difference with displacement and velocity at the same times."""
-
-    name = "verlet"
-    summary = "velocity Verlet"
-    order = 2
-    kept = 1
-
-    def bind(self, dt):
-        return Stages(times=(1.0,), end=((dt, dt * dt, dt),))
-
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        v += 0.5 * dt * kept[0]
-        u += dt * v
-        accelerations(system, 0, u, v, kept[0])
-        v += 0.5 * dt * kept[0]
-'''
-TCHAMWA = '''
-class Tchamwa(Integrator):
-    """Tchamwa and Wielgosz; rho is the spectral radius where the scheme bifurcates."""
-
-    name = "tchamwa"
-    summary = "Tchamwa-Wielgosz"
-    order = 1
-
-    rho: Annotated[float, Gt(0.0), Le(1.0), Unit("1")] = 0.5
-
-    def bind(self, dt):
-        phi = 2.0 / (1.0 + self.rho)
-        return Stages(times=(0.0,), numbers=(phi,), end=((dt, phi * dt * dt, phi * dt),))
-
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        a = np.empty_like(u)
-        accelerations(system, 0, u, v, a)
-        u += dt * v + numbers[0] * dt * dt * a
-        v += dt * a
-'''
-NEWMARK = '''
-class Newmark(Integrator):
-    """Explicit Newmark with gamma above 1/2."""
-
-    name = "newmark"
-    summary = "explicit Newmark"
-    order = 1
-    kept = 1
-
-    gamma: Annotated[float, Ge(0.5), Unit("1")] = 0.6
-
-    def bind(self, dt):
-        return Stages((1.0,), (self.gamma,))
-
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        u += dt * v + 0.5 * dt * dt * kept[0]
-        v += dt * (1.0 - numbers[0]) * kept[0]
-        accelerations(system, 0, u, v, kept[0])
-        v += dt * numbers[0] * kept[0]
-'''
-ALPHA = '''
-class Alpha(Integrator):
-    """Explicit generalised alpha of Hulbert and Chung (1996), doi 10.1016/S0045-7825(96)01036-5."""
-
-    name = "alpha"
-    summary = "explicit generalised alpha"
-    order = 2
-    kept = 1
-
-    rho: Annotated[float, Ge(0.0), Le(1.0), Unit("1")] = 0.8
-
-    def bind(self, dt):
-        alpha = (2.0 * self.rho - 1.0) / (1.0 + self.rho)
-        beta = (5.0 - 3.0 * self.rho) / ((1.0 + self.rho) ** 2 * (2.0 - self.rho))
-        return Stages((0.0,), (alpha, beta, 1.5 - alpha))
-
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        alpha, beta, gamma = numbers
-        a = kept[0]
-        now = np.empty_like(u)
-        accelerations(system, 0, u, v, now)
-        after = (now - alpha * a) / (1.0 - alpha)
-        u += dt * v + dt * dt * ((0.5 - beta) * a + beta * after)
-        v += dt * ((1.0 - gamma) * a + gamma * after)
-        a[:] = after
-'''
-RUNGE = '''
-class Runge(Integrator):
-    """The classical scheme of Runge and Kutta."""
-
-    name = "runge"
-    summary = "Runge-Kutta of order 4"
-    order = 4
-
-    def bind(self, dt):
-        return Stages((0.0, 0.5, 0.5, 1.0))
-
-    @staticmethod
-    def step(numbers, system, u, v, kept, dt):
-        a1, a2, a3, a4 = np.empty_like(u), np.empty_like(u), np.empty_like(u), np.empty_like(u)
-        v2, v3, v4 = np.empty_like(u), np.empty_like(u), np.empty_like(u)
-        accelerations(system, 0, u, v, a1)
-        v2[:] = v + 0.5 * dt * a1
-        accelerations(system, 1, u + 0.5 * dt * v, v2, a2)
-        v3[:] = v + 0.5 * dt * a2
-        accelerations(system, 2, u + 0.5 * dt * v2, v3, a3)
-        v4[:] = v + dt * a3
-        accelerations(system, 3, u + dt * v3, v4, a4)
-        u += dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        v += dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-'''
-OWN = {"verlet": VERLET, "tchamwa": TCHAMWA, "newmark": NEWMARK, "alpha": ALPHA, "runge": RUNGE}
+# files in the folder of the tests, not written anew: their machine code is kept from one run of the suite to the next
+FOLDER = Path(__file__).parent / "schemes"
+OWN = sorted(path.stem for path in FOLDER.glob("*.py"))
+VERLET = (FOLDER / "verlet.py").read_text(encoding="utf-8").partition("@dataclass(frozen=True)\n")[2]
 
 
 @pytest.fixture(scope="session")
-def files(tmp_path_factory):
+def files():
     """The schemes as single-file plug-ins."""
-    folder = tmp_path_factory.mktemp("schemes")
-    for name, text in OWN.items():
-        (folder / f"{name}.py").write_text(HEAD + text, encoding="utf-8")
-    return [folder / f"{name}.py" for name in OWN]
+    return [FOLDER / f"{name}.py" for name in OWN]
 
 
 def plugin(folder, text, name="mine.py"):

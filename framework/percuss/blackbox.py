@@ -99,6 +99,9 @@ class ClosedStep:
         self._few.totals[0].floor = np.inf
         self._start = self._hold()
         self._after = self._step(self._start)
+        # a law may be off at that time: its contact is as good as open
+        acts = (self._few.points.multiplier != 0) | ((self._few.points.own == 0) & bool(self.march.staged))
+        self.acting = [p for p, one in zip(self.march.order, acts, strict=True) if one and p in self.closed]
 
     def _no_loads(self) -> Any:
         if self.march.staged:  # the model's loads are those of the case, switched off
@@ -292,7 +295,7 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
     if size > DENSE and theta is not None:  # then the closed step is bounded where that of the bodies is
         nothing = np.zeros(len(motions.model.meetings))
         return Found(1.0 if motions.pencil.definite(dt, nothing, nothing)[0] else np.inf, theta, whole=True)
-    idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, closed)).astype(np.float64)
+    idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
     if size > DENSE:
         return Found(1.0 if sure else _largest(step, idle), theta, whole=False)
     matrix = step.matrix()
