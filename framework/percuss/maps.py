@@ -75,8 +75,7 @@ def stability(
             rows += [_row(varied, way, None, str(error)) for way in unknown]
         else:
             unsaid = closed(model, model.dt).unknown
-            by_rows = model.stages is None and not unsaid
-            rows += [_judged(model, varied, way, unsaid) for way in by or ("pencil" if by_rows else "black-box",)]
+            rows += [_judged(model, varied, way, unsaid) for way in by or ("black-box" if unsaid else "pencil",)]
         if progress is not None:
             progress(done + 1, len(combinations))
     if len(wrong) == len(combinations):
@@ -115,9 +114,6 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[
     """Return the row of one way to judge; `unsaid` are the laws of which the rows say nothing."""
     if way == "pencil" and unsaid:
         return _row(varied, way, None, f"nothing follows from the rows of {', '.join(unsaid)}")
-    if way != "black-box" and model.stages is not None:
-        name = model.case.method.integrator.name
-        return _row(varied, way, None, f"{name} is no leap-frog scheme: its own step is the judge")
     try:
         judge: Any = {"closed-form": ClosedForm, "pencil": RowsJudge, "black-box": BlackBoxJudge}[way](model)
         critical = judge.critical()
