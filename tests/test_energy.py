@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss import loop
-from strategies import INTEGRATORS, LAWS, LEAPFROG, PAIRS, REGISTRY, number, pair_id, rows, run, with_pair
+from strategies import INTEGRATORS, LEAPFROG, PAIRS, number, pair_id, rows, run, with_pair
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 CHECK = "energy-never-grows"
@@ -384,77 +384,3 @@ def test_an_integrator_that_shows_its_laws_too_much_is_seen(tmp_path):
     assert found["largest"] == pytest.approx(rise(result), rel=1e-6)
     if found["guarantee"] == "never grows":
         assert noted(result, "showing", "bipenalty")
-
-
-# ------------------------------------------------------------------------------------- failures that are declared
-
-
-def reasons(integrator, law):
-    """Return why energy may grow with a pair, as its integrator or its law declares it."""
-    one, other = REGISTRY.get("integrators", integrator), REGISTRY.get("contacts", law)
-    return [
-        reason
-        for mine, partner in ((one, other), (other, one))
-        for check, reason in mine.expected_failures.items()
-        if check in {CHECK, f"{CHECK} with {partner.name}"}
-    ]
-
-
-NAMES = [(integrator, law) for integrator in INTEGRATORS for law in REGISTRY.names("contacts")]
-DECLARED = [pair for pair in NAMES if reasons(*pair)]
-UNDECLARED = [(integrator, law) for integrator, law in PAIRS if not reasons(integrator, law["name"])]
-
-
-def is_sound(result):
-    """Whether a run says anything of its pair: one whose closed contact is stable, as far as that is known."""
-    known = result.summary["certificate"]
-    return known["stable"] in {"yes", "unknown"} and (known["theta"] is None or known["theta"] < 1.0)
-
-
-@pytest.mark.parametrize("pair", UNDECLARED, ids=pair_id)
-@given(case=rows())
-def test_energy_never_grows_with_any_pair_that_does_not_declare_it(pair, case):
-    result = finished(with_pair(steady(case), pair))
-    if is_sound(result):
-        assert rise(result) <= WITHIN
-
-
-def battery():
-    """Rows of unlike bars that hit each other and walls, swing and are pulled, at many lengths of the step."""
-    for courant in np.linspace(0.25, 0.97, 13).round(3):
-        case = between_two_walls({}, steps=int(200 / courant), courant=float(courant), elements=7)
-        case["loads"] = {}
-        yield case
-        brass = {"young": 49.0, "density": 0.05}
-        bodies = case["bodies"] | {
-            "b": {"bar": {"length": 1.5, "elements": 9}, "material": brass, "area": 1.3, "at": 1.0, "velocity": -0.3}
-        }
-        contacts = {"ab": {"between": ["a.right", "b.left"]}, "wall": {"body": "b.right", "wall": 2.51}}
-        pull = {"pull": {"half-sine": {"peak": 2.0, "duration": 0.3}, "on": "a.left"}}
-        yield {**case, "bodies": bodies, "contacts": contacts, "loads": {}}
-        yield {**case, "bodies": bodies, "contacts": contacts, "loads": pull}
-
-
-@pytest.mark.parametrize("pair", DECLARED, ids="+".join)
-def test_every_declared_growth_occurs(pair):
-    integrator, name = pair
-    seen = 0.0
-    for law in (law for law in LAWS if law["name"] == name):
-        for case in battery():
-            try:
-                result = run(with_pair(case, (integrator, law)))
-            except (percuss.RefusedPair, percuss.RunError):
-                continue
-            if is_sound(result):
-                seen = max(seen, rise(result))
-                if seen > 1e-9:
-                    return
-    pytest.fail(f"{reasons(*pair)} is declared of {integrator} with {name}, and energy grew by {seen:.1e} at most")
-
-
-def test_what_is_declared_names_a_check_and_a_partner_that_there_are():
-    for (family, name), component in REGISTRY.components.items():
-        partners = {"integrators": "contacts", "contacts": "integrators"}.get(family)
-        known = {f"{CHECK} with {other}" for other in (REGISTRY.names(partners) if partners else ())} | {CHECK}
-        assert set(component.expected_failures) <= known, f"{family}/{name}"
-        assert all(reason.strip() for reason in component.expected_failures.values())

@@ -35,7 +35,7 @@ def test_a_planted_mistake_is_caught_by_the_check_that_should(cls, name):
 
 
 def test_more_than_a_dozen_mistakes_are_planted_and_most_checks_see_one():
-    assert len(planted.WRONG) > 40
+    assert len(planted.WRONG) > 45
     seen = {name.partition(" with ")[0] for _, name in planted.WRONG}
     unseen = {one.name for one in known_checks()} - seen
     # identities that no plug-in can break by itself: the framework moves, turns and applies what it gives
@@ -200,7 +200,7 @@ CASE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("integrator", REGISTRY.names("integrators"))
+@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
 @pytest.mark.parametrize("law", ["penalty", "bipenalty", "lagrange"])
 def test_the_strict_host_gives_what_the_dense_solver_gives(integrator, law):
     """Two hosts that know nothing of each other, nor of the march."""

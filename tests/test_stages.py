@@ -183,7 +183,7 @@ def test_the_motion_is_that_of_dense_matrices(scheme, law, direction, files):
     steps = math.ceil(0.6 / dt - 1e-9)
     T = 0.3
     push = bars.node("long.left"), lambda t: 0.02 * math.sin(math.pi * t / T) if t < T else 0.0
-    drive = bars.node("short.left"), lambda t: 0.14 * math.sin(2 * math.pi * t + 0.8)
+    drive = bars.node("short.left"), lambda t: 0.1 + 0.04 * math.sin(2 * math.pi * 3 * t)
     bars, u, v = march(flat, steps, dt, scheme, LAWS_TRIED[law], push, drive)
 
     case = hunek(6, courant=0.55, integrator=scheme, contact=LAWS_TRIED[law], end=0.6)
@@ -195,8 +195,8 @@ def test_the_motion_is_that_of_dense_matrices(scheme, law, direction, files):
     case["loads"] = {
         "weight": {"gravity": list(-0.05 * unit)},
         "push": {"half-sine": {"peak": 0.02, "duration": T}, "on": "long.left"},
-        "drive": {"harmonic": {"value": 0.14, "frequency": 1.0, "phase": 0.8}, "on": "short.left", "as": "velocity"},
-    }  # fmt: skip
+        "drive": {"harmonic": {"mean": 0.1, "value": 0.04, "frequency": 3}, "on": "short.left", "as": "velocity"},
+    }
     result = go(case, files)
     assert result.summary["compiled"] or result.summary["compiled_why"] == [
         "compilation is switched off by NUMBA_DISABLE_JIT"

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from percuss.contracts import FAMILIES, Component
-from percuss.errors import PluginError, RefusedPair, RunError, nearest
+from percuss.errors import PercussError, PluginError, RefusedPair, RunError, nearest
 from percuss.registry import Provenance, Registry
 
 __all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks", "conformance"]
@@ -320,14 +320,15 @@ def perform(one: Check, subject: Subject, partner: str = "") -> Outcome:
         one.function(subject, partner) if partner else one.function(subject)
     except NotApplicable as why:
         return Outcome(one, partner, "not applicable", str(why), reason)
-    except CheckFailed as error:
-        return Outcome(one, partner, "expected failure" if reason else "failed", str(error), reason)
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] == "hypothesis":
             raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
         return Outcome(one, partner, "failed", _told(error, subject))
+    except (CheckFailed, PercussError) as error:
+        told = str(error) if isinstance(error, CheckFailed) else _told(error, subject)
+        return Outcome(one, partner, "expected failure" if reason else "failed", told, reason)
     except Exception as error:  # noqa: BLE001  whatever a plug-in does is what the kit is there to find
-        return Outcome(one, partner, "expected failure" if reason else "failed", _told(error, subject), reason)
+        return Outcome(one, partner, "failed", _told(error, subject))  # nobody expects this
     if reason:
         return Outcome(one, partner, "passes unexpectedly", reason=reason)
     return Outcome(one, partner, "passed")

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contracts import ContactPoints, LeapFrog, Rows, Trial
+from percuss.contracts import ContactPoints, Judged, LeapFrog, Rows, Stages, Trial
 from percuss.testing.kit import CheckFailed, NotApplicable
 
 if TYPE_CHECKING:
-    from percuss.contracts import ContactLaw, Floats, Integrator, Judged
+    from percuss.contracts import ContactLaw, Floats, Integrator
 
 TOUCHING = 1e-9  # of an element: a smaller initial gap is none
 
@@ -58,9 +58,7 @@ class StrictSystem:
         self.dt: float = case["time"].get("step") or case["time"]["courant"] * 2.0 / fastest
         self.steps: int = case["time"]["steps"]
         self._meet(case)
-        self.table = integrator.bind(self.dt)
-        if not isinstance(self.table, LeapFrog):
-            raise NotApplicable(f"{integrator.name} is no leap-frog scheme")
+        self.scheme = integrator.bind(self.dt)
         self.bound = law.bind(self.points, self.dt)
 
     def _assemble(self, case: Mapping[str, Any]) -> None:
@@ -121,29 +119,75 @@ class StrictSystem:
 
     def march(self) -> Histories:
         """March to the end and one trial step beyond, which gives the last force."""
+        made = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
+        return Histories(*(np.array(column) for column in zip(*made, strict=True)))
+
+    def _leap_frog(self, table: LeapFrog) -> Iterator[tuple[Floats, Floats, Floats]]:
+        """Yield force, gap and displacement of each step."""
         dt, u = self.dt, np.zeros(self.mass.size)
         v = self.velocity - 0.5 * dt * self.response * self.force
-        kept: list[tuple[Floats, Floats, Floats]] = []
         for n in range(self.steps + 1):
             bulk = self.response * (self.force - self.stiffness @ u)
-            ahead = v + dt * bulk
-            ahead[self.held] = 0.0
-            multiplier = self.multipliers(u, v, u + dt * ahead, ahead, bulk, n * dt)
-            kept.append((multiplier, self.initial_gap + self.normal.T @ u, u))
-            v = ahead + dt * self.response * (self.normal @ multiplier)
+            gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
+            ahead = rate + dt * acceleration
+            multiplier = self.multipliers(table, (gap, gap + dt * ahead), (rate, ahead), acceleration, n * dt)
+            yield multiplier, gap, u
+            v = v + dt * (bulk + self.response * (self.normal @ multiplier))
             u = u + dt * v
-        return Histories(*(np.array(column) for column in zip(*kept, strict=True)))
 
-    def multipliers(self, u: Floats, v: Floats, ahead: Floats, rate: Floats, bulk: Floats, time: float) -> Floats:
-        """Return the multipliers of a step, (contacts,), from the state before it and after the bulk update."""
-        gaps = self.initial_gap + self.normal.T @ u, self.initial_gap + self.normal.T @ ahead
-        rates = self.normal.T @ v, self.normal.T @ rate
+    def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
+        """Yield the same of a scheme with a step of its own; force is impulse over step."""
+        from percuss import kernels
+        from percuss.specialise import Specialiser
+
+        dt, size, points = self.dt, self.mass.size, len(self.points.names)
+        ends = stages.end or ((dt, dt * dt, dt),) * len(stages.times)
+        if not stages.end and isinstance(self.bound, Rows) and self.bound.at == "end":
+            raise NotApplicable("the scheme says of no stage how the end of the step is answered")
+        clock = [0.0]
+
+        def accelerations(_: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+            bulk = self.response * (self.force - self.stiffness @ u[:size])
+            gap, rate = self.initial_gap + self.normal.T @ u[:size], self.normal.T @ v[:size]
+            acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]
+            ahead = gap + r_v * rate + r_a * acceleration, rate + s_a * acceleration
+            table = LeapFrog(
+                Judged("current", "current", "bulk", (0.0, 0.0, 1.0)),
+                Judged("predicted", "predicted", "bulk", (r_a, s_a, 1.0)),
+            )
+            time = clock[0] + stages.times[stage] * dt
+            multiplier = self.multipliers(table, (gap, ahead[0]), (rate, ahead[1]), acceleration, time)
+            a[:size] = bulk + self.response * (self.normal @ multiplier)
+            a[size:] = multiplier  # every entry of a state is treated alike: this one's velocity is the impulse
+
+        step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
+        u, v = np.zeros(size + points), np.append(self.velocity, np.zeros(points))
+        kept = np.zeros((type(self.integrator).kept, u.size))
+        for row in kept:
+            accelerations(None, len(stages.times) - 1, u, v, row)
+        for n in range(self.steps + 1):
+            clock[0], u[size:], v[size:] = n * dt, 0.0, 0.0
+            before = u[:size].copy()
+            step(stages.numbers, None, u, v, kept, dt)
+            yield v[size:] / dt, self.initial_gap + self.normal.T @ before, before
+
+    def multipliers(
+        self,
+        table: LeapFrog,
+        gaps: tuple[Floats, Floats],
+        rates: tuple[Floats, Floats],
+        acceleration: Floats,
+        time: float,
+    ) -> Floats:
+        """Return the multipliers, (contacts,), from gaps and gap rates as they are and as the bulk predicts them."""
         if isinstance(self.bound, Rows):
-            return self._by_rows(self.bound, gaps, rates, self.normal.T @ bulk)
+            return self._by_rows(self.bound, table, gaps, rates, acceleration)
         multiplier = np.full(len(self.points.names), np.nan)
         seen = [_locked(one) for one in (*gaps, *rates)]
-        s, dt = _locked(np.diag(self.delassus)), self.dt
-        trial = Trial(seen[0], seen[1], seen[2], seen[3], s, dt, time, dt * dt, dt)
+        answers = table.end.answer
+        trial = Trial(
+            seen[0], seen[1], seen[2], seen[3], _locked(np.diag(self.delassus)), self.dt, time, answers[0], answers[1]
+        )
         kernel: Any = getattr(type(self.law), "multipliers", None)
         if kernel is None:
             raise CheckFailed("bind returned no Rows, and there is no static method `multipliers`")
@@ -153,10 +197,15 @@ class StrictSystem:
         return multiplier
 
     def _by_rows(
-        self, rows: Rows, gaps: tuple[Floats, Floats], rates: tuple[Floats, Floats], acceleration: Floats
+        self,
+        rows: Rows,
+        table: LeapFrog,
+        gaps: tuple[Floats, Floats],
+        rates: tuple[Floats, Floats],
+        acceleration: Floats,
     ) -> Floats:
         count = len(self.points.names)
-        judged: Judged = getattr(self.table, rows.at)
+        judged: Judged = getattr(table, rows.at)
         gap, rate = gaps[judged.gap == "predicted"], rates[judged.rate == "predicted"]
         weights = [np.broadcast_to(np.asarray(one, float), count) for one in (rows.gap, rows.rate, rows.acceleration)]
         sigma = np.broadcast_to(np.asarray(rows.sigma, dtype=float), count)

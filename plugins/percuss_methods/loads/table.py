@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -34,7 +35,7 @@ class Table(Load):
             raise ValueError("a table has either `time` and `value`, or `file`")
         if self.file is None and (self.time is None or self.value is None):
             raise ValueError("a table has both `time` and `value`")
-        points, values = self.points()
+        points, values = self.points
         if len(points) != len(values):
             raise ValueError(f"`time` has {len(points)} numbers and `value` has {len(values)}: give one value a time")
         if len(points) == 0:
@@ -42,8 +43,9 @@ class Table(Load):
         if not (np.diff(points) > 0).all():
             raise ValueError("`time` must increase from point to point")
 
+    @cached_property
     def points(self) -> tuple[Floats, Floats]:
-        """Return times and values."""
+        """Times and values; an exact solution asks for them thousands of times."""
         if self.file is not None:
             columns = self.file.columns(2)
             return columns[0], columns[1]
@@ -51,9 +53,9 @@ class Table(Load):
 
     def amplitude(self, time: Floats) -> Floats:
         """Return the interpolated value at each time."""
-        points, values = self.points()
+        points, values = self.points
         return np.interp(time, points, values)
 
     def kinks(self) -> tuple[float, ...]:
         """Return the times at which the amplitude is not smooth."""
-        return tuple(float(t) for t in self.points()[0])
+        return tuple(float(t) for t in self.points[0])
