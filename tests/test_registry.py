@@ -16,8 +16,8 @@ import pytest
 import percuss
 from percuss import admission, hookspecs
 from percuss.contracts import FAMILIES
+from percuss.describe import component_text, registry_data
 from percuss.errors import PluginError
-from percuss.explain import component_text, registry_data
 from percuss.registry import Broken, Provenance, Registry, shown
 
 IMPORTS = """\

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from percuss.case import Case, load
+from percuss.companions import companions
 from percuss.keys import files_named
 from percuss.records import Record, record
 from percuss.registry import Registry
@@ -54,21 +55,21 @@ class Bench:
     files
         Files of numbers that each case names, by the path written there.
     plugins
-        Single-file plug-ins of each case: path and content.
+        Single-file plug-ins of each case: path, and contents of the file and of the helpers in its folder.
     columns, nudge, histories
         What a row is made of.
     """
 
     cases: Mapping[str, Source]
     files: Mapping[str, Mapping[str, bytes]]
-    plugins: Mapping[str, tuple[tuple[str, bytes], ...]]
+    plugins: Mapping[str, tuple[tuple[str, Mapping[str, bytes]], ...]]
     columns: Sequence[Column]
     nudge: bool
     histories: int
 
     def case(self, label: str) -> Case:
         """Return a case, read with the plug-ins and files as they were when the study began."""
-        registry = Registry.load([_plugin(path, text) for path, text in self.plugins[label]])
+        registry = Registry.load([_plugin(Path(path), files) for path, files in self.plugins[label]])
         origin = self.cases[label]
         return load(dataclasses.replace(origin, folder=_folder(origin.folder, self.files[label])), registry=registry)
 
@@ -124,7 +125,7 @@ class Bench:
 def packed(cases: Mapping[str, Case], columns: Sequence[Column], *, nudge: bool, histories: int) -> Bench:
     """Return the bench of a study."""
     plugins = {
-        label: tuple((str(file), file.read_bytes()) for file in case.registry.files) for label, case in cases.items()
+        label: tuple((str(file), _with_helpers(file)) for file in case.registry.files) for label, case in cases.items()
     }
     origins = {label: _without_plugins(case.origin) for label, case in cases.items()}
     files = {label: files_named(case) for label, case in cases.items()}
@@ -136,9 +137,16 @@ def _without_plugins(origin: Source) -> Source:
     return origin.replaced(("plugins",), ()) if "plugins" in origin.data else origin
 
 
-def _plugin(path: str, text: bytes) -> Path:
-    """Return a file with this content: the one that it was read from, or a copy where that is another by now."""
-    return Path(path) if _holds(Path(path), text) else _copied({Path(path).name: text}) / Path(path).name
+def _with_helpers(file: Path) -> dict[str, bytes]:
+    """Return the contents of a single-file plug-in and of the helpers in its folder that it imports."""
+    content = file.read_bytes()
+    beside = {path: text for path, (_, text) in companions(file, content).items() if path.is_relative_to(file.parent)}
+    return {file.name: content} | {str(path.relative_to(file.parent)): text for path, text in beside.items()}
+
+
+def _plugin(path: Path, files: Mapping[str, bytes]) -> Path:
+    """Return a file with these contents: the one that it was read from, or a copy where that is another by now."""
+    return _folder(path.parent, files) / path.name
 
 
 def _folder(folder: Path, files: Mapping[str, bytes]) -> Path:

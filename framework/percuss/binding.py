@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss import escape, kernels, loop, schemes, stages
+from percuss.fingerprint import layout
 from percuss.specialise import Specialiser, compile_error, jit_disabled
 
 if TYPE_CHECKING:
@@ -28,8 +29,18 @@ class Kernels(NamedTuple):
     begin: Callable[..., None] | None = None  # of schemes that are no leap-frog
 
 
-def bind(parts: Parts, laws: Laws, stepper: Integrator | None, *, compiled: bool, counting: bool = False) -> Kernels:
-    """Return the loop over `parts` and `laws`; that of stages where there is a `stepper`, an integrator with a kernel.
+def bind(
+    parts: Parts,
+    groups: Sequence[Any],
+    laws: Laws,
+    stepper: Integrator | None,
+    *,
+    compiled: bool = True,
+    counting: bool = False,
+) -> Kernels:
+    """Return the loop over `parts`, of which `groups` are the arrays, and `laws`.
+
+    It is that of stages where there is a `stepper`, an integrator with a kernel.
 
     It is compiled if asked for and possible at all, and with `counting` in such a way that kernels may allocate.
     """
@@ -38,7 +49,7 @@ def bind(parts: Parts, laws: Laws, stepper: Integrator | None, *, compiled: bool
         reason = "compilation was switched off for this run"
     elif jit_disabled():
         reason = "compilation is switched off by NUMBA_DISABLE_JIT"
-    maker = Specialiser(jit=not reason, counting=counting)
+    maker = Specialiser(jit=not reason, counting=counting, about=_layouts(groups, laws, stepper))
     made = _loop(maker, parts, laws, stepper, frozenset())
     return made._replace(compiled=not reason, reasons=(reason,) if reason else ())
 
@@ -68,7 +79,7 @@ def bind_around(
     momentum = np.zeros((1 + max(int(group.body.max()) for group in groups)) * dim)
     reasons: dict[str, Exception] = {}
     for part, group in zip(parts, groups, strict=True):
-        maker = Specialiser(_slots(*part), counting=True)
+        maker = Specialiser(_slots(*part), counting=True, about=layout(group))
         try:
             if staged is None:
                 maker.bind(kernels.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
@@ -88,7 +99,8 @@ def bind_around(
             reasons[f"integrator {stepper.name}"] = unfit
     if not reasons:
         raise error
-    made = _loop(Specialiser(counting=True), parts, laws, stepper, frozenset(reasons))
+    maker = Specialiser(counting=True, about=_layouts(groups, laws, stepper))
+    made = _loop(maker, parts, laws, stepper, frozenset(reasons))
     said = tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
     return made._replace(compiled=False, reasons=said)
 
@@ -149,6 +161,12 @@ def _slots(element: Any, material: Any) -> dict[Any, Any]:
         kernels.internal_force: element.internal_force,
         kernels.energy: element.energy,
     }
+
+
+def _layouts(groups: Sequence[Any], laws: Laws, stepper: Integrator | None) -> str:
+    """Return how the tuples are laid out that elements, laws and integrator handed over."""
+    numbers = () if stepper is None else stepper.bind(1.0)
+    return layout((tuple(group.element for group in groups), tuple(entry["bound"] for entry in laws), numbers))
 
 
 def _name(element: Any, material: Any) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 from percuss import overrides as overriding
 from percuss.errors import InputError, PluginError, Problem
 from percuss.expectations import expectations
+from percuss.given import expect_files, expect_mapping_or_path, expect_paths
 from percuss.reading import Reader
 from percuss.registry import Registry
 from percuss.sections import MethodSpec, TimeSpec
@@ -136,9 +137,12 @@ def load(
     PluginError
         If one of `plugins` cannot be used.
     """
+    expect_paths("percuss.load", "overrides", overrides)
+    expect_files("percuss.load", plugins)
     if isinstance(source, Source):
         origin = source
     else:
+        expect_mapping_or_path("percuss.load", source)
         origin = Source.of(source) if isinstance(source, Mapping) else Source.read(source)
     return _load(origin, overrides or {}, registry, tuple(Path(file) for file in plugins), ())
 

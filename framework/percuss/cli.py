@@ -266,18 +266,18 @@ def plugins(
 ) -> None:
     """List the registered components and where they come from, or describe one."""
     with reporting(as_json):
-        from percuss import explain
+        from percuss import describe
         from percuss.registry import Registry
 
         registry = Registry.load(plugin or [])
         if name:
-            found = explain.components_named(registry, name)
+            found = describe.components_named(registry, name)
             if as_json:
-                print_json({"components": [explain.component_data(registry, *key) for key in found]})
+                print_json({"components": [describe.component_data(registry, *key) for key in found]})
             else:
-                print("\n\n".join(explain.component_text(registry, *key) for key in found))
+                print("\n\n".join(describe.component_text(registry, *key) for key in found))
         elif as_json:
-            print_json(explain.registry_data(registry))
+            print_json(describe.registry_data(registry))
         else:
             from percuss.tell import tell_registry
 
@@ -319,6 +319,12 @@ def reporting(as_json: bool) -> Iterator[None]:
             count = len(error.problems)
             print(f"{count} mistake{'s' if count > 1 else ''}; nothing was run", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
+    except MemoryError as error:
+        text = f"this needs more memory than there is ({error or 'of no known size'}): take fewer elements or records"
+        if as_json:
+            print_json({"status": "bad input", "error": text, "problems": []})
+        print(f"error: {text}", file=sys.stderr)
+        raise typer.Exit(2) from None
 
 
 @contextmanager

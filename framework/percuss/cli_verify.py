@@ -71,7 +71,7 @@ def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
 
 def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report]:
     """Run the kit on what the files register and on the methods named, telling each check as it is done."""
-    from percuss.explain import components_named
+    from percuss.describe import components_named
     from percuss.registry import Registry
     from percuss.testing.kit import Outcome, Report, Subject, checks, perform
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.columns import ERRORS, metric, worst
 from percuss.errors import InputError, Problem, suggestion
+from percuss.given import expect_case, expect_names
 from percuss.sampling import combinations
 from percuss.tasks import Row, perform, tasks
 
@@ -51,6 +52,9 @@ def compare(
     InputError
         If a name is not registered, or a varied path or value is wrong in every run.
     """
+    expect_case("percuss.compare", case, many=True, vary=vary)
+    expect_names("percuss.compare", "integrators", integrators)
+    expect_names("percuss.compare", "contacts", contacts)
     known = [("integrator", "integrators", integrators), ("contact", "contacts", contacts)]
     problems = [
         Problem(f"--{option}", "", f"unknown {option} '{name}'", suggestion(name, case.registry.names(family)))

@@ -13,6 +13,7 @@ import numpy as np
 
 from percuss.certificate import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
+from percuss.given import expect_case, expect_names
 from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
 from percuss.result import replacing
@@ -58,6 +59,7 @@ def stability(
     InputError
         If a path, a value or a way is wrong.
     """
+    expect_case("percuss.stability", case, many=True, vary=vary, curves=curves)
     _check(by, curves or {}, vary or {})
     axes = {**(curves or {}), **(vary or {})}
     combinations = list(itertools.product(*axes.values()))
@@ -84,6 +86,7 @@ def stability(
 
 
 def _check(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
+    expect_names("percuss.stability", "by", by)
     problems = [
         Problem(f"--by {one}", "", f"unknown way '{one}'", suggestion(one, WAYS)) for one in by if one not in WAYS
     ]

@@ -71,7 +71,7 @@ class March:
         self.dim = model.dim
         self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
         self._arrays()
-        self.kernels = bind(self.group_parts, self.own_laws, self.stepper, compiled=compiled)
+        self.kernels = bind(self.group_parts, self.groups, self.own_laws, self.stepper, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
 
     def _arrays(self) -> None:
@@ -341,7 +341,7 @@ class March:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
         error = self._failure()
         if error is not None:
-            self.kernels = bind(self.group_parts, self.own_laws, self.stepper, compiled=True, counting=True)
+            self.kernels = bind(self.group_parts, self.groups, self.own_laws, self.stepper, counting=True)
             error = self._failure()
         if error is not None:
             trial = (self.bulk, self.u.copy(), self.v.copy(), self.dim, self.model.dt)

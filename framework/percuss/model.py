@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss import limits
 from percuss.contact import NOTHING, Side, broadcast, delassus_rows, judge, own_multipliers
 from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
 from percuss.errors import InputError, Problem, RefusedPair
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from percuss.case import Address, Case, ContactSpec, LoadSpec
 
 TOUCHING = 1e-9  # of an element length: a smaller initial gap or overlap is none
-MOST_STEPS = 2**40
 
 
 class Model:
@@ -48,7 +48,7 @@ class Model:
         self.case = case
         self.dim = case.dimension
         self._problems: list[Problem] = []
-        self.bodies = self._bodies()
+        self.bodies = limits.checked(case, self._bodies)
         self.n_nodes = sum(body.mass.size for body in self.bodies.values())
         self.mass = np.concatenate([body.mass for body in self.bodies.values()])
         self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
@@ -71,7 +71,7 @@ class Model:
         bodies: dict[str, Body] = {}
         start = 0
         for number, (name, spec) in enumerate(self.case.bodies.items()):
-            mesh = spec.shape.mesh(np.asarray(spec.at, dtype=float), self.case.refine)
+            mesh = limits.meshed(self.case, spec)
             view = BodyMesh(mesh, spec.area)
             velocity = np.asarray(spec.velocity, dtype=float)
             bodies[name] = Body(
@@ -93,13 +93,8 @@ class Model:
         if dt is None:
             courant = 1.0 if time.courant is None or time.courant == "auto" else time.courant
             dt = time.step if time.step is not None else courant * 2.0 / self.omega
-        if time.steps is not None:
-            return dt, time.steps
-        steps = max(1, math.ceil((time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9))
-        if steps > MOST_STEPS:
-            self._problem(("time",), f"expected at most {MOST_STEPS} steps, found {steps:.3g}", "Lengthen the step.")
-            self._raise()
-        return dt, steps
+        limits.check_step(self.case, dt)
+        return dt, time.steps if time.steps is not None else limits.steps(self.case, dt)
 
     def still(self, dt: float, holds: Sequence[Hold]) -> Model:
         """Return the same bodies and contacts without loads, `holds` at rest, laws bound anew for a step `dt`."""

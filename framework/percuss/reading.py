@@ -256,6 +256,8 @@ class Reader:
             self.wrong((), "is empty", "Begin with `percuss: 1`.")
         elif not isinstance(data, Mapping):
             self.wrong((), f"expected a case, found {found(data)}", "Begin with `percuss: 1`.")
+        elif "percuss-study" in data and "percuss" not in data:
+            self.wrong(("percuss-study",), "is a study, not a case", "Run it with `percuss study`.", key=True)
         elif data.get("percuss", MISSING) is MISSING:
             self.wrong(("percuss",), "missing (version of the format)", "Begin with `percuss: 1`.", key=True)
         elif data["percuss"] != 1 or isinstance(data["percuss"], bool | float):

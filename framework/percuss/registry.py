@@ -25,6 +25,7 @@ import pluggy
 
 from percuss import hookspecs
 from percuss.admission import PREFIX, admitted, told
+from percuss.companions import companions, importing
 from percuss.contracts import FAMILIES, Component
 from percuss.errors import PluginError, nearest, suggestion
 
@@ -45,11 +46,11 @@ class Provenance:
     Attributes
     ----------
     distribution
-        Name of the installed distribution that registers it; empty for a single file.
+        Name of the installed distribution; empty for a single file.
     version
-        Version of the distribution; for a single file, the first digits of the SHA-256 of its content.
+        Version of the distribution; for a single file, the first digits of the SHA-256 of it and of helpers beside it.
     module, file
-        Module that defines the class, and its file.
+        That define the class.
     """
 
     distribution: str
@@ -84,16 +85,12 @@ class Registry:
 
     Attributes
     ----------
-    components
-        Class of each (family, name), sorted.
-    sources
-        Where each is from.
+    components, sources
+        Class of each (family, name), sorted, and where it is from.
     clashes
         Names that are not used because several register them, with all who do.
-    broken
-        What was left out, and why; by distribution.
-    files
-        The single-file plug-ins it was made with.
+    broken, files
+        What was left out, and why; the single-file plug-ins it was made with.
     distributions
         Whether installed distributions were asked.
     """
@@ -177,10 +174,11 @@ def shown(file: str) -> str:
 
 @dataclass(frozen=True)
 class _File:
-    """A single-file plug-in as read; equal if path and content are, so an edited file is another one."""
+    """A single-file plug-in as read; equal if paths and contents are, so an edited file or helper is another one."""
 
     path: Path
     content: bytes
+    helpers: tuple[tuple[Path, tuple[str, bytes]], ...]
     given: str = field(compare=False)
 
     @classmethod
@@ -193,15 +191,17 @@ class _File:
         if path.suffix != ".py":
             raise PluginError(f"{given}: this is not a Python file, expected a name that ends in .py")
         try:
-            return cls(path, path.read_bytes(), str(given))
+            content = path.read_bytes()
         except OSError as error:
             raise PluginError(f"{given}: cannot be read: {error.strerror}") from error
+        return cls(path, content, tuple(companions(path, content).items()), str(given))
 
     @property
     def source(self) -> Provenance:
-        version = hashlib.sha256(self.content).hexdigest()[:12]
+        content = b"\0".join([self.content, *(text for _, (_, text) in self.helpers)])
+        version = hashlib.sha256(content).hexdigest()[:12]
         # the content counts too: an edited file is a new module, and what the old one defined stays whole
-        unique = hashlib.sha256(str(self.path).encode() + b"\0" + self.content).hexdigest()[:12]
+        unique = hashlib.sha256(str(self.path).encode() + b"\0" + content).hexdigest()[:12]
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
         return Provenance("", version, f"percuss_file_{stem}_{unique}", str(self.path))
 
@@ -298,7 +298,7 @@ def _import_file(file: _File) -> ModuleType:
         return sys.modules[name]
     module = ModuleType(name)
     module.__file__ = str(file.path)
-    with _forgetting(name):
+    with _forgetting(name), importing(dict(file.helpers)):
         sys.modules[name] = module  # dataclasses and pickle look it up there
         # not by the loader: its bytecode cache misses an edit within the same second that keeps the size
         exec(compile(file.content, str(file.path), "exec", dont_inherit=True), vars(module))  # noqa: S102

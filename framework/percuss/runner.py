@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import certificate, growth, ledger, truth
+from percuss import certificate, growth, ledger, limits, truth
 from percuss.errors import RunError
+from percuss.given import expect_case
 from percuss.march import GROWTH, March, Outcome, Progress
 from percuss.model import resolved_methods
 from percuss.recording import field_elements
@@ -63,9 +64,9 @@ def run(
         If the certificate forbids the run, or it went unstable or non-finite; its `result` holds what was computed.
     """
     started = time.perf_counter()
-    if overrides:
-        case = case.with_overrides(overrides)
-    march = March(certificate.settled(case), compiled=compiled)
+    expect_case("percuss.run", case, overrides=overrides)
+    case = case.with_overrides(overrides) if overrides else case
+    march = March(limits.recordable(certificate.settled(case)), compiled=compiled)
     known = certificate.certificate(march.model)
     if known["stable"] == "no" and case.time.on_unstable == "stop":
         outcome = march.refuse(certificate.not_started(march.model, known))

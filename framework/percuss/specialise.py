@@ -2,21 +2,22 @@
 
 A template is copied with the kernels as its globals, under a name that holds a hash of everything its code can
 reach: its own bytecode and constants, helpers, module constants, closures, and the versions of Python, numba, NumPy
-and percuss. So an edited kernel, helper or constant never meets the machine code of its predecessor.
+and percuss (`percuss.fingerprint`). So an edited kernel, helper or constant never meets the machine code of its
+predecessor. What cannot be hashed is compiled anew by every process that needs it.
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 import sys
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 import percuss
+from percuss.fingerprint import Fingerprint, contents, is_foreign, is_overloaded, named_in, plain_function
 
 Kernel = Callable[..., Any]
 
@@ -24,30 +25,6 @@ _COMPILED: dict[tuple[str, bool], Kernel] = {}  # one process compiles or loads 
 
 # these modules hold the loop; nothing in them allocates
 _OWN = ("percuss.kernels", "percuss.loop", "percuss.contact", "percuss.escape", "percuss.stages")
-
-# functions of these packages are the compiler's own business
-_FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
-
-
-def _is_foreign(name: str | None) -> bool:
-    return (name or "").split(".")[0] in _FOREIGN
-
-
-def _plain(value: object) -> types.FunctionType | None:
-    """Return the Python function behind a plain or jitted function that a kernel may call, else None."""
-    function = getattr(value, "py_func", value)
-    if isinstance(function, types.FunctionType) and not _is_foreign(function.__module__):
-        return function
-    return None
-
-
-def _names(code: types.CodeType) -> set[str]:
-    """Return the names a code object and those nested in it refer to."""
-    names = set(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            names |= _names(constant)
-    return names
 
 
 class Specialiser:
@@ -61,6 +38,8 @@ class Specialiser:
         Whether to compile.
     counting
         Whether kernels of plug-ins may allocate arrays, which takes reference counts.
+    about
+        What else the machine code depends on: how the tuples it is handed are laid out.
     """
 
     def __init__(
@@ -69,20 +48,23 @@ class Specialiser:
         *,
         jit: bool = True,
         counting: bool = False,
+        about: str = "",
     ) -> None:
         self.slots = dict(slots or {})
         self.jit = jit
         self.counting = counting
+        self.about = about
         self.tags: dict[int, str] = {}
+        self._untold: set[str] = set()  # tags of what reaches something that has no hash
         self._bound: dict[int, Kernel] = {}
         self._open: set[int] = set()
+        self._modules: set[int] = set()  # being copied
         self._keep: list[object] = []  # ids are only unique among living objects
 
     def with_slots(self, slots: Mapping[Kernel, Kernel]) -> Specialiser:
         """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
-        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting)
-        other.tags = self.tags
-        other._keep = self._keep
+        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=self.about)
+        other.tags, other._untold, other._keep = self.tags, self._untold, self._keep
         return other
 
     def bind(self, function: Kernel, *, cache: bool = False, plain: bool = False, reduction: bool = False) -> Kernel:
@@ -104,82 +86,114 @@ class Specialiser:
         done = self._bound.get(id(function))
         if done is not None:
             return done
-        source = _plain(function)
+        source = plain_function(function)
         if source is None:
             raise TypeError(f"{function!r} is not a Python function")
         if id(function) in self._open:
-            return function  # a helper that calls itself
+            return function  # it calls itself: that stays Python, or as its author compiled it
         self._open.add(id(function))
-        names = _names(source.__code__)
+        names = named_in(source.__code__)
         bound = {}
         for name in sorted(names & set(source.__globals__)):
-            value = source.__globals__[name]
-            replacement = self._replacement(value)
+            replacement = self._replacement(source.__globals__[name], names)
             if replacement is not None:
                 bound[name] = replacement
         closure = tuple(
-            types.CellType(self._replacement(cell.cell_contents) or cell.cell_contents)
+            types.CellType(self._replacement(contents(cell), names) or contents(cell))
             for cell in source.__closure__ or ()
         )
         callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
         plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
-        options = _options(source, counting=self.counting, cache=cache, reduction=reduction)
+        options = _options(function, counting=self.counting, inline=not cache, reduction=reduction)
         tag = self._tag(source, names, bound, closure, options)
-        copy = types.FunctionType(
-            source.__code__,
-            {**source.__globals__, **bound},
-            f"{source.__name__}_{tag}",
-            source.__defaults__,
-            closure or None,
-        )
-        copy.__module__, copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
-        copy.__qualname__, copy.__doc__ = f"{source.__name__}_{tag}", source.__doc__
+        copy = _copy(source, bound, closure, tag)
         out: Kernel = copy
         if self.jit and not plain:
-            out = _COMPILED.get((tag, cache)) or _compile(copy, options, cache=cache)
-            _COMPILED[tag, cache] = out
+            out = self._compiled(copy, options, tag, cache)
         self._open.discard(id(function))
         self._bound[id(function)] = out
         self.tags[id(out)] = tag
         self._keep += [function, out]
         return out
 
-    def _replacement(self, value: Any) -> Kernel | None:
+    def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, cache: bool) -> Kernel:
+        out = _COMPILED.get((tag, cache)) or _compile(copy, options, cache=cache and tag not in self._untold)
+        _COMPILED[tag, cache] = out
+        return out
+
+    def _replacement(self, value: Any, names: set[str]) -> Any:
+        """Return what takes the place of a global in bound code, or None: slots, helpers, modules of helpers."""
         try:
             slot = self.slots.get(value)
         except TypeError:  # not hashable: a constant
             return None
         if slot is not None:
             return self.bind(slot, reduction=getattr(value, "reduction", False))
-        if _plain(value) is not None and getattr(value, "py_func", None) is None:
+        if isinstance(value, types.ModuleType):
+            return self._module(value, names)
+        if plain_function(value) is None or (self.jit and is_overloaded(value)):
+            return None
+        if self.jit or isinstance(value, types.FunctionType):
             return self.bind(value)
-        return None
+        # its author compiled it: it stays so, but without the author's own cache, which sees no edit of what it calls
+        own = Specialiser(self.slots, counting=True, about=self.about)
+        self._keep.append(own)
+        return own.bind(value)
+
+    def _module(self, module: types.ModuleType, names: set[str]) -> types.ModuleType | None:
+        """Return a copy of a module with those of its functions bound that are named, None where none is."""
+        if is_foreign(module.__name__) or id(module) in self._modules:
+            return None
+        self._modules.add(id(module))  # modules may import each other
+        bound = {}
+        for name in sorted(names):
+            replacement = self._replacement(getattr(module, name, None), names)
+            if replacement is not None:
+                bound[name] = replacement
+        self._modules.discard(id(module))
+        if not bound:
+            return None
+        copy = types.ModuleType(module.__name__)
+        vars(copy).update({**vars(module), **bound})
+        print_ = Fingerprint(f"module {module.__name__};")
+        named = {name: getattr(module, name) for name in names if hasattr(module, name)}
+        self.tags[id(copy)] = self._finish(
+            print_, names, [(name, bound.get(name), named[name]) for name in sorted(named)]
+        )
+        self._keep.append(copy)
+        return copy
+
+    def _finish(self, print_: Fingerprint, names: set[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
+        """Return the tag of code that reads `parts`: name, what takes its place in bound code, and what it was."""
+        whole = True
+        for name, replacement, given in parts:
+            print_.text(name)
+            if id(replacement) in self.tags:
+                print_.text(self.tags[id(replacement)])
+                whole = whole and self.tags[id(replacement)] not in self._untold
+            else:
+                print_.value(given, names)
+        if not (whole and print_.whole):
+            self._untold.add(print_.tag)
+        return print_.tag
 
     def _tag(
         self,
         source: types.FunctionType,
         names: set[str],
-        bound: Mapping[str, Kernel],
-        closure: tuple[Any, ...],
+        bound: Mapping[str, Any],
+        closure: tuple[types.CellType, ...],
         options: Mapping[str, Any],
     ) -> str:
         # the module too: machine code on disk imports that of its kernels, and a file has a new one after an edit
-        digest = hashlib.sha256(f"{_versions()};{source.__module__};{sorted(options.items())}".encode())
-        digest.update(repr(self.jit).encode())
-        _feed_code(digest, source.__code__)
-        digest.update(repr(source.__defaults__).encode())
-        for name in sorted(names):
-            if name in bound:
-                digest.update(f"{name}={self.tags.get(id(bound[name]), 'self')};".encode())
-            elif name in source.__globals__:
-                digest.update(f"{name}=".encode())
-                _feed_value(digest, source.__globals__[name], names, set())
-        for cell in closure:
-            if id(cell.cell_contents) in self.tags:
-                digest.update(self.tags[id(cell.cell_contents)].encode())
-            else:
-                _feed_value(digest, cell.cell_contents, names, set())
-        return digest.hexdigest()[:16]
+        about = f"{_versions()};{self.about};{source.__module__};{sorted(options.items(), key=repr)};{self.jit};"
+        print_ = Fingerprint(about)
+        print_.code(source.__code__)
+        print_.defaults(source)
+        parts = [(name, bound.get(name), source.__globals__[name]) for name in sorted(names & set(source.__globals__))]
+        cells = zip(closure, source.__closure__ or (), strict=True)
+        parts += [("", cell.cell_contents, contents(given)) for cell, given in cells]
+        return self._finish(print_, names, parts)
 
 
 @functools.cache
@@ -187,45 +201,6 @@ def _versions() -> str:
     from importlib.metadata import version
 
     return f"{sys.version};{version('numba')};{np.__version__};{percuss.__version__}"
-
-
-def _feed_code(digest: Any, code: types.CodeType) -> None:
-    digest.update(code.co_code)
-    digest.update(repr(code.co_names).encode())
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            _feed_code(digest, constant)
-        else:
-            digest.update(f"{type(constant).__name__}:{constant!r};".encode())
-
-
-def _feed_value(digest: Any, value: Any, names: set[str], seen: set[int]) -> None:
-    """Hash a global that a kernel reads: a constant by its value, a module by what of it the kernel names."""
-    if id(value) in seen:
-        return
-    seen.add(id(value))
-    function = _plain(value)
-    if isinstance(value, types.ModuleType):
-        digest.update(f"module {value.__name__} {getattr(value, '__version__', '')};".encode())
-        if not _is_foreign(value.__name__):
-            for name in sorted(names & set(vars(value))):
-                digest.update(f"{name}=".encode())
-                _feed_value(digest, vars(value)[name], names, seen)
-    elif function is not None:
-        _feed_code(digest, function.__code__)
-        inner = _names(function.__code__)
-        for name in sorted(inner & set(function.__globals__)):
-            _feed_value(digest, function.__globals__[name], inner, seen)
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    elif isinstance(value, type):
-        digest.update(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')};".encode())
-    elif isinstance(value, (tuple, list)):
-        digest.update(f"{type(value).__name__}[{len(value)}]".encode())
-        for item in value:
-            _feed_value(digest, item, names, seen)
-    else:
-        digest.update(f"{type(value).__name__}:{value!r};".encode())
 
 
 def jit_disabled() -> bool:
@@ -243,23 +218,44 @@ def compile_error() -> tuple[type[Exception], ...]:
     return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
 
 
-def _options(source: types.FunctionType, *, counting: bool, cache: bool, reduction: bool) -> dict[str, Any]:
-    """Return how a function is compiled."""
+def _options(function: Any, *, counting: bool, inline: bool, reduction: bool) -> dict[str, Any]:
+    """Return how a function is compiled: as its author had it compiled, less the author's cache, or as the loop is."""
+    if not isinstance(function, types.FunctionType):
+        own = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
+        if function.nopython_signatures and not function._can_compile:
+            own["signature_or_function"] = tuple(function.nopython_signatures)
+        return own
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    # whole stages are worth a call; copied into one another they would take the compiler twice as long
-    if not cache and source.__module__ != "percuss.stages":
-        options["forceinline"] = True  # a call that is not inlined passes every array as a handful of numbers
-    if reduction or getattr(source, "reduction", False):
+    # a call that is not inlined passes every array as a handful of numbers; whole stages are worth a call: copied into
+    # one another they would take the compiler twice as long
+    if inline and function.__module__ != "percuss.stages":
+        options["forceinline"] = True
+    if reduction or getattr(function, "reduction", False):
         options["fastmath"] = ("nsz", "reassoc")
     if _counting_can_be_left_out():
-        options["_nrt"] = counting and source.__module__ not in _OWN  # said always: else the caller's is taken
+        # said always: else the caller's is taken
+        options["_nrt"] = counting and function.__module__ not in _OWN
     return options
 
 
-def _compile(function: types.FunctionType, options: dict[str, Any], *, cache: bool) -> Kernel:
+def _copy(
+    source: types.FunctionType, bound: Mapping[str, Any], closure: tuple[types.CellType, ...], tag: str
+) -> types.FunctionType:
+    """Return a function with other globals and cells, called by its tag."""
+    name = f"{source.__name__}_{tag}"
+    copy = types.FunctionType(
+        source.__code__, {**source.__globals__, **bound}, name, source.__defaults__, closure or None
+    )
+    copy.__module__, copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
+    copy.__qualname__, copy.__doc__ = name, source.__doc__
+    return copy
+
+
+def _compile(function: types.FunctionType, options: Mapping[str, Any], *, cache: bool) -> Kernel:
     import numba
 
-    if "fastmath" in options:
+    options = dict(options)
+    if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])
     if not cache:
         return numba.njit(**options)(function)  # type: ignore[no-any-return]

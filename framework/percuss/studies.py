@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
+from percuss.given import expect_files, expect_mapping_or_path
 from percuss.result import machine, replacing
 from percuss.store import Store
 
@@ -222,6 +223,8 @@ def study(
     """
     from percuss.studyspec import read_study
 
+    expect_mapping_or_path("percuss.study", path)
+    expect_files("percuss.study", plugins)
     if workers is not None and workers < 1:
         raise InputError([Problem("--workers", "", f"expected a number of at least 1, found {workers}")])
     spec = read_study(path, [Path(one) for one in plugins])

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Constant(Load):
-    """A constant amplitude: ``A(t) = value``."""
+    """A constant amplitude.
+
+    Formula: ``A(t) = value``.
+    """
 
     name = "constant"
     summary = "The same value at all times"

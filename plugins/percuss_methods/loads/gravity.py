@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gravity(Load):
-    """A constant acceleration of all bodies: a number along x, or a vector."""
+    """A constant acceleration of all bodies: a number along x, or a vector.
+
+    Formula: ``A(t) = |value|`` along `value`, or ``A(t) = value`` along x; the force on each node is its mass times A.
+    """
 
     name = "gravity"
     summary = "Constant acceleration of every body"

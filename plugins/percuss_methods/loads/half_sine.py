@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HalfSine(Load):
-    """One half-wave of a sine: ``A(t) = peak sin(pi t / duration)`` up to `duration`, zero after it."""
+    """One half-wave of a sine.
+
+    Formula: ``A(t) = peak sin(pi t / duration)`` for ``t < duration``, 0 after it.
+    """
 
     name = "half-sine"
     summary = "One half-wave of a sine"

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Harmonic(Load):
-    """A harmonic amplitude: ``A(t) = mean + value sin(2 pi frequency t + phase)``."""
+    """A harmonic amplitude about a mean value.
+
+    Formula: ``A(t) = mean + value sin(2 pi frequency t + phase)``.
+    """
 
     name = "harmonic"
     summary = "A sine about a mean value"

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PrescribedVelocity(Load):
-    """A constant prescribed velocity: the end moves so, whatever force that takes."""
+    """A constant prescribed velocity: the end moves so, whatever force that takes.
+
+    Formula: ``v(t) = value`` at the middle of each step, along the direction of the load.
+    """
 
     name = "prescribed-velocity"
     summary = "Constant prescribed velocity of an end"

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ramp(Load):
-    """A linear rise from zero, then constant: ``A(t) = value * min(t / duration, 1)``."""
+    """A linear rise from zero, then constant.
+
+    Formula: ``A(t) = value min(t / duration, 1)``.
+    """
 
     name = "ramp"
     summary = "Linear from zero to a value, which is then held"

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 class Table(Load):
     """A piecewise-linear amplitude through given points; its first and last values are held outside them.
 
+    Formula: ``A(t) = value_i + (value_{i+1} - value_i) (t - time_i) / (time_{i+1} - time_i)`` between ``time_i`` and
+    ``time_{i+1}``.
+
     The points come from the case (`time`, `value`) or from a CSV file of two columns, time and value, whose path is
     relative to the case; a first line of words is skipped.
     """

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lumped(Mass):
-    """Row-sum lumping: each node gets half the mass of each element it belongs to."""
+    """Row-sum lumping: each node gets half the mass of each element it belongs to.
+
+    Formula: ``M_i = (m_{i-1} + m_i) / 2``, ``m_i = rho A h_i`` the mass of the element between nodes i and i + 1.
+    """
 
     name = "lumped"
     summary = "Half of each element's mass to each of its nodes"

@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Elastic(Material):
-    """Hooke's law: ``stress = young * strain``; waves run at ``c = sqrt(young / density)``."""
+    """Hooke's law.
+
+    Formula: ``stress = young strain``; waves run at ``c = sqrt(young / density)``.
+    """
 
     name = "elastic"
     summary = "Linear elastic"

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 class Bar(Shape):
     """A straight bar from its start (`left`) along `direction` to its end (`right`).
 
-    Elements are of equal length, or in a geometric row whose last is `grading` times as long as the first.
+    Formula: ``h_i = h_0 grading^(i / (n - 1))`` for i = 0 to n - 1, ``sum of h_i = length``: elements are of equal
+    length, or in a geometric row whose last is `grading` times as long as the first.
     """
 
     name = "bar"

@@ -1,0 +1,174 @@
+"""What numbers and sizes can be computed with: beyond, a case is refused before anything overflows or fills memory."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from percuss.case import Case
+    from percuss.contracts import Mesh
+    from percuss.model import Model
+    from percuss.parts import Body
+    from percuss.specs import BodySpec
+
+__all__ = ["check_step", "checked", "memory", "meshed", "recordable", "steps"]
+
+LEAST, MOST = 1e-100, 1e100  # products of three such numbers are numbers still
+UNITS = "Choose units in which lengths, masses and times are nearer to 1."
+NODE = 400  # bytes that a node takes, certificate and march together
+MOST_STEPS = 2**40
+COPIES = 2  # of a record: as marched, and in the order of the case
+SHARE = 0.8  # of the memory that a run may take
+
+
+def memory() -> int | None:
+    """Return how much memory [bytes] this process may use at most, None where the system does not tell."""
+    found = []
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    with contextlib.suppress(OSError, ValueError):
+        found.append(int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+    return min((one for one in found if one > 0), default=None)
+
+
+def _fits(size: float) -> bool:
+    most = memory()
+    return most is None or size <= SHARE * most
+
+
+def _told(size: float) -> str:
+    """Return a number of bytes in words."""
+    power = min(int(math.log(max(size, 1.0), 1024)), 8)
+    return f"{size / 1024**power:.3g} {('bytes', 'KiB', 'MiB', 'GiB', 'TiB', 'PiB', 'EiB', 'ZiB', 'YiB')[power]}"
+
+
+def _machine() -> str:
+    most = memory()
+    return f"and there are {_told(most)}" if most is not None else "more than there is"
+
+
+def meshed(case: Case, spec: BodySpec) -> Mesh:
+    """Return the mesh of a body, refused where its nodes would not fit into memory.
+
+    Raises
+    ------
+    InputError
+        Where it says so.
+    """
+    at = np.asarray(spec.at, dtype=float)
+    path: tuple[str, ...] = ("bodies", spec.name)
+    found = f"more in body '{spec.name}' than the machine can hold"
+    try:
+        count = spec.shape.mesh(at, 1).lengths.size * case.refine if case.refine > 1 else 0
+        size = float(NODE) * count * at.size
+        if _fits(size):
+            return spec.shape.mesh(at, case.refine)
+        path, found = ("refine",), f"{count:.4g} in body '{spec.name}', which take {_told(size)}, {_machine()}"
+    except MemoryError:
+        pass
+    raise InputError([case.problem(path, f"expected elements that fit into memory, found {found}", "Take fewer.")])
+
+
+def checked(case: Case, make: Callable[[], dict[str, Body]]) -> dict[str, Body]:
+    """Return the bodies that `make` makes, refused where numbers of theirs cannot be computed with.
+
+    Raises
+    ------
+    InputError
+        With one mistake a body.
+    """
+    problems = []
+    with np.errstate(all="ignore"):
+        bodies = make()
+    for name, body in bodies.items():
+        h = body.mesh.lengths
+        numbers: dict[str, Any] = {
+            "an element length": h,
+            "a mass of a node": body.mass,
+            "a stiffness EA/h": body.stiffness,
+            "a frequency 2c/h": body.frequency,
+            "a velocity": np.abs(body.velocity[body.velocity != 0]),
+        }
+        for what, values in numbers.items():
+            odd = values[~((values >= LEAST) & (values <= MOST))]
+            if odd.size:
+                message = f"expected {what} between {LEAST:g} and {MOST:g}, found {odd[0]:.6g}"
+                problems.append(case.problem(("bodies", name), message, UNITS))
+                break
+    if problems:
+        raise InputError(problems)
+    return bodies
+
+
+def check_step(case: Case, dt: float) -> None:
+    """Refuse a step that cannot be computed with.
+
+    Raises
+    ------
+    InputError
+        Where it is out of bounds.
+    """
+    if not LEAST <= dt <= MOST:
+        which = "step" if case.time.step is not None else "courant"
+        message = f"expected a time step between {LEAST:g} and {MOST:g}, found {dt:.6g}"
+        advice = "A step is stable up to about the Courant number 1." if dt > MOST else UNITS
+        raise InputError([case.problem(("time", which), message, advice)])
+
+
+def steps(case: Case, dt: float) -> int:
+    """Return how many steps reach the end of a run or just pass it, refused where they cannot be counted.
+
+    Raises
+    ------
+    InputError
+        Where they are too many.
+    """
+    count = (case.time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9
+    if count > MOST_STEPS:
+        message = f"expected at most {MOST_STEPS} steps, found {count:.3g}"
+        raise InputError([case.problem(("time",), message, "Lengthen the step.")])
+    return max(1, math.ceil(count))
+
+
+def recordable(model: Model) -> Model:
+    """Return a model as it is; refuse one whose records would not fit into memory, and say how many would.
+
+    Raises
+    ------
+    InputError
+        With what to do about it.
+    """
+    case = model.case
+    problems: list[Problem] = []
+    probes = case.record.probes
+    ends = len(probes) if probes is not None else sum(len(meeting.nodes) for meeting in model.meetings)
+    row = 8.0 * (3 * len(model.meetings) + 2 * ends * model.dim + 8)
+    size = COPIES * row * (model.steps / case.record.every)
+    if not _fits(size):
+        every = case.record.every * 10 ** math.ceil(math.log10(size / (SHARE * (memory() or 1))))
+        message = (
+            f"expected records that fit into memory, found {model.steps:.4g} steps, whose records take {_told(size)}, "
+            f"{_machine()}"
+        )
+        advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
+        problems.append(case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice))
+    snapshots = min(case.record.fields, model.steps) + 1.0
+    elements = sum(min(body.stiffness.size, 400) for body in model.bodies.values())
+    size = 8.0 * COPIES * snapshots * 2 * elements * model.dim
+    if case.record.fields and not _fits(size):
+        message = (
+            f"expected snapshots that fit into memory, found {snapshots:.4g}, which take {_told(size)}, {_machine()}"
+        )
+        problems.append(case.problem(("record", "fields"), message, "A picture needs some hundreds."))
+    if problems:
+        raise InputError(problems)
+    return model

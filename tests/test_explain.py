@@ -1,0 +1,225 @@
+"""What `percuss check` says of a case and `percuss plugins NAME` of a component: every number by its closed formula."""
+
+import copy
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import percuss
+from percuss.certificate import SAFETY, settled
+from percuss.contracts import FAMILIES
+from percuss.describe import component_data, component_text
+from percuss.explain import explanation
+from percuss.options import options_of
+from percuss.registry import Registry
+from percuss.source import Source
+from strategies import hunek
+
+CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+REGISTRY = Registry.load()
+
+
+def told(case, overrides=None):
+    return explanation(settled(percuss.load(case, overrides)))
+
+
+# ------------------------------------------------------------------------------------------------- cases
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_a_check_names_all_that_a_case_will_do(path):
+    case = percuss.load(path)
+    found = told(path)
+    text = found.text
+    assert case.title in text
+    assert case.source in text
+    method = case.method.integrator
+    for component in [method, *(c.law for c in case.contacts.values()), *(one.load for one in case.loads.values())]:
+        assert component.summary in text
+        assert all(reference in text for reference in component.references)
+        formula = component_data(REGISTRY, component.family, component.name)["formula"]
+        assert formula
+        assert " ".join(formula.split()) in " ".join(text.split())
+    for name in case.contacts:
+        assert f"  {name}: " in text
+        row = found.data["rows"][name]["row"]
+        assert f"{row['sigma']:.6g} lambda" in text
+        assert f"epsilon_s = {1 / row['sigma']:.6g}" in text
+    for name in case.loads:
+        assert f"  {name}: " in text
+    assert f"Courant number {case.time.courant:g} of the smallest h/c" in text
+    assert "bars-in-a-row will tell the true error" in text
+    assert found.data["certificate"]["why"] in text
+    json.dumps(found.data, allow_nan=False)
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
+@pytest.mark.parametrize("law", ["penalty", "bipenalty"])
+def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
+    young, density, area, h, courant, beta, ratio = 80.0, 0.02, 1.5, 0.25, 0.4, 0.7, 0.8
+    options = {"name": law, "beta_s": beta} | ({"ratio": ratio} if law == "bipenalty" else {})
+    case = hunek(40, courant=courant, integrator=integrator, contact=options)
+    for body in case["bodies"].values():
+        body |= {"material": {"young": young, "density": density}, "area": area}
+    found = told(case)
+    c = math.sqrt(young / density)
+    eps_s = beta * young * area / h
+    eps_m = eps_s / (ratio * (2 * c / h) ** 2) if law == "bipenalty" else 0.0
+    s = 2 / (density * area * h / 2)
+    dt = courant * h / c
+    row = found.data["rows"]["tip"]["row"]
+    point = found.data["rows"]["tip"]["point"]
+    assert found.data["contacts"]["tip"]["epsilon_s"] == pytest.approx(eps_s, rel=1e-12)
+    assert row["sigma"] == pytest.approx(1 / eps_s, rel=1e-12)
+    assert row["acceleration"] == pytest.approx(eps_m / eps_s, rel=1e-12, abs=1e-300)
+    assert row["w"] == pytest.approx(eps_m / eps_s, rel=1e-12, abs=1e-300)
+    assert row["stiffness"] == pytest.approx(eps_s / (1 + eps_m * s), rel=1e-12)
+    assert point == pytest.approx(
+        {"EA/h": young * area / h, "2c/h": 2 * c / h, "rho A h / 2": density * area * h / 2, "s": s}, rel=1e-12
+    )
+    assert found.data["dt"] == pytest.approx(dt, rel=1e-12)
+    assert found.data["step"]["smallest_transit"] == pytest.approx(h / c, rel=1e-12)
+    for value in (eps_s, 1 / eps_s, s, dt, row["stiffness"], *([eps_m] if eps_m else [])):
+        assert f"{value:.6g}" in found.text
+    wu = integrator == "wu-predictor-corrector"
+    assert ("the predicted gap" if wu else "the current gap") in found.text
+    assert ("g'' counts as 0" in found.text) is (wu and law == "bipenalty")
+    if wu:
+        assert found.data["certificate"]["theta"] == pytest.approx(dt**2 * row["stiffness"] * s, rel=1e-9)
+
+
+def test_what_lagrange_multipliers_answer():
+    found = told(hunek(20, contact="lagrange"))
+    row = found.data["rows"]["tip"]["row"]
+    assert (row["sigma"], row["sign"], row["active"], row["at"]) == (0.0, ">= 0", "all", "end")
+    assert row["w"] == pytest.approx(found.data["dt"] ** 2, rel=1e-12)
+    assert "the gap at the end of the step" in found.text
+
+
+def test_what_chose_itself_is_told_with_its_reason():
+    found = told(hunek(20, contact="penalty"), {"time.courant": "auto"})
+    critical = found.data["certificate"]["dt_critical"]
+    assert found.data["dt"] == pytest.approx(SAFETY * critical)
+    assert f"chosen as {SAFETY} of the critical step {critical:.9g}" in found.text
+    assert re.search(r"beta_s auto: 0\.\d+, ", found.text)
+    assert found.data["chosen"]["tip"]["beta_s"].startswith("auto")
+    assert "as given" in told(hunek(20), {"time": {"end": 0.1, "step": 1e-4}}).text
+
+
+def test_why_no_exact_solution_judges_it():
+    case = hunek(20)
+    case["loads"] = {"push": {"constant": 1.0, "on": "short", "from": 0.1, "as": "force"}}
+    found = told(case)
+    assert found.data["exact"] == {"name": "", "why": "bars-in-a-row: the load 'push' on a whole body changes in time"}
+    assert found.data["exact"]["why"] in found.text
+
+
+def test_the_element_that_sets_the_step_is_named():
+    case = hunek(20)
+    case["bodies"]["long"]["bar"] = {"length": 20.0, "elements": 30, "grading": 0.5}
+    found = told(case)
+    assert (found.data["step"]["body"], found.data["step"]["element"]) == ("long", 29)
+    assert "that of element 29 of body 'long'" in found.text
+
+
+# -------------------------------------------------------------------------------------------- components
+
+
+@pytest.mark.parametrize(("family", "name"), REGISTRY.components, ids=["-".join(key) for key in REGISTRY.components])
+def test_a_component_is_described_in_full(family, name):
+    component = REGISTRY.get(family, name)
+    text, data = component_text(REGISTRY, family, name), component_data(REGISTRY, family, name)
+    parts = [component.summary, "Formula", "Options", *component.references, data["module"], data["file"]]
+    parts += [f"{one.key} [{one.unit or '1'}]" for one in options_of(component).values()]
+    parts += [one.doc for one in options_of(component).values()] + list(component.expected_failures.values())
+    parts += [*getattr(component, "measured", {}).values(), data["distribution"], data["version"]]
+    for part in parts:
+        assert part in text
+    places = [text.index(part) for part in (component.summary, "\nFormula", "\nOptions", "\nFrom ")]
+    assert places == sorted(places)
+    assert data["formula"], "say the formula in a paragraph that begins with `Formula:`"
+    assert all(one["what"] for one in data["options"])
+    assert set(data["facts"]) >= {one for one in FAMILIES[family].__annotations__ if hasattr(component, one)}
+    json.dumps(data, allow_nan=False)
+
+
+def parsed(text):
+    return Source.parse(text, "snippet").data
+
+
+def merged(case, more):
+    """Return a case with what was pasted into it."""
+    out = copy.deepcopy(case)
+    for key, value in more.items():
+        inner = isinstance(value, dict) and isinstance(out.get(key), dict)
+        replaced = inner and set(value) & {"bar", "name"}  # a body or a method is written whole
+        out[key] = merged(out[key], value) if inner and not replaced else value
+    return out
+
+
+def pasted(registry, family, name, **base):
+    return merged(hunek(10, end=0.02) | base, parsed(component_data(registry, family, name)["snippet"]))
+
+
+@pytest.mark.parametrize(("family", "name"), REGISTRY.components, ids=["-".join(key) for key in REGISTRY.components])
+def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = component_data(REGISTRY, family, name)["snippet"]
+    if family == "solutions":
+        assert lines.startswith("percuss run CASE --exact-only")
+        return
+    if family == "measures":
+        study = {"percuss-study": 1, "cases": [str(CASES[0])], "set": {"time.end": 1e-4}, **parsed(lines)}
+        assert name in percuss.study(study, workers=1).table.columns
+        return
+    case = pasted(REGISTRY, family, name)
+    if family == "loads" and REGISTRY.get(family, name).acts_as == "velocity":
+        case["bodies"]["short"]["velocity"] = 0.0
+    result = percuss.run(percuss.load(case), compiled=False)
+    assert result.status == "done"
+    used = result.provenance["plugins"]
+    assert f"{family}/{name}" in used
+
+
+LAW = '''
+from dataclasses import dataclass
+from typing import Annotated
+
+from percuss import ContactLaw, Doc, Gt, Rows, Unit
+
+
+@dataclass(frozen=True)
+class Soft(ContactLaw):
+    """A penalty.
+
+    Formula: ``lambda = eps_s <-g>``.
+
+    More of it.
+    """
+
+    name = "soft"
+    summary = "A soft penalty"
+    references = ("Somebody (2026)",)
+    examples = ({}, {"beta_s": 0.1})
+
+    beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h")] = 0.2
+
+    def bind(self, points, dt):
+        return Rows(at="explicit", sigma=1 / (self.beta_s * points.stiffness))
+'''
+
+
+def test_a_single_file_is_described_and_its_snippet_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "soft.py").write_text(LAW)
+    registry = Registry.load(["soft.py"])
+    text = component_text(registry, "contacts", "soft")
+    for words in ("lambda = eps_s <-g>", "More of it.", "beta_s [1]: stiffness over EA/h", "default 0.2"):
+        assert words in text
+    assert str(tmp_path / "soft.py") in text
+    result = percuss.run(percuss.load(pasted(registry, "contacts", "soft")), compiled=False)
+    assert result.status == "done"
+    assert result.provenance["resolved"]["contact"] == "soft"

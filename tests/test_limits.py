@@ -1,0 +1,119 @@
+"""Numbers and sizes that cannot be computed with, and arguments of the wrong kind: one clear message each."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import percuss
+from percuss import limits
+from percuss.certificate import settled
+from percuss.errors import InputError
+from strategies import hunek
+
+ROOT = Path(__file__).parent.parent
+HUNEK = str(ROOT / "cases" / "hunek.yaml")
+GIB = 2**30
+
+# what is set, and what the message says; on a machine of 16 GiB
+ABSURD = [
+    ("time.courant=1e300", ["time.courant: expected a time step between", "found 1e+297"]),
+    ("time.courant=1e-300", ["time.courant: expected a time step between", "found 1e-303"]),
+    ("refine=1000000000", ["refine: expected elements that fit into memory", "1e+11 in body 'short'", "16 GiB"]),
+    ("bodies.short.bar.elements=1000000000000000", ["bodies.short: expected elements that fit into memory"]),
+    ("bodies.short.velocity=1e200", ["bodies.short: expected a velocity between", "found 1e+200", "Choose units"]),
+    ("bodies.short.material.density=1e-320", ["bodies.short: expected a mass of a node between", "Choose units"]),
+    ("bodies.short.material.young=1e308", ["bodies.short: expected a stiffness EA/h", "found inf"]),
+    ("bodies.short.bar.length=1e-300", ["bodies.short: expected an element length"]),
+    ("bodies.short.area=1e300", ["bodies.short: expected a mass of a node"]),
+    ("time.end=1e8", ["found 2e+11 steps, whose records take", "TiB", "16 GiB", "record: {every: 10000}"]),
+    ("time.end=1e300", ["expected at most"]),
+    ("record.fields=100000000", ["record.fields: expected snapshots that fit into memory"]),
+]
+
+
+@pytest.fixture
+def machine(monkeypatch):
+    monkeypatch.setattr(limits, "memory", lambda: 16 * GIB)
+
+
+@pytest.mark.parametrize(("change", "said"), ABSURD, ids=[change for change, _ in ABSURD])
+def test_what_cannot_be_computed_is_refused(change, said, machine):
+    path, _, value = change.partition("=")
+    overrides = {path: value, **({"time.end": 1e5, "record.every": 10**7} if "fields" in path else {})}
+    with pytest.raises(InputError) as caught:
+        percuss.run(percuss.load(HUNEK), overrides)
+    for words in said:
+        assert words in str(caught.value)
+    assert "hunek.yaml:" in str(caught.value) or "--set" in str(caught.value)
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize("change", ["time.end=1e8", "time.courant=1e300", "refine=1000000000"])
+def test_the_command_line_says_so_without_a_traceback(command, change):
+    line = [sys.executable, "-m", "percuss", command, HUNEK, "--set", change]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "1 mistake; nothing was run" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_what_is_proposed_instead_fits(machine):
+    model = settled(percuss.load(HUNEK, {"time.end": 1e8, "record.every": 10_000}))
+    assert limits.recordable(model) is model
+
+
+def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):
+    import typer
+
+    from percuss.cli import reporting
+
+    with pytest.raises(typer.Exit) as caught, reporting(as_json=False):
+        raise MemoryError("Unable to allocate 1 TiB")
+    assert caught.value.exit_code == 2
+    assert "more memory than there is (Unable to allocate 1 TiB)" in capsys.readouterr().err
+
+
+WRONG = [
+    (lambda case: percuss.run("file.yaml"), ["expected a case, found 'file.yaml' of type str", "percuss.load('file.y"]),
+    (lambda case: percuss.run(case, "refine=2"), ["mapping of dotted paths to values as `overrides`", "'refine=2'"]),
+    (lambda case: percuss.run(case, {1: 2}), ["mapping of dotted paths"]),
+    (lambda case: percuss.load(42), ["path of a YAML file, or the same as a mapping, found 42 of type int"]),
+    (lambda case: percuss.load(None), ["found None of type NoneType"]),
+    (lambda case: percuss.load(HUNEK, ["refine"]), ["`overrides`, found ['refine'] of type list"]),
+    (
+        lambda case: percuss.load(HUNEK, plugins="my.py"),
+        ["a list of files as `plugins`, found 'my.py'", "As ['my.py']"],
+    ),
+    (lambda case: percuss.study(42), ["percuss.study: expected the path of a YAML file"]),
+    (lambda case: percuss.study({}, plugins="my.py"), ["percuss.study: expected a list of files"]),
+    (lambda case: percuss.stability(case, vary="refine=1,2"), ["percuss.stability", "`vary`, found 'refine=1,2'"]),
+    (lambda case: percuss.stability(case, vary={"refine": "1,2"}), ["a list of values for 'refine' of `vary`"]),
+    (lambda case: percuss.stability(case, curves={"refine": 2}), ["a list of values for 'refine' of `curves`"]),
+    (lambda case: percuss.stability(case, by="pencil"), ["a list of names as `by`, found 'pencil'", "As ['pencil']"]),
+    (lambda case: percuss.stability(HUNEK), ["percuss.stability: expected a case"]),
+    (lambda case: percuss.compare(HUNEK), ["percuss.compare: expected a case"]),
+    (lambda case: percuss.compare(case, contacts="penalty"), ["a list of names as `contacts`, found 'penalty'"]),
+    (lambda case: percuss.compare(case, vary=3), ["`vary`, found 3 of type int"]),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), WRONG, ids=[said[0] for _, said in WRONG])
+def test_an_argument_of_the_wrong_kind_is_told_from_what_is_meant(call, said):
+    with pytest.raises(InputError) as caught:
+        call(percuss.load(hunek(4, end=0.01)))
+    for words in said:
+        assert words in str(caught.value)
+    assert str(caught.value).startswith("percuss.")
+
+
+@pytest.mark.parametrize("command", ["run", "check", "compare", "verify"])
+def test_a_study_given_for_a_case_is_told_so(command):
+    line = [sys.executable, "-m", "percuss", command, str(ROOT / "cases" / "studies" / "scoreboard.yaml")]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "percuss-study: is a study, not a case" in done.stderr
+    assert "Run it with `percuss study`." in done.stderr
+    assert "Traceback" not in done.stderr
