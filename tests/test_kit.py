@@ -156,10 +156,11 @@ def verified(tmp_path):
     return ran
 
 
-def test_a_single_file_is_verified_without_pytest(verified):
+def test_a_single_file_is_verified_without_pytest(verified, tmp_path):
     done = verified(FILE)
     assert done.returncode == 0, done.stdout
     assert "mine (loads) conforms: " in done.stdout
+    assert [one.name for one in tmp_path.iterdir() if one.suffix != ".py"] == []  # nothing is left in the folder
     assert "expected failure  kinks (it does not know its own end)" in done.stdout
     wrong = verified(FILE.replace("Formula:", "So:"), "--json")
     assert wrong.returncode == 1

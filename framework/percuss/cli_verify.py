@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -75,6 +76,11 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
     from percuss.registry import Registry
     from percuss.testing.kit import Outcome, Report, Subject, checks, perform
 
+    with contextlib.suppress(ModuleNotFoundError):  # the first check that draws says what to install
+        import platformdirs
+        from hypothesis.configuration import set_hypothesis_home_dir
+
+        set_hypothesis_home_dir(platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis")  # not into the user's folder
     registry = Registry.load(files)
     keys = [key for name in names for key in components_named(registry, name)] or _of_files(registry)
     if not keys:
