@@ -2,6 +2,8 @@
 
 import math
 import textwrap
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from percuss.certificate import certificate
 from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
 from percuss.pencil import Pencil
+from percuss.testing import Subject
+from percuss.testing.pairs import impact
 from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
 from test_stability import ROWS, wall
 
@@ -385,3 +389,33 @@ def test_courant_number_one_runs_where_the_law_allows_it(pair):
     assert found["stable"] == ("no" if above else "marginal")
     if not above:
         assert percuss.run(percuss.load(case)).status == "done"
+
+
+@dataclass(frozen=True)
+class OnVelocity(percuss.ContactLaw):
+    """Stops the gap rate while the gap is closed, and never pulls: in a second stage there is little left to stop."""
+
+    name = "on-velocity"
+    summary = "An impulse on the velocity"
+
+    def bind(self, points, dt):
+        return Nothing(np.zeros(1))
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            lacking = -trial.predicted_rate[p] if trial.gap[p] <= 0.0 else 0.0
+            multiplier[p] = max(lacking / (trial.delassus[p] * trial.rate_answer), 0.0)
+
+
+class Nothing(NamedTuple):
+    none: np.ndarray
+
+
+def test_a_step_that_is_linear_here_and_not_there_is_unknown_and_not_forbidden():
+    subject = Subject.of(OnVelocity, REGISTRY)
+    case = subject.placed(impact((0.7, 30.0, 0.5, 1)), {}, "noh-bathe")
+    known = certificate(Model(subject.load(case)))
+    assert known["stable"] == "unknown"
+    assert "the closed step is not linear at longer steps" in known["why"]
+    assert subject.run(case).status == "done"

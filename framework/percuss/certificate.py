@@ -73,6 +73,8 @@ def certificate(model: Model) -> dict[str, Any]:
     judge = judge_of(model, said)
     free, critical = judge.free, judge.critical()
     found = judge.judge(model.dt)
+    if found.known and np.isnan(critical):
+        found = dataclasses.replace(found, known=False, doubt="the closed step is not linear at longer steps")
     critical = critical if found.known else free
     margin = model.dt / critical if critical > 0 else np.inf
     if found.stable and not found.worst and critical < free * (1.0 - EDGE):  # what becomes unstable first

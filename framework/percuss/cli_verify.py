@@ -80,7 +80,9 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         import platformdirs
         from hypothesis.configuration import set_hypothesis_home_dir
 
-        set_hypothesis_home_dir(platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis")  # not into the user's folder
+        set_hypothesis_home_dir(
+            platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis"
+        )  # not into the user's folder
     registry = Registry.load(files)
     keys = [key for name in names for key in components_named(registry, name)] or _of_files(registry)
     if not keys:

@@ -281,22 +281,26 @@ class BlackBoxJudge:
     def critical(self) -> float:
         """Return the largest stable step, within `LOOSE`; a combination stable at the free step is so below it.
 
-        0 where the step is not linear, of which nothing can be said.
+        nan where the step is not linear, of which nothing can be said.
         """
         if self.free == 0.0:
             return 0.0
         tried = [(one, examine(self.motions, self.free * (1.0 - EDGE), one)) for one in self._tried]
         if not all(found.linear for _, found in tried):
-            return 0.0
+            return np.nan
         limits = [one for one, found in tried if not found.stable]
         self._limits = limits
         if not limits:
             return self.free
-        return largest(lambda dt: all(self._examined(dt, one) for one in limits), self.free, LOOSE)
+        broken: list[float] = []  # steps that are not linear
 
-    def _examined(self, dt: float, combination: tuple[int, ...]) -> bool:
-        found = examine(self.motions, dt, combination)
-        return found.linear and found.stable
+        def holds(dt: float) -> bool:
+            found = [examine(self.motions, dt, one) for one in limits]
+            broken.extend(dt for one in found if not one.linear)
+            return all(one.linear and one.stable for one in found)
+
+        critical = largest(holds, self.free, LOOSE)
+        return np.nan if broken else critical
 
 
 class ClosedForm:

@@ -124,10 +124,10 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[
         return _row(varied, way, None, str(error))
     doubt = ""
     if way == "black-box":
-        found = judge.judge(critical or model.dt)
+        found = judge.judge(critical if critical > 0 else model.dt)
         doubt = found.doubt
-        if not found.known:
-            return _row(varied, way, None, doubt)
+        if not found.known or np.isnan(critical):
+            return _row(varied, way, None, doubt or "the closed step is not linear")
     row = _row(varied, way, critical, doubt if critical > 0 else "no step is stable", model)
     if set(STEP) & set(varied):
         row["margin"] = model.dt / critical if critical > 0 else np.inf
