@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import math
 import re
 import sys
 
@@ -46,9 +48,38 @@ def admitted(family: str, offer: object) -> type[Component]:
     parameters = vars(offer).get("__dataclass_params__")  # its own: those of a base do not see its options
     if parameters is None or not parameters.frozen:
         raise PluginError(f"{name} is not a frozen dataclass; put @dataclass(frozen=True) above it")
+    _check_signatures(contract, offer)
     if not isinstance(offer.name, str) or not NAME_PATTERN.fullmatch(offer.name):
         raise PluginError(f"{name} has the name {offer.name!r}; a letter, then letters, digits, _ and -")
     return offer
+
+
+KERNELS: dict[str, dict[str, tuple[str, ...]]] = {  # static methods that a contract names and does not have
+    "contacts": {"multipliers": ("bound", "trial", "multiplier")},
+    "integrators": {"step": ("numbers", "system", "u", "v", "kept", "dt")},
+}
+
+
+def _check_signatures(contract: type[Component], component: type[Component]) -> None:
+    """Raise PluginError where a method takes other arguments than its contract says it is called with."""
+    wanted: dict[str, tuple[str, ...]] = {**KERNELS.get(contract.family, {})}
+    own = {name: value for name, value in vars(contract).items() if name[0] != "_"}
+    for name, value in own.items():
+        function = value.__func__ if isinstance(value, staticmethod) else value
+        if inspect.isfunction(function):
+            wanted[name] = tuple(inspect.signature(function).parameters)
+    for name, arguments in wanted.items():
+        given = inspect.getattr_static(component, name, None)
+        function = given.__func__ if isinstance(given, staticmethod) else given
+        function = getattr(function, "py_func", function)
+        if not inspect.isfunction(function):
+            continue
+        parameters = inspect.signature(function).parameters.values()
+        needed = [p for p in parameters if p.default is p.empty and p.kind not in {p.VAR_POSITIONAL, p.VAR_KEYWORD}]
+        most = math.inf if any(p.kind is p.VAR_POSITIONAL for p in parameters) else len(parameters)
+        if not len(needed) <= len(arguments) <= most:
+            has = f"{name}({', '.join(map(str, parameters))})"
+            raise PluginError(f"{component.__name__}.{has} is called as {name}({', '.join(arguments)})")
 
 
 def _check_version(component: type[Component]) -> None:

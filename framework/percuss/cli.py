@@ -325,6 +325,17 @@ def reporting(as_json: bool) -> Iterator[None]:
             print_json({"status": "bad input", "error": text, "problems": []})
         print(f"error: {text}", file=sys.stderr)
         raise typer.Exit(2) from None
+    except Exception as error:
+        from percuss.tryout import fault_of
+
+        where = fault_of(error)
+        if not where:  # a defect of percuss itself: all of it is wanted
+            raise
+        text = f"{where}: {type(error).__name__}: {error}"
+        if as_json:
+            print_json({"status": "bad input", "error": text, "problems": []})
+        print(f"error: {text}", file=sys.stderr)
+        raise typer.Exit(2) from None
 
 
 @contextmanager

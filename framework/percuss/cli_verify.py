@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from percuss.errors import InputError, PercussError, Problem
+from percuss.errors import InputError, PercussError, PluginError, Problem
 
 if TYPE_CHECKING:
     from percuss.registry import Registry
@@ -72,17 +71,18 @@ def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
 
 def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report]:
     """Run the kit on what the files register and on the methods named, telling each check as it is done."""
+    import platformdirs
+
     from percuss.describe import components_named
     from percuss.registry import Registry
     from percuss.testing.kit import Outcome, Report, Subject, checks, perform
 
-    with contextlib.suppress(ModuleNotFoundError):  # the first check that draws says what to install
-        import platformdirs
+    try:
         from hypothesis.configuration import set_hypothesis_home_dir
-
-        set_hypothesis_home_dir(
-            platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis"
-        )  # not into the user's folder
+    except ModuleNotFoundError:
+        raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
+    # not into the user's folder
+    set_hypothesis_home_dir(platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis")
     registry = Registry.load(files)
     keys = [key for name in names for key in components_named(registry, name)] or _of_files(registry)
     if not keys:

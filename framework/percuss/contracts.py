@@ -166,6 +166,14 @@ class Component(ABC):
         for fact in ("name", "summary"):
             if not isinstance(vars(cls).get(fact), str):
                 raise TypeError(f'{cls.__name__} does not say its `{fact}`: add `{fact} = "..."` to the class')
+        known = {fact for base in cls.__mro__[1:] for fact in (*vars(base), *vars(base).get("__annotations__", {}))}
+        for option, value in vars(cls).items():
+            plain = isinstance(value, int | float | str | None) and option.islower() and not option.startswith("_")
+            if plain and option not in known and option not in vars(cls).get("__annotations__", {}):
+                raise TypeError(
+                    f"{cls.__name__}.{option} has no annotation, so that no case can set it: write "
+                    f"`{option}: {type(value).__name__} = {value!r}`, or {option.upper()} for a constant"
+                )
         if not NAME_PATTERN.fullmatch(cls.name):
             raise TypeError(
                 f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -"
@@ -224,8 +232,10 @@ class Stages(NamedTuple):
     end
         Of each stage, ``(r_v, r_a, s_a)``, all greater than 0: laws judged at the end of the step are judged in this
         stage at the displacement ``u + r_v v + r_a a`` and the velocity ``v + s_a a``; u and v as `step` hands them to
-        `percuss.accelerations` there, a what it gets back. Take for it the displacement that the scheme reaches by the
-        next stage, and the mean velocity until then: ``s_a = r_a / r_v``. Empty: such laws are refused.
+        `percuss.accelerations` there, a what it gets back. What else the displacement to come depends on, such as an
+        acceleration that is kept, goes into the v that is handed: contact alone looks at it. Take the displacement
+        that the scheme reaches by the next stage, and the mean velocity until then: ``s_a = r_a / r_v``. Empty: such
+        laws are refused.
     """
 
     times: tuple[float, ...]
@@ -370,6 +380,11 @@ class Rows(NamedTuple):
 
 class Trial(NamedTuple):
     """What the kernel of a law that is not rows sees of its points in one step; (P,) arrays, read-only.
+
+    It is the same with every leap-frog integrator: two of them differ in what they show to rows alone. `gap` is that
+    of the displacement the forces of the step are evaluated at (u_{n+1} of papers that update it before the balance is
+    solved), `predicted_gap` where the bodies would be a step later without contact. Gaps of bodies that touch are
+    round-off about zero: ``gap <= 0`` hangs on it, ``gap < 0`` less so.
 
     With an integrator of `Stages` it is called in every stage, and sees there g(u) and N^T v, and predicted the state
     that the integrator's `end` says; where that is empty, ``g + dt g' + dt^2 g''`` and ``g' + dt g''`` with the bulk

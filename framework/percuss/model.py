@@ -17,6 +17,7 @@ from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, LeapF
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.parts import Body, Hold, Meeting, Pull, Push
 from percuss.schemes import refuse_end, scheme
+from percuss.tryout import bound_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -256,7 +257,7 @@ class Model:
         for law, where in groups.items():
             points = self.points([self.meetings[p] for p in where], delassus[where])
             try:
-                bound = law.bind(points, self.dt)
+                bound = bound_of(law, points, self.dt)
                 resolved = law.resolved(points, self.dt)
             except ValueError as error:
                 self._problem(("method", "contact"), str(error))

@@ -12,6 +12,7 @@ from percuss import kernels
 from percuss.contracts import Integrator, Judged, LeapFrog, Rows, Stages
 from percuss.errors import PluginError, RefusedPair
 from percuss.specialise import Specialiser
+from percuss.tryout import fault_of
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats
@@ -116,7 +117,14 @@ def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
     step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
     pushed = np.array([0.0, 1.0])
     u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(pushed, (integrator.kept, 1))
-    step(stages.numbers, (pushed,), u, v, kept, dt)
+    try:
+        step(stages.numbers, (pushed,), u, v, kept, dt)
+    except Exception as error:
+        where = fault_of(error)
+        text = f"{where + ': ' if where else ''}integrator {integrator.name}: step: {type(error).__name__}: {error}"
+        if isinstance(error, IndexError) and not integrator.kept:
+            text += " (`kept` is 0: say how many rows the scheme keeps)"
+        raise PluginError(text) from error
     if set(asked) - set(range(len(stages.times))):
         raise _wrong(integrator, f"step asks for stage {max(asked)}, and Stages.times has {len(stages.times)}")
     if abs(u[0] - dt) > ROUND_OFF * dt or np.abs(v - [1.0, dt]).max() > ROUND_OFF * max(1.0, dt):

@@ -27,8 +27,8 @@ def _number(value: Any, digits: int = 6) -> str:
 
 def _console() -> Console:
     console = Console(highlight=False)
-    # piped output is read by programs and pasted into notes: wide enough that no row is folded
-    return console if console.is_terminal else Console(highlight=False, width=160)
+    # piped output is read by programs and pasted into notes: wide enough that no name is cut
+    return console if console.is_terminal else Console(highlight=False, width=400)
 
 
 def tell_result(result: Result) -> None:
@@ -64,6 +64,19 @@ def tell_result(result: Result) -> None:
         )
     if s["contacts"]:
         console.print(table)
+    _tell_errors(console, s)
+    e = s["energy"]
+    console.print(
+        f"energy {_number(e['initial'])} at first, {_number(e['final'])} at last, {_number(e['max'])} at most; "
+        f"external work {_number(e['external_work'])}, contact work {_number(e['contact_work'], 4)}; "
+        f"ledger closed to {e['ledger_error']:.1e}"
+    )
+    m = s["momentum"]
+    console.print(f"momentum and impulses balance to {m['error']:.1e}")
+
+
+def _tell_errors(console: Console, s: dict[str, Any]) -> None:
+    """Print the true errors of a run, or why there are none."""
     if s["exact"] is not None:
         for name, error in s["exact"]["contacts"].items():
             told = ", ".join(
@@ -77,16 +90,13 @@ def tell_result(result: Result) -> None:
                 )
             )
             console.print(f"true error of {escape(name)}: {told}")
+    if s["exact"] is not None and s["exact"]["fragile"] is not None:
+        hangs = (
+            "hangs on round-off: a nudge of 1e-12 changes it" if s["exact"]["fragile"] else "stands a nudge of 1e-12"
+        )
+        console.print(f"the contact force {hangs}")
     if s["exact_reason"]:
         console.print(f"exact solution: {escape(s['exact_reason'])}")
-    e = s["energy"]
-    console.print(
-        f"energy {_number(e['initial'])} at first, {_number(e['final'])} at last, {_number(e['max'])} at most; "
-        f"external work {_number(e['external_work'])}, contact work {_number(e['contact_work'], 4)}; "
-        f"ledger closed to {e['ledger_error']:.1e}"
-    )
-    m = s["momentum"]
-    console.print(f"momentum and impulses balance to {m['error']:.1e}")
 
 
 def tell_rows(title: str, rows: list[Row]) -> None:

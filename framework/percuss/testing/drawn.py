@@ -45,6 +45,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
     does the check. A failure tells the value.
     """
     from hypothesis import HealthCheck, Phase, given, settings
+    from hypothesis.errors import Flaky
 
     told: list[NotApplicable] = []
     applied: list[bool] = []
@@ -69,7 +70,10 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
         else:
             applied.append(True)
 
-    each()
+    try:
+        each()
+    except Flaky as error:
+        raise CheckFailed(f"the same input gives another answer the second time: {error}") from None
     if told and not applied:
         raise told[0]
 

@@ -94,10 +94,11 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
     """
     from hypothesis import strategies as st
 
-    def converges(one: tuple[float, float, float]) -> None:
+    def converges(one: dict[str, float]) -> None:
         errors = []
         for refine in (2, 8):
-            case = subject.placed(impact((*one, refine)), subject.examples[0], partner)
+            drawn_bars = one["length of b"], one["young of b"], one["area of b"], refine
+            case = subject.placed(impact(drawn_bars), subject.examples[0], partner)
             try:
                 result = subject.run(case)
             except RunError as stopped:
@@ -109,8 +110,12 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
             told = f"{errors[0]:.3g} of it with 20 elements in the first bar, {errors[1]:.3g} with 80"
             raise CheckFailed(f"the impulse does not tend to the exact one: it is off by {told}")
 
-    drawn_bars = st.tuples(st.sampled_from([0.7, 1.0, 1.5]), number(30, 100), number(0.5, 2))
-    for_all(subject, drawn_bars, converges, max(3, subject.draws // 3))
+    bars = {
+        "length of b": st.sampled_from([0.7, 1.0, 1.5]),
+        "young of b": number(30, 100),
+        "area of b": number(0.5, 2),
+    }
+    for_all(subject, st.fixed_dictionaries(bars), converges, max(3, subject.draws // 3))
 
 
 # --------------------------------------------------------------------------------------------------- energy
