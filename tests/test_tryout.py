@@ -20,6 +20,9 @@ class Bound(NamedTuple):
     e: float
 
 
+SEEN = []
+
+
 @dataclass(frozen=True)
 class Mine(ContactLaw):
     """A law."""
@@ -65,7 +68,7 @@ class Mine(Integrator):
 
 SET = "            multiplier[p] = max("
 WRONG = {
-    "an error in bind": (LAW, "return Bound(0.0)", "return points.wieght", "mine.py:21: AttributeError: 'ContactPoints'"),
+    "an error in bind": (LAW, "return Bound(0.0)", "return points.wieght", "mine.py:24: AttributeError: 'ContactPoints'"),
     "bind returns nothing": (LAW, "return Bound(0.0)", "pass", "law mine: bind returned nothing, expected Rows, or a Named"),
     "bind returns a mapping": (LAW, "return Bound(0.0)", "return {}", "bind returned a dict, expected Rows"),
     "bind without self": (LAW, "bind(self, points", "bind(points", "Mine.bind(points, dt) is called as bind(self, points, dt)"),
@@ -73,12 +76,13 @@ WRONG = {
         LAW, "(bound, trial, multiplier)", "(bound, trial)",
         "Mine.multipliers(bound, trial) is called as multipliers(bound, trial, multiplier)",
     ),
-    "no such state": (LAW, "trial.predicted_gap", "trial.gapp", "mine.py:26: contact law mine: multipliers: AttributeError"),
+    "no such state": (LAW, "trial.predicted_gap", "trial.gapp", "mine.py:29: contact law mine: multipliers: AttributeError"),
     "an error in the kernel": (LAW, SET, f'            raise ValueError("late")\n{SET}', "multipliers: ValueError: late"),
     "writes to its input": (LAW, SET, f"            trial.gap[p] = 0.0\n{SET}", "it changes what it was handed; it may write to"),
     "sets nothing": (LAW, SET, "            x = max(", "multipliers leaves point 0 of 1 without a number: set every entry"),
-    "beyond the end": (LAW, "trial.delassus[p]", "trial.delassus[p + 7]", "mine.py:26: contact law mine: multipliers: IndexError"),
+    "beyond the end": (LAW, "trial.delassus[p]", "trial.delassus[p + 7]", "mine.py:29: contact law mine: multipliers: IndexError"),
     "not a number": (LAW, "max(-", "max(np.nan * ", "multipliers leaves point 0 of 1 without a number"),
+    "keeps a list": (LAW, SET, f"            SEEN.append(p)\n{SET}", "multipliers changes `SEEN`: a kernel keeps nothing"),
     "no annotation": (LAW, '"a law"\n', '"a law"\n    k = 500.0\n', "Mine.k has no annotation, so that no case can set it"),
     "a name unknown in step": (SCHEME, "import numpy as np\n", "", "integrator mine: step: NameError: name 'np'"),
     "nothing kept": (SCHEME, "    kept = 1\n", "", "integrator mine: step: IndexError", "(`kept` is 0: say how many rows"),

@@ -51,6 +51,8 @@ def bound_of(law: ContactLaw, points: ContactPoints, dt: float) -> Any:
 def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
     """Call the kernel of a law with closed and open points, each closing or parting."""
     kernel: Any = kernel_of(law)
+    kernel = getattr(kernel, "py_func", kernel)
+    before = _mutable(kernel)
     count = len(points.names)
     place = np.arange(count)
     for shift in range(2):
@@ -63,7 +65,7 @@ def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
         multiplier = np.full(count, np.nan)
         try:
             with np.errstate(all="ignore"):
-                getattr(kernel, "py_func", kernel)(bound, trial, multiplier)
+                kernel(bound, trial, multiplier)
         except Exception as error:
             text = f"{type(error).__name__}: {error}"
             if isinstance(error, ValueError) and "read-only" in str(error):
@@ -75,6 +77,26 @@ def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
                 f"contact law {law.name}: multipliers leaves point {int(np.isnan(multiplier).argmax())} of {count} "
                 "without a number: set every entry, 0.0 where nothing presses"
             )
+    for name, value in _mutable(kernel).items():
+        if value != before[name]:
+            raise PluginError(
+                f"contact law {law.name}: multipliers changes `{name}`: a kernel keeps nothing between calls; what it "
+                "needs is in what `bind` returns and in the trial"
+            )
+
+
+def _mutable(kernel: Any) -> dict[str, str]:
+    """Return what the lists and the like that a kernel names look like, those of classes too."""
+    kinds = (list, dict, set, bytearray, np.ndarray)
+    names = kernel.__globals__
+    found = {name: names[name] for name in kernel.__code__.co_names if name in names}
+    inside = {
+        f"{name}.{part}": value
+        for name, owner in found.items()
+        if isinstance(owner, type)
+        for part, value in vars(owner).items()
+    }
+    return {name: repr(value) for name, value in {**found, **inside}.items() if isinstance(value, kinds)}
 
 
 def fault_of(error: BaseException) -> str:
