@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from percuss.cli_base import print_json, reporting
+
 
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the method, as it is written in a case.")],
@@ -27,15 +29,11 @@ def new(
     ] = False,
 ) -> None:
     """Write a method to start from: a package with its test, case and README; it runs as it stands."""
-    from percuss.cli import reporting
-
     with reporting(as_json):
         from percuss.scaffold import scaffold
 
         made = scaffold(name, kind, out, single_file=single_file)
         if as_json:
-            from percuss.cli import print_json
-
             print_json({**vars(made), "files": [str(file) for file in made.files], "next": list(made.next)})
         else:
             print(f"{made.component}, a method of the family {made.family}, is ready to be changed:")

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from percuss.cli_base import reporting
+
 if TYPE_CHECKING:
     from percuss.study_data import StudyLike
 
@@ -21,8 +23,6 @@ def report(
     ] = None,
 ) -> None:
     """Tell a study as one HTML page that needs nothing beside it, or as pictures for print."""
-    from percuss.cli import reporting
-
     with reporting(as_json=False):
         _page_named(out)
         from percuss.studies import open_study

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from percuss.cli_base import print_json, progress_bar, reporting
+
 
 def study(
     file: Annotated[Path, typer.Argument(metavar="STUDY", help="YAML file of the study.")],
@@ -31,8 +33,6 @@ def study(
     ] = False,
 ) -> None:
     """Make the many runs of a study; the same command again goes on where it ended."""
-    from percuss.cli import progress_bar, reporting
-
     with reporting(as_json):
         from percuss import studies
 
@@ -44,8 +44,6 @@ def study(
         if export is not None:
             made.export(export)
         if as_json:
-            from percuss.cli import print_json
-
             print_json(_data(made))
         else:
             from percuss.tell_study import tell_study

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from percuss.cli_base import print_json, reporting
 from percuss.errors import InputError, PercussError, PluginError, Problem
 
 if TYPE_CHECKING:
@@ -31,8 +32,6 @@ def verify(
     ] = False,
 ) -> None:
     """Verify cases by what they expect of themselves, or methods by the conformance kit."""
-    from percuss.cli import print_json, reporting
-
     with reporting(as_json):
         if cases and not method:
             told = [_case(path, plugin) for path in cases]
