@@ -90,7 +90,7 @@ def _tell_errors(console: Console, s: dict[str, Any]) -> None:
                 )
             )
             console.print(f"true error of {escape(name)}: {told}")
-    if s["exact"] is not None and s["exact"]["fragile"] is not None:
+    if s["exact"] is not None and s["exact"].get("fragile") is not None:
         hangs = (
             "hangs on round-off: a nudge of 1e-12 changes it" if s["exact"]["fragile"] else "stands a nudge of 1e-12"
         )
