@@ -659,3 +659,13 @@ def test_the_registered_ones_are_tried_here():
         integrator = REGISTRY.get("integrators", name)
         assert isinstance(integrator().bind(0.5), percuss.Stages)
         assert "momentum" in integrator.conserves
+
+
+def test_a_body_whose_nodes_are_all_held_is_stable_at_any_step():
+    case = hunek(1, integrator="noh-bathe", contact={"name": "penalty"}, end=0.1)
+    case["bodies"] = {"short": {**case["bodies"]["short"], "fixed": ["right"], "velocity": 0.0}}
+    case |= {"contacts": {}, "record": {"probes": ["short.left"]}}
+    case["loads"] = {"drive": {"constant": {"value": 2.0}, "on": "short.left", "as": "velocity"}}
+    result = go(case, [])
+    assert result.summary["certificate"]["stable"] == "yes"
+    assert result.arrays["displacement"][-1, 0, 0] == pytest.approx(2.0 * result.arrays["time"][-1], rel=1e-12)

@@ -221,7 +221,9 @@ class RowsJudge:
 
     def critical(self) -> float:
         """Return the largest stable step, laws bound anew for each step tried."""
-        return critical_step(lambda dt: self.judge(dt).stable, self.free) if self.free > 0 else 0.0
+        if self.free in {0.0, np.inf}:  # no step, or any: all nodes are held
+            return self.free
+        return critical_step(lambda dt: self.judge(dt).stable, self.free)
 
 
 class BlackBoxJudge:
@@ -283,8 +285,8 @@ class BlackBoxJudge:
 
         nan where the step is not linear, of which nothing can be said.
         """
-        if self.free == 0.0:
-            return 0.0
+        if self.free in {0.0, np.inf}:
+            return self.free
         tried = [(one, examine(self.motions, self.free * (1.0 - EDGE), one)) for one in self._tried]
         if not all(found.linear for _, found in tried):
             return np.nan
