@@ -87,7 +87,8 @@ class ClosedStep:
 
     def __init__(self, motions: Motions, dt: float, closed: Sequence[int]) -> None:
         self.motions = motions
-        self.model = motions.model.still(dt, motions.pencil.holds)
+        resting = motions.model.resting(0.5 * motions.model.dt)
+        self.model = motions.model.still(dt, motions.pencil.holds, resting)
         self.closed = sorted(closed)
         self.size = motions.basis.shape[1]
         self.march = March(self.model)

@@ -9,7 +9,17 @@ import numpy as np
 
 from percuss.contact import SWEEPS
 from percuss.errors import InputError
-from percuss.judges import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, BlackBoxJudge, Closed, Finding, RowsJudge, closed
+from percuss.judges import (
+    BETWEEN,
+    NEVER_GROWS,
+    NOT_GUARANTEED,
+    BlackBoxJudge,
+    EveryStretch,
+    Finding,
+    RowsJudge,
+    closed,
+    named,
+)
 from percuss.model import Model
 from percuss.pencil import EDGE
 
@@ -20,6 +30,7 @@ if TYPE_CHECKING:
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 NOT_STARTED = "the certificate says no, so no step was made"
 LEAST = 1e-4  # of the free step: a smaller critical one counts as none
+ABOVE = 1e-6  # by so much above the critical step it is asked which contacts limit it
 SAFETY = 0.9  # of the critical step, where the case leaves the step open
 
 
@@ -36,10 +47,11 @@ def settled(case: Case) -> Model:
         return model
     limit = np.inf
     while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
-        judge = judge_of(model, closed(model, model.dt))
+        judge = judge_of(model)
         critical = judge.critical()
+        chosen = judge.judge(SAFETY * critical) if 0.0 < critical < np.inf else Finding(False, known=False)
         # growth so slow that a single tiny step does not show it is no stability
-        if not LEAST * judge.free < critical < np.inf or not judge.judge(SAFETY * critical).known:
+        if not LEAST * judge.free < critical < np.inf or not (chosen.known or chosen.stable):
             message, advice = "expected methods of which some step is stable", "Give a step, or take another law."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - EDGE):
@@ -48,13 +60,15 @@ def settled(case: Case) -> Model:
         model = Model(case, SAFETY * critical)
 
 
-def judge_of(model: Model, said: Closed) -> RowsJudge | BlackBoxJudge:
-    """Return the judge of a model: its laws' rows where what they `said` is enough, else the step itself."""
-    return BlackBoxJudge(model) if said.unknown else RowsJudge(model)
+def judge_of(model: Model) -> EveryStretch:
+    """Return the judge of a run: the rows of its laws where they are enough, else the step itself."""
+    return EveryStretch(model, BlackBoxJudge if closed(model, model.dt).unknown else RowsJudge)
 
 
 def certificate(model: Model) -> dict[str, Any]:
     """Return the certificate of a run.
+
+    Every stretch of the run with its own supports, drives and acting laws is judged, and the worst of them speaks.
 
     Parameters
     ----------
@@ -65,62 +79,110 @@ def certificate(model: Model) -> dict[str, Any]:
     -------
     dict
         ``stable`` (yes, marginal, no, unknown; of the closed linear step), ``energy`` (what the pair guarantees over
-        switching) and ``energy_why``, ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over
-        the critical one), ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or
-        black-box), ``why``, ``cure``.
+        switching) and ``energy_why``, ``dt_critical`` (None where it is not known), ``dt_critical_free``,
+        ``courant_critical``, ``margin`` (dt over the critical one), ``worst`` (closed contacts that limit the step),
+        ``stretch`` (from and until when the supports and drives hold that it is about; None where they never change),
+        ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``.
     """
-    said = closed(model, model.dt)
-    judge = judge_of(model, said)
+    judge = judge_of(model)
     free, critical = judge.free, judge.critical()
-    found = judge.judge(model.dt)
-    if found.known and np.isnan(critical):
-        found = dataclasses.replace(found, known=False, doubt="the closed step is not linear at longer steps")
-    critical = critical if found.known else free
-    margin = model.dt / critical if critical > 0 else np.inf
-    if found.stable and not found.worst and critical < free * (1.0 - EDGE):  # what becomes unstable first
-        found = dataclasses.replace(found, worst=judge.judge(critical * (1.0 + 1e-5)).worst)
-    verdict, why = _verdict(model, found, free, critical, margin)
-    energy, energy_why = said.energy, said.why
-    if energy in {NEVER_GROWS, BETWEEN} and (verdict == "no" or (found.theta is not None and found.theta >= 1.0)):
-        more = ", with theta below 1" if found.theta is not None else ""
-        energy, energy_why = NOT_GUARANTEED, f"that takes a stable closed step{more}"
+    finding = judge.judge(model.dt)
+    if finding.known and np.isnan(critical):
+        finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
+    if finding.known and finding.stable:
+        critical = max(critical, min(model.dt, free))
+    if finding.known and critical < free * (1.0 - EDGE):  # the contacts that limit the step are those just above it
+        limiting = judge.judge(critical * (1.0 + ABOVE))
+        if not limiting.stable and limiting.known:
+            finding = dataclasses.replace(finding, worst=limiting.worst, stretch=limiting.stretch)
+    if not finding.known:
+        critical = np.nan
+    verdict, why = _verdict(judge, finding, free, critical)
+    energy, energy_why = _energy(judge, finding, verdict)
+    stretch = judge.stretches[finding.stretch]
     return {
         "stable": verdict,
         "energy": energy,
         "energy_why": energy_why,
-        "dt_critical": critical,
+        "dt_critical": None if np.isnan(critical) else critical,
         "dt_critical_free": free,
-        "courant_critical": 0.5 * critical * model.omega,
-        "margin": margin,
-        "worst": [model.meetings[p].name for p in found.worst],
-        "theta": found.theta,
+        "courant_critical": None if np.isnan(critical) else 0.5 * critical * model.omega,
+        "margin": None if np.isnan(critical) else model.dt / critical if critical > 0 else np.inf,
+        "worst": [model.meetings[p].name for p in finding.worst],
+        "stretch": [stretch.start, stretch.stop] if len(judge.stretches) > 1 else None,
+        "theta": finding.theta,
         "by": judge.by,
         "why": why,
         "cure": _cure(judge, critical) if verdict == "no" else "",
     }
 
 
-def _verdict(model: Model, found: Finding, free: float, critical: float, margin: float) -> tuple[str, str]:
+def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float) -> tuple[str, str]:
     """Return the verdict on the closed linear step, and the reason in words."""
+    model = judge.model
     if model.dt > free * (1.0 + EDGE):
         courant = f"Courant number {model.courant:.6g}"
         return "no", f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow without contact"
-    if not found.known:
-        return "unknown", f"{found.doubt}; without contact the bodies allow {free:.6g}"
-    names = ", ".join(f"'{model.meetings[p].name}'" for p in found.worst)
-    combination = f"with closed contact {names}" if found.worst else "with all contacts open"
-    told = f"; theta = {found.theta:.6g}" if found.theta is not None else ""
-    told += f" ({found.doubt})" if found.doubt else ""
-    if margin > 1.0 + EDGE:
+    when = ""
+    if len(judge.stretches) > 1:
+        stretch = judge.stretches[finding.stretch]
+        when = f", with the supports and drives from {stretch.start:.6g} to {stretch.stop:.6g}"
+    if not finding.known:
+        return "unknown", f"{finding.doubt}{when}; without contact the bodies allow {free:.6g}"
+    many = "contacts" if len(finding.worst) > 1 else "contact"
+    combination = f"with closed {many} {named(model, finding.worst)}" if finding.worst else "with all contacts open"
+    combination += when
+    told = f"; theta = {finding.theta:.6g}" if finding.theta is not None else ""
+    told += f" ({finding.doubt})" if finding.doubt else ""
+    margin = model.dt / critical if critical > 0 else np.inf
+    if margin > 1.0 + EDGE or not finding.stable and margin > 1.0 - EDGE:
         digits = 6 if margin > 1.0 + 1e-5 else 12
         above = f"the step {model.dt:.{digits}g} is above {critical:.{digits}g}"
         return "no", f"{above}, the critical step {combination}{told}"
+    if not finding.stable:
+        return "no", f"the step {model.dt:.6g} is unstable {combination}, though a longer one need not be{told}"
     if margin >= 1.0 - EDGE:
         return "marginal", f"the step is the critical one {combination}{told}"
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}{told}"
 
 
-def _cure(judge: RowsJudge | BlackBoxJudge, critical: float) -> str:
+def _energy(judge: EveryStretch, finding: Finding, verdict: str) -> tuple[str, str]:
+    """Return what the pair of methods guarantees of the energy in this run, and the reason in words."""
+    model = judge.model
+    laws = closed(model, model.dt)
+    if laws.energy in {NEVER_GROWS, BETWEEN}:
+        if verdict == "no" or (finding.theta is not None and finding.theta >= 1.0):
+            more = ", with theta below 1" if finding.theta is not None else ""
+            return NOT_GUARANTEED, f"that takes a stable closed step{more}"
+        if laws.energy == NEVER_GROWS and (jump := _stiffening(judge)):
+            return NOT_GUARANTEED, jump
+    return laws.energy, laws.why
+
+
+def _stiffening(judge: EveryStretch) -> str:
+    """Return the words for a contact that a change of supports stiffens at the end of the step, "" for none.
+
+    ``kappa = 1 / (1/eps_s + (eps_m/eps_s - dt^2) s)`` rises with s where eps_m / eps_s is below dt^2, and falls with it
+    above. The energy that a closed contact stores rises with kappa, and no work goes with that.
+    """
+    model = judge.model
+    laws = closed(model, model.dt)
+    soft = laws.predicted & (laws.stiffness > 0)
+    compliance = np.divide(1.0, laws.stiffness, out=np.zeros_like(laws.stiffness), where=soft)
+    before: Any = None
+    for first, _ in model.segments():
+        after = compliance + np.where(soft, laws.surplus, 0.0) * model.delassus((first + 0.5) * model.dt)
+        stiffer = np.flatnonzero(after < before * (1.0 - 1e-12)) if before is not None else []
+        if len(stiffer):
+            return (
+                f"at {first * model.dt:.6g} a drive starts or ends at contact {named(model, list(stiffer))}: what it "
+                "stores while closed rises there, and no work goes with that"
+            )
+        before = after
+    return ""
+
+
+def _cure(judge: EveryStretch, critical: float) -> str:
     """Return the cheapest cures of an unstable step, with their numbers."""
     model = judge.model
     cures = []
@@ -130,7 +192,7 @@ def _cure(judge: RowsJudge | BlackBoxJudge, critical: float) -> str:
         law = entry["law"]
         for option in ("beta_s", "epsilon_s", "ratio", "scale"):
             value = getattr(law, option, None)
-            if isinstance(value, float) and isinstance(judge, RowsJudge):
+            if isinstance(value, float) and judge.by == RowsJudge.by:
                 found = _option_at_most(judge, law, option, value)
                 if found is not None:
                     cures.append(f"set {option} of {law.name} to at most {_down(found)}")
@@ -143,18 +205,20 @@ def _down(value: float) -> str:
     return f"{np.floor(value * (1.0 - 1e-9) / digit) * digit:.6g}"
 
 
-def _option_at_most(judge: RowsJudge, law: Any, option: str, value: float) -> float | None:
+def _option_at_most(judge: EveryStretch, law: Any, option: str, value: float) -> float | None:
     """Return the largest value of a law's option below the present one with which the step is stable."""
-    model = judge.model
-    kept = model.laws
+    models = [stretch.model for stretch in judge.stretches]
+    kept = [model.laws for model in models]
 
     def holds(candidate: float) -> bool:
         other = dataclasses.replace(law, **{option: candidate})
-        model.laws = [{**entry, "law": other} if entry["law"] is law else entry for entry in kept]
+        for model, laws in zip(models, kept, strict=True):
+            model.laws = [{**entry, "law": other} if entry["law"] is law else entry for entry in laws]
         try:
-            return judge.judge(model.dt).stable
+            return judge.judge(judge.model.dt).stable
         finally:
-            model.laws = kept
+            for model, laws in zip(models, kept, strict=True):
+                model.laws = laws
 
     if not holds(value * 1e-9):
         return None

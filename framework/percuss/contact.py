@@ -29,6 +29,7 @@ SWEEPS = 10_000
 # How a point stores energy. A law whose force follows from the gap at the end of the step is a spring there, and its
 # energy the mean of two ends; a law judged at the current gap is one of stiffness and inertia between two steps.
 NOTHING, BY_END, BY_CURRENT = 0, 1, 2
+NEVER = -1  # a law that acts at no gap: the run is outside its intervals
 SUMMED = ("multiplier", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
 
 
@@ -44,7 +45,7 @@ JUDGED = np.dtype(
         ("sees_predicted_gap", "i8"),  # 1 where the law is shown the predicted gap, else 0
         ("sees_predicted_rate", "i8"),
         ("sees_acceleration", "i8"),  # 1 where the law is shown the bulk acceleration of the gap
-        ("always", "i8"),  # 1 where the law is active at any gap
+        ("always", "i8"),  # 1 where the law is active at any gap, 0 where at a negative one, NEVER where it rests
         ("never_pulls", "i8"),  # 1 where the multiplier must not be negative
         ("own", "i8"),  # 1 where a kernel of the law's own gives the multiplier
         ("stores", "i8"),  # how the law stores energy: NOTHING, BY_END or BY_CURRENT
@@ -119,7 +120,28 @@ def broadcast(rows: Rows, points: ContactPoints, law: str) -> dict[str, Any]:
         if getattr(rows, field) not in known:
             raise PluginError(f"contact law {law}: rows.{field} is {getattr(rows, field)!r}, expected one of {known}")
         out[field] = getattr(rows, field)
+    out["during"] = intervals(rows, law)
     return out
+
+
+def intervals(rows: Rows, law: str) -> Floats | None:
+    """Return the (K, 2) intervals of time in which a law acts, None for a law that always does.
+
+    Raises
+    ------
+    PluginError
+        If they are not pairs of a start and a stop that is not before it.
+    """
+    if rows.during is None:
+        return None
+    during = np.asarray(rows.during, dtype=float)
+    if during.size == 0:
+        return np.zeros((0, 2))
+    if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
+        raise PluginError(
+            f"contact law {law}: rows.during is {rows.during!r}, expected pairs (start, stop), stop not before start"
+        )
+    return during
 
 
 def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> Any:
@@ -242,26 +264,21 @@ def point_records(
     )
 
 
-def carry_over(before: Any, after: Any, totals: Any) -> None:
-    """Let the sums of points go on after a change of drives.
+def carry_over(before: Any, after: Any) -> None:
+    """Let the sums of points go on after a change of drives, or of the laws that act.
 
-    A driven node answers no contact force. With it changes the stiffness at the end of the step, and what is stored
-    in it: that is no growth, so that the smallest value so far moves along.
+    A node with prescribed velocity does not move under contact forces, so that the effective stiffness of a contact,
+    and the energy stored in it, jump when a drive starts or ends. That jump counts as a change of energy like any
+    other: no work goes with it.
 
     Parameters
     ----------
     before, after : (P,) POINT
         The points up to the change, and the fresh ones behind it.
-    totals : TOTAL
-        The totals of the run.
     """
     for name in SUMMED:
         after[name] = before[name]
-    changed = np.divide(after.kappa, before.kappa, out=np.ones(after.size), where=before.kappa > 0)
-    after.stored = before.stored * changed
-    shift = float(after.stored.sum() - before.stored.sum())
-    totals.stored += shift
-    totals.least += shift
+    after.stored = before.stored
 
 
 def solve(points: Any, others: Any, dt: float) -> bool:
@@ -273,7 +290,7 @@ def solve(points: Any, others: Any, dt: float) -> bool:
         p = points[i]
         if p.own == 0:
             p.multiplier = 0.0
-            if seen_gap(p) < 0.0 or p.always == 1:
+            if acts(p):
                 value = right_side(p, dt) / (p.sigma + p.answer * p.delassus)
                 if value > 0.0 or p.never_pulls == 0:
                     p.multiplier = value
@@ -282,6 +299,8 @@ def solve(points: Any, others: Any, dt: float) -> bool:
 
 def stored(p: Any, rate: float, dt: float) -> float:
     """Return the energy a point stores at n + 1/2, where `rate` is the gap rate there."""
+    if p.always == NEVER:
+        return 0.0
     after = p.gap + dt * rate
     if p.stores == BY_END:
         # a law that pulls as it pushes is a spring both ways
@@ -310,6 +329,11 @@ def seen_gap(p: Any) -> float:
     return p.predicted_gap if p.sees_predicted_gap == 1 else p.gap  # type: ignore[no-any-return]
 
 
+def acts(p: Any) -> bool:
+    """Return whether the law of a point acts at the gap it is shown."""
+    return p.always == 1 or (p.always == 0 and seen_gap(p) < 0.0)  # type: ignore[no-any-return]
+
+
 def right_side(p: Any, dt: float) -> float:
     """Return gamma of a point: what its law makes of the judged state."""
     rate = p.predicted_rate if p.sees_predicted_rate == 1 else p.rate
@@ -326,7 +350,7 @@ def sweep(points: Any, others: Any, dt: float) -> bool:
         largest = 0.0
         for i in range(points.size):
             p = points[i]
-            if p.own == 0 and p.other_start < p.other_stop and (seen_gap(p) < 0.0 or p.always == 1):
+            if p.own == 0 and p.other_start < p.other_stop and acts(p):
                 gamma = right_side(p, dt)
                 for k in range(p.other_start, p.other_stop):
                     gamma -= p.answer * others[k].value * points[others[k].point].multiplier

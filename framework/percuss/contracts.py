@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -334,9 +335,14 @@ class ContactPoints:
     equal_sides : (P,) bool array
         Whether both sides have the same EA/h and 2c/h; true at a rigid wall.
     delassus : (P,) array
-        s, the point's own entry of S = N^T M^-1 N [1/mass].
+        s, the point's own entry of S = N^T M^-1 N [1/mass]: the largest of the run, where a support or a drive holds
+        an end for a part of it.
+    coupling : (P,) array
+        Sum of the absolute entries of the point's row of S over s: 1 for a point that shares no end with another [1].
     weight : (P,) array
         Share of the contact surface that belongs to the point; 1 for a bar's end.
+    limits
+        Function that computes `stiffness_limit`, which few laws ask for.
     """
 
     names: tuple[str, ...]
@@ -345,7 +351,18 @@ class ContactPoints:
     mass: Floats
     equal_sides: NDArray[np.bool_]
     delassus: Floats
+    coupling: Floats
     weight: Floats
+    limits: Callable[[], Floats] = field(repr=False, compare=False)
+
+    @cached_property
+    def stiffness_limit(self) -> Floats:
+        """Contact stiffness up to which the closed step of central difference is stable, (P,) [force/length].
+
+        It is so whichever contacts are closed, as long as none is stiffer than its own limit, and for the step that the
+        points were made for; above 0.99 of the Courant limit of a body for that of 0.99.
+        """
+        return self.limits()
 
 
 class Rows(NamedTuple):
@@ -367,6 +384,9 @@ class Rows(NamedTuple):
         ``"gap < 0"`` or ``"all"``.
     sign
         ``"free"``: an equation; ``">= 0"``: complementarity, the contact never pulls.
+    during : (K, 2) array or None
+        Intervals of time (start, stop) in which the law acts: it does so in each step whose middle lies in one of
+        them. None: always.
     """
 
     at: Literal["explicit", "end"]
@@ -376,6 +396,7 @@ class Rows(NamedTuple):
     acceleration: Floats | float = 0.0
     active: Literal["gap < 0", "all"] = "gap < 0"
     sign: Literal["free", ">= 0"] = "free"
+    during: Floats | None = None
 
 
 class Trial(NamedTuple):

@@ -54,9 +54,10 @@ def explanation(model: Model) -> Explanation:
     lines += ["Loads"] if loads else []
     lines += [f"  {one['text']}" for one in loads]
     lines += ["Step", f"  {step['text']}"]
+    critical = "is unknown" if known["dt_critical"] is None else f"{known['dt_critical']:.9g}"
     lines += [
         f"  the bodies without contact allow {known['dt_critical_free']:.9g}, the worst combination of closed "
-        f"contacts {known['dt_critical']:.9g}"
+        f"contacts {critical}"
     ]
     lines += _certificate_lines(model, known, measured)
     lines += ["Exact solution"]
@@ -157,7 +158,7 @@ def _step(model: Model, known: Mapping[str, Any]) -> dict[str, Any]:
         how = f"dt = {model.dt:.9g} as given, Courant number {model.courant:.6g} of {of}"
     elif time.courant == "auto":
         how = (
-            f"dt = {model.dt:.9g}, chosen as {SAFETY} of the critical step {known['dt_critical']:.9g}: "
+            f"dt = {model.dt:.9g}, chosen as {SAFETY} of the critical step {model.dt / SAFETY:.9g}: "
             f"Courant number {model.courant:.6g} of {of}"
         )
     else:
@@ -213,7 +214,7 @@ def _contact(model: Model, number: int, meeting: Meeting) -> dict[str, Any]:
     """Return what is known of a contact: its sides, the numbers its law is handed, and the row that follows."""
     spec = model.case.contacts[meeting.name]
     s = float(model.delassus(0.5 * model.dt)[number])
-    points = model.points([meeting], np.array([s]))
+    points = model.points([number], model.dt)
     resolved = {key: value for key, value in model.parameters()[meeting.name].items() if key != "law"}
     return {
         "name": meeting.name,

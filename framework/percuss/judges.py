@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,8 @@ from percuss.pencil import EDGE, Pencil, critical_step, largest
 from percuss.schemes import reach, scheme
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.contracts import Floats, Judged
     from percuss.model import Model
 
@@ -33,8 +36,18 @@ JUMPS = "the force follows from the gap at the current state: energy jumps as a 
 PULLS = "with its mass the contact pulls before it opens, and each opening or closing may gain energy"
 OTHER = "{} is no leap-frog scheme: what it does to energy as contacts open and close is not known"
 SHARED = "contacts share an end: one may open or close another against what was predicted"
+TIES = "a tie takes up the gap rate of its ends when it begins: energy jumps there, either way"
+BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
+INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
+UNALIKE = (
+    "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
+    "can grow at any theta"
+)
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
+ALIKE = 1e-9  # of dt^2: a smaller difference of two eps_m / eps_s is round-off
+MOST_SUBSETS = 10  # contacts of a group of which every part is tried
+MOST_NAMED = 6  # contacts that a reason names
 
 
 class NoClosedFormError(Exception):
@@ -48,9 +61,14 @@ class Closed:
     Attributes
     ----------
     stiffness, inertia
-        eps_s and eps_m; zero where a law is judged at the end of the step.
+        eps_s and eps_m; zero where a law is judged at the end of the step, or does not act.
     predicted
         Whether the law is judged at the predicted gap.
+    surplus
+        Of laws judged at the predicted gap or at the end of the step: by what ``eps_m / eps_s`` exceeds that of a
+        gap judged at the end of the step, dt^2 of a leap-frog scheme; 0 of the latter, nan elsewhere [time^2].
+    tied
+        Points whose gap never changes while the law acts, and it acts whatever the gap.
     unknown
         Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate; in a scheme of
         stages all that are judged at the end of the step, too.
@@ -61,6 +79,8 @@ class Closed:
     stiffness: Floats
     inertia: Floats
     predicted: Any
+    surplus: Floats
+    tied: tuple[int, ...]
     unknown: tuple[str, ...]
     energy: str
     why: str
@@ -73,15 +93,17 @@ class Finding:
     Attributes
     ----------
     stable
-        Whether nothing grows in the worst combination.
+        Whether nothing grows in any combination of closed contacts.
     worst
-        The contacts closed in it.
+        Contacts that suffice to make it unstable while they are closed; empty where none are needed.
     theta
         Of Wu's predictor-corrector, in that combination or the largest known.
     doubt
         Why that is less than certain, or why nothing can be said; empty where it is certain.
     known
         Whether anything can be said.
+    stretch
+        Number of the stretch of the run it is about.
     """
 
     stable: bool
@@ -89,31 +111,42 @@ class Finding:
     theta: float | None = None
     doubt: str = ""
     known: bool = True
+    stretch: int = 0
 
 
 def closed(model: Model, dt: float) -> Closed:
     """Return what the laws of a model say of its closed points for a step `dt`."""
     count = len(model.meetings)
     stiffness, inertia = np.zeros(count), np.zeros(count)
-    predicted = np.zeros(count, dtype=bool)
+    predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     unknown: list[str] = []
+    tied: list[int] = []
     energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
     stages, (*_, table) = scheme(model.case.method.integrator, dt)
     if stages is not None:
         energy.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     for entry in model.laws:
         law, where = entry["law"], entry["where"]
-        bound = law.bind(entry["points"], dt)
+        points = model.points(where, dt)
+        bound = law.bind(points, dt)
         if not isinstance(bound, Rows):
             unknown.append(law.name)
             continue
-        rows = broadcast(bound, entry["points"], law.name)
+        rows = broadcast(bound, points, law.name)
+        if rows["during"] is not None:
+            energy.append((NOT_GUARANTEED, INTERVALS))
         if rows["at"] == "end":
-            held = stages is None and rows["active"] == "all" and rows["sign"] == ">= 0" and not rows["rate"].any()
-            if not held:
+            if stages is not None or not _end_is_readable(rows):
                 unknown.append(law.name)
+                continue
+            surplus[where] = 0.0
+            if rows["rate"].any():
+                tied += where
+                energy.append((NOT_GUARANTEED, TIES))
+            elif rows["active"] == "all" and rows["sign"] == "free":
+                energy.append((NOT_GUARANTEED, BILATERAL))
             continue
-        if rows["rate"].any() or (rows["sigma"] <= 0).any():
+        if rows["rate"].any() or (rows["sigma"] <= 0).any() or not rows["gap"].all():
             unknown.append(law.name)
             continue
         if not _readable(table.explicit, rows):
@@ -125,12 +158,24 @@ def closed(model: Model, dt: float) -> Closed:
         inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
         if table.explicit.gap == "current":
             energy.append((NOT_GUARANTEED, PULLS) if inertia[where].any() else (BETWEEN, JUMPS))
-        elif _share_an_end(model, where):
+            continue
+        surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
+        if _share_an_end(model, where):
             energy.append((NOT_GUARANTEED, SHARED))
     if unknown and stages is None:
         energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
-    weakest, why = max(energy, key=lambda one: WEAKEST_LAST.index(one[0]))
-    return Closed(stiffness, inertia, predicted, tuple(unknown), weakest, why)
+    resting = list(model.resting(0.5 * model.dt))
+    stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
+    weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
+    tied = [p for p in tied if p not in resting]
+    return Closed(stiffness, inertia, predicted, surplus, tuple(tied), tuple(unknown), weakest, why)
+
+
+def _end_is_readable(rows: dict[str, Any]) -> bool:
+    """Return whether a law judged at the end of the step is a spring or a constraint there: of the gap, or a tie."""
+    of_gap = not rows["rate"].any() and bool(rows["gap"].all())
+    tie = bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
+    return not rows["acceleration"].any() and (of_gap or (tie and rows["active"] == "all" and rows["sign"] == "free"))
 
 
 def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
@@ -147,16 +192,23 @@ def _share_an_end(model: Model, where: list[int]) -> bool:
 
 
 class RowsJudge:
-    """Judges steps by the rows of the laws: exact for any mesh and any combination of contacts.
+    """Judges steps by the rows of the laws: exact for any mesh and any combination of closed contacts.
 
-    Central difference by the inertia of the closed pencil, Wu's predictor-corrector by theta in operator form. In
-    stages, laws judged at the current state make every mode of the closed pencil an oscillator, so that its inertia
-    tells there too, at the step that brings central difference to its limit where it brings the scheme to its own.
+    Central difference by the inertia of the closed pencil. In stages, laws judged at the current state make every mode
+    of the closed pencil an oscillator, so that its inertia tells there too, at the step that brings central difference
+    to its limit where it brings the scheme to its own.
+
+    Laws judged at the predicted gap or at the end of the step: with ``u_{n+1} = u* + dt^2 M^-1 N lambda`` their
+    multipliers are ``lambda = -F^-1 g_{n+1}``, ``F = diag(1/eps_s) + diag(eps_m/eps_s - dt^2) S``. Where F is
+    symmetric and positive definite it is a spring at the end of the step, and no combination grows. It is symmetric
+    where contacts that share an end have the same eps_m / eps_s; then the whole of such a group is the worst part of
+    it. Where they have not, a part can be worse than the whole, and even with every theta at most 1 the step can grow:
+    then the step itself is asked, or the judge says that it does not know.
 
     Parameters
     ----------
     model
-        The case as arrays.
+        A stretch of a run, `percuss.model.Model.stretches`.
     """
 
     by = "pencil"
@@ -171,48 +223,105 @@ class RowsJudge:
             for q, value in row.items():
                 self.delassus[p, q] = value
 
-    def theta(self, dt: float, said: Closed) -> tuple[float | None, list[int]]:
-        """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of the contacts judged at the predicted gap, or None.
+    def _groups(self, laws: Closed) -> list[tuple[Any, bool]]:
+        """Return the groups of contacts that share ends, of laws with a `surplus`, and whether F of each is symmetric.
 
-        And the contacts it comes from: those that share ends; any other that is closed damps what they excite.
+        Contacts that cannot press at all, for want of stiffness, are left out.
         """
         from scipy.sparse.csgraph import connected_components
 
-        which = np.flatnonzero(said.predicted & (said.stiffness > 0))
-        most, worst = None, np.zeros(0, dtype=np.int64)
-        alone = which.size < 2
-        groups = 0 * which if alone else connected_components(self.delassus[np.ix_(which, which)] != 0)[1]
-        for group in range(int(groups.max(initial=-1)) + 1):
-            mine = which[groups == group]
-            s = self.delassus[np.ix_(mine, mine)]
-            left = np.eye(mine.size) + s * said.inertia[mine]
-            values = np.linalg.eigvals(np.linalg.solve(left, s * said.stiffness[mine]))
-            theta = float(dt**2 * np.max(values.real))
-            if most is None or theta > most:
-                most, worst = theta, mine
+        at_end = ~laws.predicted & ~np.isnan(laws.surplus)
+        which = np.flatnonzero((laws.predicted & (laws.stiffness > 0)) | at_end)
+        if which.size == 0:
+            return []
+        coupled = self.delassus[np.ix_(which, which)] != 0
+        labels = connected_components(coupled)[1] if which.size > 1 else np.zeros(1, dtype=np.int64)
+        out = []
+        for label in range(int(labels.max()) + 1):
+            group = which[labels == label]
+            scale = np.abs(laws.surplus[group]).max() + np.abs(self.model.tables[-1].end.answer[0])
+            out.append((group, bool(np.ptp(laws.surplus[group]) <= ALIKE * scale)))
+        return out
+
+    def _theta_of(self, part: Any, dt: float, laws: Closed) -> float:
+        """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts judged at the predicted gap."""
+        s = self.delassus[np.ix_(part, part)]
+        left = np.eye(part.size) + s * laws.inertia[part]
+        values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
+        return float(dt**2 * np.max(values.real))
+
+    def theta(self, dt: float, laws: Closed) -> tuple[float | None, list[int]]:
+        """Return the largest theta of the contacts judged at the predicted gap, None where there are none.
+
+        And the contacts it comes from. Of a group that shares ends, every part is tried unless F is symmetric; of a
+        group too large for that each contact, each pair and the whole.
+        """
+        most: float | None = None
+        worst: Any = ()
+        for group, alike in self._groups(laws):
+            explicit = group[laws.predicted[group]]
+            if explicit.size == 0:
+                continue
+            sizes = range(1, explicit.size + 1)
+            if alike:
+                sizes = range(explicit.size, explicit.size + 1)
+            elif explicit.size > MOST_SUBSETS:
+                sizes = range(1, 3)
+            parts = [np.array(part) for size in sizes for part in itertools.combinations(explicit, size)]
+            for part in [*parts, *([explicit] if explicit.size > MOST_SUBSETS else [])]:
+                theta = self._theta_of(part, dt, laws)
+                if most is None or theta > most * (1.0 + 1e-12):
+                    most, worst = theta, part
         return most, [int(p) for p in worst]
 
     def judge(self, dt: float) -> Finding:
         """Return what is to be said of a step."""
-        said = closed(self.model, dt)
-        current = ~said.predicted
+        finding = self._by_rows(dt)
+        if finding.stable and (unalike := self._unalike(dt)):
+            return dataclasses.replace(self._asked(dt, unalike), theta=finding.theta)
+        return finding
+
+    def _by_rows(self, dt: float) -> Finding:
+        """Return what inertia of the pencil and theta say of a step."""
+        laws = closed(self.model, dt)
+        current = ~laws.predicted
         if self.reach == 0.0:
             return Finding(False)
-        definite, worst = self.pencil.definite(
-            dt / self.reach, np.where(current, said.stiffness, 0.0), np.where(current, said.inertia, 0.0)
+        definite, limiting = self.pencil.definite(
+            dt / self.reach,
+            np.where(current, laws.stiffness, 0.0),
+            np.where(current, laws.inertia, 0.0),
+            laws.tied,
         )
-        theta, group = self.theta(dt, said)
+        theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
-            return Finding(definite, worst, theta)
+            return Finding(definite, limiting, theta)
         if self._coarse is not None:
             return dataclasses.replace(self._coarse.judge(dt), theta=theta)
         return Finding(False, group, theta)
+
+    def _unalike(self, dt: float) -> list[int]:
+        """Return the contacts that share ends and differ in eps_m / eps_s."""
+        return [int(p) for group, alike in self._groups(closed(self.model, dt)) if not alike for p in group]
+
+    def _asked(self, dt: float, unalike: list[int]) -> Finding:
+        """Return what the step itself says, where the rows do not decide; unknown where it cannot be asked whole."""
+        reason = UNALIKE.format(named(self.model, unalike))
+        if self._small is None:
+            return Finding(False, unalike, doubt=f"{reason}; the model is too large to examine the step", known=False)
+        found = self._small.judge(dt)
+        return found if found.known else dataclasses.replace(found, doubt=f"{reason}; {found.doubt}")
+
+    @cached_property
+    def _small(self) -> BlackBoxJudge | None:
+        """The judge by the step itself, where the model is small enough to be examined whole."""
+        return BlackBoxJudge(self.model) if 2 * self.model.mass.size * self.model.dim <= DENSE else None
 
     @cached_property
     def _coarse(self) -> BlackBoxJudge | None:
         """The judge of steps above theta = 1, where a bar so short that contact damps all of it may stay stable."""
         short = any(body.stiffness.size < SHORT for body in self.model.bodies.values())
-        return BlackBoxJudge(self.model) if short and 2 * self.model.mass.size <= DENSE else None
+        return self._small if short else None
 
     @cached_property
     def free(self) -> float:
@@ -223,7 +332,58 @@ class RowsJudge:
         """Return the largest stable step, laws bound anew for each step tried."""
         if self.free in {0.0, np.inf}:  # no step, or any: all nodes are held
             return self.free
-        return critical_step(lambda dt: self.judge(dt).stable, self.free)
+        bound = critical_step(lambda dt: self._by_rows(dt).stable, self.free)
+        if not 0.0 < bound < np.inf or self._small is None or not self._unalike(bound):
+            return bound
+        if self.judge(bound * (1.0 - EDGE)).stable:
+            return bound
+        return largest(lambda dt: self.judge(dt).stable, bound, LOOSE)
+
+
+class EveryStretch:
+    """The judges of all stretches of a run together: the worst of them speaks.
+
+    Parameters
+    ----------
+    model
+        The model of the whole run.
+    kind
+        `RowsJudge` or `BlackBoxJudge`.
+    """
+
+    def __init__(self, model: Model, kind: type[RowsJudge | BlackBoxJudge]) -> None:
+        self.model = model
+        self.by = kind.by
+        self.stretches = model.stretches()
+        self.judges = [kind(stretch.model) for stretch in self.stretches]
+
+    @property
+    def free(self) -> float:
+        """The largest step that is stable without contact."""
+        return min(judge.free for judge in self.judges)
+
+    def critical(self) -> float:
+        """Return the largest stable step, nan where it is not known."""
+        limits = [judge.critical() for judge in self.judges]
+        return float(np.nan if np.isnan(limits).any() else min(limits))
+
+    def judge(self, dt: float) -> Finding:
+        """Return what is to be said of a step: of the worst stretch, theta the largest of all."""
+        findings = [dataclasses.replace(judge.judge(dt), stretch=k) for k, judge in enumerate(self.judges)]
+        thetas = [finding.theta for finding in findings if finding.theta is not None]
+
+        def badness(finding: Finding) -> tuple[int, float]:
+            kind = 0 if finding.stable and finding.known else 1 if not finding.known else 2
+            return kind, finding.theta or 0.0
+
+        return dataclasses.replace(max(findings, key=badness), theta=max(thetas, default=None))
+
+
+def named(model: Model, points: Sequence[int]) -> str:
+    """Return the names of contacts in quotes, the first few of many."""
+    names = ", ".join(f"'{model.meetings[p].name}'" for p in points[:MOST_NAMED])
+    more = len(points) - MOST_NAMED
+    return f"{names} and {more} more" if more > 0 else names
 
 
 class BlackBoxJudge:
@@ -261,8 +421,11 @@ class BlackBoxJudge:
         tried = self._tried
         if self.model.stages is not None and dt > self.free * (1.0 + EDGE):
             return Finding(False)
-        if 2 ** len(self.model.meetings) > len(combinations(len(self.model.meetings))):
-            doubt = "tried were no contact, each one and all of them closed"
+        complete = 2 ** len(self.model.meetings) == len(combinations(len(self.model.meetings)))
+        if not complete:
+            doubt = (
+                "no growth was found with no contact, each one and all of them closed; other combinations can be worse"
+            )
         for one in tried:
             found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
             if not found.linear:
@@ -275,10 +438,11 @@ class BlackBoxJudge:
             if not found.stable:
                 return Finding(False, list(one), found.theta)
             if not found.whole:
+                complete = False
                 doubt = "the model is large: growth was looked for by a Krylov iteration, and none found"
             if found.radius > radius * (1.0 + 1e-6):
                 radius, worst = found.radius, list(one)
-        return Finding(True, worst, theta, doubt)
+        return Finding(True, worst, theta, doubt, known=complete)
 
     def critical(self) -> float:
         """Return the largest stable step, within `LOOSE`; a combination stable at the free step is so below it.

@@ -14,7 +14,7 @@ import numpy as np
 from percuss.certificate import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
 from percuss.given import expect_case, expect_names
-from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
+from percuss.judges import BlackBoxJudge, ClosedForm, EveryStretch, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
 from percuss.result import replacing
 
@@ -118,7 +118,8 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[
     if way == "pencil" and unsaid:
         return _row(varied, way, None, f"nothing follows from the rows of {', '.join(unsaid)}")
     try:
-        judge: Any = {"closed-form": ClosedForm, "pencil": RowsJudge, "black-box": BlackBoxJudge}[way](model)
+        kinds = {"pencil": RowsJudge, "black-box": BlackBoxJudge}
+        judge: Any = EveryStretch(model, kinds[way]) if way in kinds else ClosedForm(model)
         critical = judge.critical()
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))
@@ -126,7 +127,7 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[
     if way == "black-box":
         found = judge.judge(critical if critical > 0 else model.dt)
         doubt = found.doubt
-        if not found.known or np.isnan(critical):
+        if not (found.known or found.stable) or np.isnan(critical):
             return _row(varied, way, None, doubt or "the closed step is not linear")
     row = _row(varied, way, critical, doubt if critical > 0 else "no step is stable", model)
     if set(STEP) & set(varied):

@@ -12,7 +12,7 @@ import numpy as np
 
 from percuss import escape, kernels, loop, recording
 from percuss.binding import Kernels, bind, bind_around
-from percuss.contact import carry_over, point_records
+from percuss.contact import NEVER, carry_over, point_records
 from percuss.contracts import Rows
 from percuss.interrupt import interruptible
 from percuss.specialise import compile_error
@@ -154,9 +154,9 @@ class March:
         self.held = [row for row, _ in active]
         sides = model.sides(midpoint)
         sides = [sides[p] for p in self.order]
-        points, entries, others = point_records(
-            self.judged, [model.meetings[p].gap for p in self.order], sides, self.place
-        )
+        judged = self.judged.copy()
+        judged["always"][np.isin(self.order, model.resting(midpoint))] = NEVER
+        points, entries, others = point_records(judged, [model.meetings[p].gap for p in self.order], sides, self.place)
         holds = [(self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)]
         shares = [
             (i, p, float(h.direction @ side.normal))
@@ -185,11 +185,11 @@ class March:
         )
 
     def _switch(self, midpoint: float) -> None:
-        """Change over to the drives that hold at `midpoint`, with all sums going on."""
+        """Change over to the drives that hold and the laws that act at `midpoint`, with all sums going on."""
         before = self.few
         self._bank()
         fresh = self._acting(midpoint, before.special)
-        carry_over(before.points, fresh.points, before.totals)
+        carry_over(before.points, fresh.points)
         self.few = fresh._replace(totals=before.totals)
         self._renew(midpoint)
 

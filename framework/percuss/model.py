@@ -6,16 +6,17 @@ import copy
 import dataclasses
 import itertools
 import math
+from collections import Counter
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss import limits
-from percuss.contact import NOTHING, Side, broadcast, delassus_rows, judge, own_multipliers
+from percuss.contact import NOTHING, Side, broadcast, delassus_rows, intervals, judge, own_multipliers
 from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.parts import Body, Hold, Meeting, Pull, Push
+from percuss.parts import Body, Hold, Meeting, Pull, Push, end_reserves
 from percuss.schemes import refuse_end, scheme
 from percuss.tryout import bound_of
 
@@ -24,7 +25,16 @@ if TYPE_CHECKING:
 
     from percuss.case import Address, Case, ContactSpec, LoadSpec
 
+LARGEST_COURANT = 0.99  # of a body: above it no penalty without mass is worth having with central difference
 TOUCHING = 1e-9  # of an element length: a smaller initial gap or overlap is none
+
+
+class Stretch(NamedTuple):
+    """A part of a run in which the same supports and drives hold and the same laws act."""
+
+    start: float
+    stop: float
+    model: Model  # without loads, supports and drives at rest
 
 
 class Model:
@@ -48,6 +58,7 @@ class Model:
     def __init__(self, case: Case, dt: float | None = None) -> None:
         self.case = case
         self.dim = case.dimension
+        self.whole = self  # of a stretch of a run, the model of the whole run
         self._problems: list[Problem] = []
         self.bodies = limits.checked(case, self._bodies)
         self.n_nodes = sum(body.mass.size for body in self.bodies.values())
@@ -61,6 +72,7 @@ class Model:
         self._refuse()
         # laws that are rows first: the others fill their part of the multipliers by kernels of their own
         self.stages, self.tables = scheme(case.method.integrator, self.dt)
+        self._resting: tuple[int, ...] = ()
         self._check_movable()
         self.laws = self._laws()
         self._raise()
@@ -97,14 +109,51 @@ class Model:
         limits.check_step(self.case, dt)
         return dt, time.steps if time.steps is not None else limits.steps(self.case, dt)
 
-    def still(self, dt: float, holds: Sequence[Hold]) -> Model:
-        """Return the same bodies and contacts without loads, `holds` at rest, laws bound anew for a step `dt`."""
+    def stretches(self) -> list[Stretch]:
+        """Return the stretches of the run that differ in their supports and drives, or in the laws that act.
+
+        A stretch whose supports, drives and laws are those of an earlier one is not listed again.
+        """
+        listed: dict[Any, Stretch] = {}
+        for first, last in self.segments():
+            middle = (first + 0.5) * self.dt
+            holds = tuple(row for row, hold in enumerate(self.holds) if hold.active(middle))
+            resting = self.resting(middle)
+            if (holds, resting) not in listed:
+                at_rest = [dataclasses.replace(self.holds[row], load=None, column=0) for row in holds]
+                model = self.still(self.dt, at_rest, resting)
+                start, stop = first * self.dt, min(last, self.steps) * self.dt
+                listed[holds, resting] = Stretch(start, max(stop, start), model)
+        return list(listed.values())
+
+    def resting(self, midpoint: float) -> tuple[int, ...]:
+        """Return the points whose law does not act in the step around `midpoint`."""
+        out = list(self._resting)
+        for entry in self.laws:
+            during = entry["during"]
+            if during is not None and not ((during[:, 0] < midpoint) & (midpoint < during[:, 1])).any():
+                out += entry["where"]
+        return tuple(sorted(set(out)))
+
+    def still(self, dt: float, holds: Sequence[Hold], resting: Sequence[int] = ()) -> Model:
+        """Return a stretch of the run by itself: no loads, `holds` at rest, laws bound anew for a step `dt`.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+        holds
+            The supports and drives of the stretch.
+        resting
+            Points whose law does not act in it; the others act throughout.
+        """
         other = copy.copy(self)
         other.__dict__.pop("initial_velocity", None)
         other.dt, other.steps, other.pushes, other.pulls = dt, 1, [], []
-        other.holds = [dataclasses.replace(hold, load=None, column=0) for hold in holds]
+        other.holds = list(holds)
+        other._resting = tuple(resting)
         other.stages, other.tables = scheme(self.case.method.integrator, dt)
-        other.laws = other._laws()
+        other.laws = [{**entry, "during": None} for entry in other._laws()]
         other._raise()
         return other
 
@@ -188,23 +237,59 @@ class Model:
         axis = np.abs(direction) if abs(direction[0]) == 1.0 else direction
         return float((wall - here @ axis) * (axis @ normal))
 
-    def points(self, meetings: Sequence[Meeting], delassus: Floats) -> ContactPoints:
-        """Return what a law may know of some contact points."""
+    def points(self, where: Sequence[int], dt: float) -> ContactPoints:
+        """Return what a law may know of the contact points `where` for a step `dt`."""
 
         def column(values: Any, kind: type = float) -> Any:
             array: Any = np.array(values, dtype=kind)
             array.flags.writeable = False
             return array
 
+        meetings = [self.meetings[p] for p in where]
+        delassus, coupling = self.whole._largest_delassus
         return ContactPoints(
             names=tuple(m.name for m in meetings),
             stiffness=column([m.stiffness for m in meetings]),
             frequency=column([m.frequency for m in meetings]),
             mass=column([m.mass for m in meetings]),
             equal_sides=column([m.equal_sides for m in meetings], bool),
-            delassus=column(delassus),
+            delassus=column(delassus[where]),
+            coupling=column(coupling[where]),
             weight=column([1.0] * len(meetings)),
+            limits=lambda: column(self.whole._stiffness_limits(dt)[where]),
         )
+
+    @cached_property
+    def _largest_delassus(self) -> tuple[Floats, Floats]:
+        """The largest s of each point in the run, and the largest sum of its row of S over that, (P,) each."""
+        largest, sums = np.zeros(len(self.meetings)), np.zeros(len(self.meetings))
+        for start, _ in self.segments(laws=False):
+            diagonal, others = delassus_rows(self.sides((start + 0.5) * self.dt))
+            largest = np.maximum(largest, diagonal)
+            sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
+        return largest, sums / largest
+
+    def _stiffness_limits(self, dt: float) -> Floats:
+        """Return `ContactPoints.stiffness_limit` of all points, (P,).
+
+        With B = (4/dt^2) M - K of a body, the displacements of its ends a and b alone are worth at least
+        ``r_a u_a^2 + r_b u_b^2``, where the inverse of B between its ends gives both r. Closed contacts of stiffness
+        eps_s take ``eps_s (u_a - u_b)^2``, which is no more than that where ``eps_s (1/r_a + 1/r_b) <= 1``.
+        """
+        uses = Counter(node for meeting in self.meetings for node in meeting.nodes)
+        always_held = {hold.node for hold in self.holds if hold.load is None}
+        reserve: dict[int, float] = {}
+        for body in self.bodies.values():
+            ends = [node for node in (body.start, body.stop - 1) if node in uses]
+            if ends:
+                step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
+                reserve.update(end_reserves(body, step, ends))
+        with np.errstate(divide="ignore"):
+            softness = [
+                sum(uses[node] / np.float64(reserve[node]) for node in meeting.nodes if node not in always_held)
+                for meeting in self.meetings
+            ]
+            return 1.0 / np.array(softness, dtype=float)
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of every contact point, with the supports and drives that hold at `midpoint`."""
@@ -224,7 +309,7 @@ class Model:
         return rows
 
     def _check_movable(self) -> None:
-        for start, _ in self.segments():
+        for start, _ in self.segments(laws=False):
             delassus = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
             for meeting, s in zip(self.meetings, delassus, strict=True):
                 if s * min(self.mass[node] for node in meeting.nodes) < 1e-12:
@@ -249,20 +334,22 @@ class Model:
 
     def _laws(self) -> list[dict[str, Any]]:
         """Bind each law at its points; one entry a law, laws that are rows before the others."""
-        delassus = self.delassus(0.5 * self.dt)
         groups: dict[ContactLaw, list[int]] = {}
         for p, meeting in enumerate(self.meetings):
             groups.setdefault(meeting.law, []).append(p)
         laws = []
         for law, where in groups.items():
-            points = self.points([self.meetings[p] for p in where], delassus[where])
+            points = self.points(where, self.dt)
             try:
                 bound = bound_of(law, points, self.dt)
                 resolved = law.resolved(points, self.dt)
             except ValueError as error:
                 self._problem(("method", "contact"), str(error))
                 continue
-            laws.append({"law": law, "where": where, "bound": bound, "resolved": resolved, "points": points})
+            during = intervals(bound, law.name) if isinstance(bound, Rows) else None
+            laws.append(
+                {"law": law, "where": where, "bound": bound, "resolved": resolved, "points": points, "during": during}
+            )
         return sorted(laws, key=lambda entry: not isinstance(entry["bound"], Rows))
 
     def delassus(self, midpoint: float) -> Floats:
@@ -350,17 +437,21 @@ class Model:
             return
         holds.append(new)
 
-    def segments(self) -> list[tuple[int, int]]:
-        """Return runs of steps (first, one past last) within which the same drives hold; the trial step included."""
+    def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
+        """Return runs of steps (first, one past last) within which nothing switches; the trial step included.
+
+        Supports and drives switch, and `laws` that act in intervals of time only.
+        """
         total = self.steps + 1
+        instants = [t for hold in self.holds if hold.load is not None for t in (hold.load.start, hold.load.stop)]
+        if laws:
+            instants += [t for entry in self.laws if entry["during"] is not None for t in entry["during"].ravel()]
         cuts = {0, total}
-        for hold in self.holds:
-            if hold.load is not None:
-                for instant in (hold.load.start, hold.load.stop):
-                    if math.isfinite(instant):
-                        # the first step whose midpoint lies behind the instant
-                        step = math.floor(instant / self.dt - 0.5) + 1
-                        cuts.add(min(max(step, 0), total))
+        for instant in instants:
+            if math.isfinite(instant):
+                # the first step whose midpoint lies behind the instant
+                step = math.floor(instant / self.dt - 0.5) + 1
+                cuts.add(min(max(step, 0), total))
         edges = sorted(cuts)
         return list(itertools.pairwise(edges))
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from percuss.contracts import ContactLaw, Floats, Mesh
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.specs import BodySpec, LoadSpec
 
 
@@ -33,6 +37,43 @@ class Body:
     def end_element(self, node: int) -> int:
         """Return the element at an end node, counted in the body."""
         return 0 if node == self.start else self.stiffness.size - 1
+
+
+def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]:
+    """Return how stiff a contact at each end of a body may be while central difference is stable, r [force/length].
+
+    For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the
+    step is unstable for the body by itself, r is 0.
+
+    Parameters
+    ----------
+    body
+        The body; its supports are left out, which makes r smaller.
+    dt
+        Time step.
+    ends
+        The end nodes in contact, one or both.
+    """
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    banded = np.zeros((2, body.mass.size))
+    banded[0, 1:] = body.stiffness
+    banded[1] = 4.0 / dt**2 * body.mass
+    banded[1, :-1] -= body.stiffness
+    banded[1, 1:] -= body.stiffness
+    try:
+        factor = cholesky_banded(banded, check_finite=False)
+    except LinAlgError:  # nodal masses that are no lumped ones: the body by itself is unstable at this step
+        return dict.fromkeys(ends, 0.0)
+    places = np.array(ends) - body.start
+    unit = np.zeros((body.mass.size, len(ends)))
+    unit[places, np.arange(len(ends))] = 1.0
+    stiffness = np.linalg.inv(cho_solve_banded((factor, False), unit)[places])
+    diagonal = np.diag(stiffness)
+    if len(ends) == 2:
+        # the matrix [[a, c], [c, b]] is at least (1 - |c| / sqrt(a b)) times its diagonal
+        diagonal = diagonal * (1.0 - abs(stiffness[0, 1]) / np.sqrt(stiffness[0, 0] * stiffness[1, 1]))
+    return {node: float(r) for node, r in zip(ends, diagonal, strict=True)}
 
 
 @dataclass(frozen=True)

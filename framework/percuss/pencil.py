@@ -9,7 +9,7 @@ positive definite, by Sylvester's law of inertia for the worst combination of cl
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 EDGE = 1e-9  # margins this close to the limit are marginal
 STEPS_OF_SEARCH = 60
+FEW = 24  # contacts, of which each is tried whether it can be left out
 
 
 class Pencil:
@@ -28,7 +29,8 @@ class Pencil:
     Parameters
     ----------
     model
-        The case as arrays; a drive that is off at any time counts as absent.
+        A stretch of a run (`percuss.model.Model.stretches`); of a whole run, a drive that is off at any time counts as
+        absent.
     """
 
     def __init__(self, model: Model) -> None:
@@ -88,8 +90,12 @@ class Pencil:
                 out[np.ix_(touched, touched)] += columns[:, touched].T @ solved
         return out
 
-    def definite(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[bool, list[int]]:
-        """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is definite in the worst combination of closed contacts.
+    def definite(
+        self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int] = ()
+    ) -> tuple[bool, list[int]]:
+        """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is definite in every combination of closed contacts.
+
+        The worst combination closes exactly the contacts with ``eps_s > 4 eps_m / dt^2``.
 
         Parameters
         ----------
@@ -97,24 +103,54 @@ class Pencil:
             Time step.
         stiffness, inertia : (P,) arrays
             eps_s and eps_m of the contacts judged at the current state, 0 for the others.
+        tied
+            Contacts whose gap never changes: only motions that leave it are looked at.
 
         Returns
         -------
         definite
             Whether it is.
-        worst
-            The contacts closed in that combination; empty where all are open.
+        limiting
+            Contacts that suffice to make it indefinite while they are closed, none of which can be left out if they
+            are few; empty where it is definite, or indefinite without contact.
         """
         factors = self.factors(dt)
         if factors is None:
             return False, []
         excess = stiffness - 4.0 * inertia / dt**2
-        worst = np.flatnonzero(excess > 0)
-        if worst.size == 0:
+        harmful = np.flatnonzero(excess > 0)
+        if harmful.size == 0:
             return True, []
-        root = np.sqrt(excess[worst])
-        small = root[:, None] * self.compliance(factors)[np.ix_(worst, worst)] * root
-        return bool(np.linalg.eigvalsh(small)[-1] < 1.0), [int(p) for p in worst]
+        root = np.sqrt(excess[harmful])
+        compliance = self.compliance(factors)
+        if len(tied):
+            tie = list(tied)
+            held = np.linalg.pinv(compliance[np.ix_(tie, tie)], rcond=1e-12, hermitian=True)
+            compliance = compliance - compliance[:, tie] @ held @ compliance[tie]
+        small = root[:, None] * compliance[np.ix_(harmful, harmful)] * root
+        if np.linalg.eigvalsh(small)[-1] < 1.0:
+            return True, []
+        return False, [int(p) for p in harmful[_limiting(small)]]
+
+
+def _limiting(matrix: Floats) -> list[int]:
+    """Return rows of a symmetric matrix whose own submatrix has an eigenvalue of 1 or more, as few as are found."""
+
+    def unstable(rows: list[int]) -> bool:
+        return bool(rows) and bool(np.linalg.eigvalsh(matrix[np.ix_(rows, rows)])[-1] >= 1.0)
+
+    part = np.abs(np.linalg.eigh(matrix)[1][:, -1])
+    order = [int(row) for row in np.argsort(-part, kind="stable")]
+    lo, hi = 0, len(order)  # the first hi rows are unstable, the first lo are not
+    while hi - lo > 1:
+        middle = (lo + hi) // 2
+        lo, hi = (lo, middle) if unstable(order[:middle]) else (middle, hi)
+    kept = order[:hi]
+    for row in kept[::-1] if hi <= FEW else ():
+        rest = [other for other in kept if other != row]
+        if unstable(rest):
+            kept = rest
+    return sorted(kept)
 
 
 def critical_step(stable: Callable[[float], bool], free: float) -> float:

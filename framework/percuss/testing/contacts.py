@@ -35,18 +35,19 @@ def some_points(count: int) -> ContactPoints:
         mass=column(mass),
         equal_sides=column(np.ones(count), bool),
         delassus=column(2.0 / mass),
+        coupling=column(np.ones(count)),
         weight=column(np.ones(count)),
+        limits=lambda: column(stiffness),
     )
 
 
 def one_of(points: ContactPoints, place: int) -> ContactPoints:
     """Return one of several points as a set of its own."""
+    columns = ("stiffness", "frequency", "mass", "equal_sides", "delassus", "coupling", "weight")
     return ContactPoints(
         names=points.names[place : place + 1],
-        **{
-            name: getattr(points, name)[place : place + 1]
-            for name in ("stiffness", "frequency", "mass", "equal_sides", "delassus", "weight")
-        },
+        **{name: getattr(points, name)[place : place + 1] for name in columns},
+        limits=lambda: points.stiffness_limit[place : place + 1],
     )
 
 

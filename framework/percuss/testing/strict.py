@@ -58,6 +58,7 @@ class StrictSystem:
         self.dt: float = case["time"].get("step") or case["time"]["courant"] * 2.0 / fastest
         self.steps: int = case["time"]["steps"]
         self._meet(case)
+        self._middle = 0.5 * self.dt  # of the step that is made
         self.scheme = integrator.bind(self.dt)
         self.bound = law.bind(self.points, self.dt)
 
@@ -114,8 +115,29 @@ class StrictSystem:
             mass=_locked([2.0 * s[0] / s[1] ** 2 for s in softer]),
             equal_sides=_locked([all(np.allclose(one, row[0], rtol=1e-12) for one in row) for row in sides], bool),
             delassus=_locked(np.diag(self.delassus)),
+            coupling=_locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
             weight=_locked([1.0] * len(sides)),
+            limits=self._limits,
         )
+
+    def _limits(self) -> Floats:
+        """Return `ContactPoints.stiffness_limit` by dense inverses of the bodies' matrices."""
+        in_contact = np.flatnonzero(self.normal.any(axis=1))
+        uses = np.count_nonzero(self.normal, axis=1)
+        share = np.zeros(self.mass.size)
+        for name, (_, frequency) in self._ends.items():
+            first, last = self._nodes[f"{name}.left"], self._nodes[f"{name}.right"]
+            ends = [node for node in (first, last) if node in in_contact]
+            if not ends:
+                continue
+            step = min(self.dt, 0.99 * 2.0 / frequency)
+            block = slice(first, last + 1)
+            whole = 4.0 / step**2 * np.diag(self.mass[block]) - self.stiffness[block, block]
+            inner = np.linalg.inv(np.linalg.inv(whole)[np.ix_(np.subtract(ends, first), np.subtract(ends, first))])
+            both = abs(inner[0, -1]) / math.sqrt(inner[0, 0] * inner[-1, -1]) if len(ends) == 2 else 0.0
+            share[ends] = uses[ends] / (np.diag(inner) * (1.0 - both))
+        share[self.held] = 0.0
+        return np.asarray(1.0 / (np.abs(self.normal) > 0).T.dot(share))
 
     def march(self) -> Histories:
         """March to the end and one trial step beyond, which gives the last force."""
@@ -127,6 +149,7 @@ class StrictSystem:
         dt, u = self.dt, np.zeros(self.mass.size)
         v = self.velocity - 0.5 * dt * self.response * self.force
         for n in range(self.steps + 1):
+            self._middle = (n + 0.5) * dt
             bulk = self.response * (self.force - self.stiffness @ u)
             gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
             ahead = rate + dt * acceleration
@@ -167,6 +190,7 @@ class StrictSystem:
             accelerations(None, len(stages.times) - 1, u, v, row)
         for n in range(self.steps + 1):
             clock[0], u[size:], v[size:] = n * dt, 0.0, 0.0
+            self._middle = (n + 0.5) * dt
             before = u[:size].copy()
             step(stages.numbers, None, u, v, kept, dt)
             yield v[size:] / dt, self.initial_gap + self.normal.T @ before, before
@@ -213,7 +237,9 @@ class StrictSystem:
         right = -weights[0] * gap - weights[1] * rate
         if judged.acceleration == "bulk":
             right = right - weights[2] * acceleration
-        active = np.flatnonzero((gap < 0.0) | (rows.active == "all"))
+        intervals = [(-math.inf, math.inf)] if rows.during is None else rows.during
+        acts = any(start < self._middle < stop for start, stop in intervals)
+        active = np.flatnonzero(((gap < 0.0) | (rows.active == "all")) & acts)
         left = np.diag(sigma) + np.asarray(answer)[:, None] * self.delassus
         out = np.zeros(count)
         out[active] = _solved(left[np.ix_(active, active)], right[active], free=rows.sign == "free")

@@ -18,7 +18,6 @@ BetaS = (
 MOST_BETA_S = 0.5
 MOST_THETA = 0.8
 UNLIKE = 0.5
-LARGEST_COURANT = 0.99
 DRAWN = "energy gained by 400 drawn rows of 2 to 4 unlike bars (tests/benchmarks/gain.py, seed 0), each until its \
 contacts closed ten times or for 64 transits: "
 
@@ -33,13 +32,12 @@ class Choice(NamedTuple):
 def chosen(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: Any = 0.0) -> Choice:
     """Return ``beta_s = 1/2``, lowered where theta or the closed step of central difference asks for it.
 
-    A law does not know its integrator, so both are kept: ``theta = x / (1 + y) <= 0.8`` for Wu's
-    predictor-corrector, and ``x - 4 y <= 2 sqrt(1 - C^2)`` for central difference, half of what two half-infinite bars
-    allow while closed; there ``x = dt^2 eps_s s``, ``y = eps_m s`` and C is the Courant number of the end elements.
-    Of unlike sides only the slower C is known: 1/2 in place of the root is safe up to C = .99 of the faster one. Above
-    that no penalty without mass is worth having with central difference, and C counts as .99.
-    A law sees one point at a time, with supports and drives as they hold at the start: contacts that share an end, or a
-    drive that lets go, may ask for less; the certificate tells.
+    A law does not know its integrator, so both are kept. With ``x = dt^2 eps_s s`` and ``y = eps_m s``, s the sum of
+    the absolute entries of a point's row of S: ``theta = x / (1 + y) <= 0.8`` for Wu's predictor-corrector. For central
+    difference ``eps_s - 4 eps_m / dt^2`` is at most half the stiffness limit of the point, and between unlike sides
+    ``x - 4 y <= 1/2``. The stiffness limit is `percuss.ContactPoints.stiffness_limit`; of two half-infinite equal bars
+    it is where ``x - 4 y = 4 sqrt(1 - C^2)``.
+    Contacts that share an end and obey different laws may ask for less; the certificate tells.
 
     Stiffer than 1/2, penalty rings and bipenalty overshoots and gains energy as contacts switch, with central
     difference; softer, bodies overlap the more and the force comes late.
@@ -51,10 +49,11 @@ def chosen(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: Any = 0
     own_mass, share
         The penalty mass is ``own_mass + share eps_s``, each a number or (P,).
     """
-    x, y = dt**2 * points.stiffness * points.delassus, share * points.stiffness * points.delassus  # of beta_s = 1
-    own = own_mass * points.delassus
-    courant = np.minimum(0.5 * dt * points.frequency, LARGEST_COURANT)
-    closed = np.where(points.equal_sides, 2.0 * np.sqrt(1.0 - courant**2), UNLIKE)
+    s = points.delassus * points.coupling
+    x, y = dt**2 * points.stiffness * s, share * points.stiffness * s  # of beta_s = 1
+    own = own_mass * s
+    limit = dt**2 * s * points.stiffness_limit
+    closed = np.where(points.equal_sides, 0.5 * limit, np.minimum(0.5 * limit, UNLIKE))
     with np.errstate(divide="ignore", invalid="ignore"):
         by_theta = np.where(x > MOST_THETA * y, MOST_THETA * (1.0 + own) / (x - MOST_THETA * y), np.inf)
         by_closed = np.where(x > 4.0 * y, (closed + 4.0 * own) / (x - 4.0 * y), np.inf)

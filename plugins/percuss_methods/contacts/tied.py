@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 
-from percuss import ContactLaw, ContactPoints, Doc, Trial, Unit
-
-if TYPE_CHECKING:
-    from percuss import Floats
-
-
-class Intervals(NamedTuple):
-    """When the interface is tied."""
-
-    start: Floats  # (intervals,)
-    stop: Floats  # (intervals,)
+from percuss import ContactLaw, ContactPoints, Doc, Rows, Unit
 
 
 @dataclass(frozen=True)
 class Tied(ContactLaw):
     """An interface that moves as one node: a continuous bar, as long as it is tied.
 
-    Formula: ``lambda = -g'* / (dt s)``, g'* the gap rate after the bulk update; the rate vanishes at n + 1/2, and the
-    force pulls as well as it pushes. Tied while the exact contact is closed, it is the twin whose error is that of the
-    bulk alone. Keeps the critical step of the free bodies where all its nodes move freely. While tied the energy is
+    Formula: ``g'_{n+1/2} = 0``, which of an end in no other contact makes ``lambda = -g'* / (dt s)``, g'* the gap rate
+    after the bulk update. The force pulls as well as it pushes. Tied while the exact contact is closed, it is the twin
+    whose error is that of the bulk alone. Keeps the critical step of the free bodies. While tied the energy is
     conserved; the first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be more than nothing.
     """
 
@@ -41,18 +31,7 @@ class Tied(ContactLaw):
 
     during: Annotated[tuple[tuple[float, float], ...], Unit("time"), Doc("intervals (start, stop)")] | None = None
 
-    def bind(self, points: ContactPoints, dt: float) -> Intervals:  # noqa: ARG002
-        """Return the intervals."""
-        during = np.array(((-np.inf, np.inf),) if self.during is None else self.during, dtype=float).reshape(-1, 2)
-        return Intervals(np.ascontiguousarray(during[:, 0]), np.ascontiguousarray(during[:, 1]))
-
-    @staticmethod
-    def multipliers(bound: Intervals, trial: Trial, multiplier: Floats) -> None:
-        """Set the multipliers that stop the gap rate while tied, zero otherwise."""
-        middle = trial.time + 0.5 * trial.dt
-        tied = False
-        for i in range(bound.start.size):
-            if bound.start[i] < middle < bound.stop[i]:
-                tied = True
-        for p in range(multiplier.size):
-            multiplier[p] = -trial.predicted_rate[p] / (trial.rate_answer * trial.delassus[p]) if tied else 0.0
+    def bind(self, points: ContactPoints, dt: float) -> Rows:  # noqa: ARG002
+        """Return the row ``g' = 0`` at the end of the step, in the intervals."""
+        during = None if self.during is None else np.array(self.during, dtype=float).reshape(-1, 2)
+        return Rows(at="end", sigma=0.0, gap=0.0, rate=1.0, active="all", during=during)
