@@ -135,7 +135,7 @@ def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float
     told = f"; theta = {finding.theta:.6g}" if finding.theta is not None else ""
     told += f" ({finding.doubt})" if finding.doubt else ""
     margin = model.dt / critical if critical > 0 else np.inf
-    if margin > 1.0 + EDGE or not finding.stable and margin > 1.0 - EDGE:
+    if margin > 1.0 + EDGE or (not finding.stable and margin > 1.0 - EDGE):
         digits = 6 if margin > 1.0 + 1e-5 else 12
         above = f"the step {model.dt:.{digits}g} is above {critical:.{digits}g}"
         return "no", f"{above}, the critical step {combination}{told}"
@@ -172,10 +172,10 @@ def _stiffening(judge: EveryStretch) -> str:
     before: Any = None
     for first, _ in model.segments():
         after = compliance + np.where(soft, laws.surplus, 0.0) * model.delassus((first + 0.5) * model.dt)
-        stiffer = np.flatnonzero(after < before * (1.0 - 1e-12)) if before is not None else []
-        if len(stiffer):
+        stiffer = [] if before is None else [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]
+        if stiffer:
             return (
-                f"at {first * model.dt:.6g} a drive starts or ends at contact {named(model, list(stiffer))}: what it "
+                f"at {first * model.dt:.6g} a drive starts or ends at contact {named(model, stiffer)}: what it "
                 "stores while closed rises there, and no work goes with that"
             )
         before = after

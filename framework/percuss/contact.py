@@ -331,7 +331,7 @@ def seen_gap(p: Any) -> float:
 
 def acts(p: Any) -> bool:
     """Return whether the law of a point acts at the gap it is shown."""
-    return p.always == 1 or (p.always == 0 and seen_gap(p) < 0.0)  # type: ignore[no-any-return]
+    return p.always == 1 or (p.always == 0 and seen_gap(p) < 0.0)
 
 
 def right_side(p: Any, dt: float) -> float:

@@ -41,7 +41,7 @@ def explanation(model: Model) -> Explanation:
     measured = _measured(model, known["energy"])
     contacts = [_contact(model, p, meeting) for p, meeting in enumerate(model.meetings)]
     loads = [_load(spec) for spec in model.case.loads.values()]
-    step, exact = _step(model, known), _exact(model)
+    step, exact = _step(model), _exact(model)
     methods = [_method(component) for component in _components(model)]
     case = model.case
     lines = [case.title or "Untitled case"]
@@ -146,7 +146,7 @@ def _bodies(model: Model) -> list[str]:
     return lines
 
 
-def _step(model: Model, known: Mapping[str, Any]) -> dict[str, Any]:
+def _step(model: Model) -> dict[str, Any]:
     """Return the step, and where it comes from."""
     time = model.case.time
     body = max(model.bodies.values(), key=lambda one: float(one.frequency.max()))

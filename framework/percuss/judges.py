@@ -24,7 +24,7 @@ from percuss.schemes import reach, scheme
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contracts import Floats, Judged
+    from percuss.contracts import Floats, Judged, LeapFrog
     from percuss.model import Model
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
@@ -129,46 +129,67 @@ def closed(model: Model, dt: float) -> Closed:
         law, where = entry["law"], entry["where"]
         points = model.points(where, dt)
         bound = law.bind(points, dt)
-        if not isinstance(bound, Rows):
-            unknown.append(law.name)
+        rows = broadcast(bound, points, law.name) if isinstance(bound, Rows) else None
+        if rows is None or not _readable(rows, table, whole_step=stages is None):
+            other = rows is not None and rows["at"] == "explicit" and _is_spring(rows)
+            unknown.append(f"{law.name} with {model.case.method.integrator.name}" if other else law.name)
             continue
-        rows = broadcast(bound, points, law.name)
-        if rows["during"] is not None:
-            energy.append((NOT_GUARANTEED, INTERVALS))
+        if rows["at"] == "explicit":
+            stiffness[where] = rows["gap"] / rows["sigma"]
+            by_gap, _, by_acceleration = table.explicit.answer
+            inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
+            predicted[where] = table.explicit.gap == "predicted"
         if rows["at"] == "end":
-            if stages is not None or not _end_is_readable(rows):
-                unknown.append(law.name)
-                continue
             surplus[where] = 0.0
-            if rows["rate"].any():
-                tied += where
-                energy.append((NOT_GUARANTEED, TIES))
-            elif rows["active"] == "all" and rows["sign"] == "free":
-                energy.append((NOT_GUARANTEED, BILATERAL))
-            continue
-        if rows["rate"].any() or (rows["sigma"] <= 0).any() or not rows["gap"].all():
-            unknown.append(law.name)
-            continue
-        if not _readable(table.explicit, rows):
-            unknown.append(f"{law.name} with {model.case.method.integrator.name}")
-            continue
-        stiffness[where] = rows["gap"] / rows["sigma"]
-        predicted[where] = table.explicit.gap == "predicted"
-        by_gap, _, by_acceleration = table.explicit.answer
-        inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
-        if table.explicit.gap == "current":
-            energy.append((NOT_GUARANTEED, PULLS) if inertia[where].any() else (BETWEEN, JUMPS))
-            continue
-        surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
-        if _share_an_end(model, where):
-            energy.append((NOT_GUARANTEED, SHARED))
+        elif table.explicit.gap == "predicted":
+            surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
+        if rows["rate"].any():
+            tied += where
+        energy.append(_energy_of(model, where, rows, inert=bool(inertia[where].any())))
     if unknown and stages is None:
         energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
     resting = list(model.resting(0.5 * model.dt))
     stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
-    weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
     tied = [p for p in tied if p not in resting]
+    weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
     return Closed(stiffness, inertia, predicted, surplus, tuple(tied), tuple(unknown), weakest, why)
+
+
+def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: bool) -> tuple[str, str]:
+    """Return what one law of readable rows guarantees of the energy at its points, and why."""
+    table = model.tables[-1]
+    if rows["during"] is not None:
+        return NOT_GUARANTEED, INTERVALS
+    if rows["at"] == "end":
+        if rows["rate"].any():
+            return NOT_GUARANTEED, TIES
+        if rows["active"] == "gap < 0" and _share_an_end(model, where):
+            return NOT_GUARANTEED, SHARED
+        bilateral = rows["active"] == "all" and rows["sign"] == "free"
+        return (NOT_GUARANTEED, BILATERAL) if bilateral else (NEVER_GROWS, BY_END)
+    if table.explicit.gap == "current":
+        return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
+    return (NOT_GUARANTEED, SHARED) if _share_an_end(model, where) else (NEVER_GROWS, BY_END)
+
+
+def _readable(rows: dict[str, Any], table: LeapFrog, *, whole_step: bool) -> bool:
+    """Return whether stiffness and inertia of a closed contact follow from a law's rows.
+
+    `whole_step` is False in a scheme of stages, where the end of the step is another state in each stage.
+    """
+    if rows["at"] == "end":
+        return whole_step and _end_is_readable(rows)
+    judged: Judged = table.explicit
+    if not _is_spring(rows):
+        return False
+    if judged.gap == "current":
+        return judged.answer[0] == 0.0 and judged.acceleration == "bulk" and judged.answer[2] == 1.0
+    return judged.acceleration == "none" or not rows["acceleration"].any()
+
+
+def _is_spring(rows: dict[str, Any]) -> bool:
+    """Return whether rows make a force of gap and gap acceleration alone."""
+    return not rows["rate"].any() and bool((rows["sigma"] > 0).all()) and bool(rows["gap"].all())
 
 
 def _end_is_readable(rows: dict[str, Any]) -> bool:
@@ -176,13 +197,6 @@ def _end_is_readable(rows: dict[str, Any]) -> bool:
     of_gap = not rows["rate"].any() and bool(rows["gap"].all())
     tie = bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
     return not rows["acceleration"].any() and (of_gap or (tie and rows["active"] == "all" and rows["sign"] == "free"))
-
-
-def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
-    """Return whether stiffness and inertia of a closed contact follow from a law's rows with this table."""
-    if judged.gap == "current":
-        return judged.answer[0] == 0.0 and judged.acceleration == "bulk" and judged.answer[2] == 1.0
-    return judged.acceleration == "none" or not rows["acceleration"].any()
 
 
 def _share_an_end(model: Model, where: list[int]) -> bool:

@@ -118,7 +118,7 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[
     if way == "pencil" and unsaid:
         return _row(varied, way, None, f"nothing follows from the rows of {', '.join(unsaid)}")
     try:
-        kinds = {"pencil": RowsJudge, "black-box": BlackBoxJudge}
+        kinds: dict[str, type[RowsJudge | BlackBoxJudge]] = {"pencil": RowsJudge, "black-box": BlackBoxJudge}
         judge: Any = EveryStretch(model, kinds[way]) if way in kinds else ClosedForm(model)
         critical = judge.critical()
     except (NoClosedFormError, PluginError) as error:
