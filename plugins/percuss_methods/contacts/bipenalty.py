@@ -29,9 +29,9 @@ class Bipenalty(ContactLaw):
     whatever the bars and the mesh; ``free-step`` (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central
     difference.
     ``auto``, the default, is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its step up to
-    a Courant number of 0.99, never with ``matched``. On the shipped cases, at Courant numbers .5 and .9: penetration at most 2.8 compressions of
-    an end element under the peak force with central difference, 2.4 with Wu; L1 error of the force at most 9 %, peak at
-    most 20 % too high, no energy gained beyond 1 % with central difference, none with Wu.
+    a Courant number of 0.99, never with ``matched``. On the shipped cases, at Courant numbers .5 and .9: penetration at
+    most 2.8 compressions of an end element under the peak force with central difference, 2.4 with Wu; L1 error of the
+    force at most 9 %, peak at most 20 % too high, no energy gained beyond 1 % with central difference, none with Wu.
     """
 
     name = "bipenalty"
