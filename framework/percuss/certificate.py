@@ -87,9 +87,9 @@ def certificate(model: Model) -> dict[str, Any]:
     judge = judge_of(model)
     free, critical = judge.free, judge.critical()
     finding = judge.judge(model.dt)
-    if finding.known and np.isnan(critical):
+    if finding.known and np.isnan(critical) and judge.by == BlackBoxJudge.by:
         finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
-    if finding.known and finding.stable:
+    if finding.known and finding.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
     if finding.known and critical < free * (1.0 - EDGE):  # the contacts that limit the step are those just above it
         limiting = judge.judge(critical * (1.0 + ABOVE))
@@ -134,13 +134,15 @@ def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float
     combination += when
     told = f"; theta = {finding.theta:.6g}" if finding.theta is not None else ""
     told += f" ({finding.doubt})" if finding.doubt else ""
+    if np.isnan(critical) and finding.stable:
+        return "yes", f"nothing grows at the step {model.dt:.6g} in any combination of closed contacts{when}{told}"
     margin = model.dt / critical if critical > 0 else np.inf
     if margin > 1.0 + EDGE or (not finding.stable and margin > 1.0 - EDGE):
         digits = 6 if margin > 1.0 + 1e-5 else 12
         above = f"the step {model.dt:.{digits}g} is above {critical:.{digits}g}"
         return "no", f"{above}, the critical step {combination}{told}"
     if not finding.stable:
-        return "no", f"the step {model.dt:.6g} is unstable {combination}, though a longer one need not be{told}"
+        return "no", f"the step {model.dt:.6g} is unstable {combination}{told}"
     if margin >= 1.0 - EDGE:
         return "marginal", f"the step is the critical one {combination}{told}"
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}{told}"

@@ -20,6 +20,7 @@ from percuss.contact import broadcast, delassus_rows
 from percuss.contracts import Rows
 from percuss.pencil import EDGE, Pencil, critical_step, largest
 from percuss.schemes import reach, scheme
+from percuss.unalike import WORK, WORK_OF_SEARCH, ClosedMatrix, sets_in_question
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,6 +48,7 @@ SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
 ALIKE = 1e-9  # of dt^2: a smaller difference of two eps_m / eps_s is round-off
 MOST_SUBSETS = 10  # contacts of a group of which every part is tried
+MOST_SETS = 4096  # of closed contacts that are tried
 MOST_NAMED = 6  # contacts that a reason names
 
 
@@ -67,6 +69,8 @@ class Closed:
     surplus
         Of laws judged at the predicted gap or at the end of the step: by what ``eps_m / eps_s`` exceeds that of a
         gap judged at the end of the step, dt^2 of a leap-frog scheme; 0 of the latter, nan elsewhere [time^2].
+    compliance
+        sigma of the laws that have a `surplus`, over the weight of the gap; 0 of a tie [length/force].
     tied
         Points whose gap never changes while the law acts, and it acts whatever the gap.
     unknown
@@ -80,6 +84,7 @@ class Closed:
     inertia: Floats
     predicted: Any
     surplus: Floats
+    compliance: Floats
     tied: tuple[int, ...]
     unknown: tuple[str, ...]
     energy: str
@@ -118,7 +123,7 @@ def closed(model: Model, dt: float) -> Closed:
     """Return what the laws of a model say of its closed points for a step `dt`."""
     count = len(model.meetings)
     stiffness, inertia = np.zeros(count), np.zeros(count)
-    predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
+    predicted, surplus, compliance = np.zeros(count, dtype=bool), np.full(count, np.nan), np.zeros(count)
     unknown: list[str] = []
     tied: list[int] = []
     energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
@@ -145,6 +150,8 @@ def closed(model: Model, dt: float) -> Closed:
             surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
         if rows["rate"].any():
             tied += where
+        else:
+            compliance[where] = rows["sigma"] / rows["gap"]
         energy.append(_energy_of(model, where, rows, inert=bool(inertia[where].any())))
     if unknown and stages is None:
         energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
@@ -152,7 +159,7 @@ def closed(model: Model, dt: float) -> Closed:
     stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
     tied = [p for p in tied if p not in resting]
     weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
-    return Closed(stiffness, inertia, predicted, surplus, tuple(tied), tuple(unknown), weakest, why)
+    return Closed(stiffness, inertia, predicted, surplus, compliance, tuple(tied), tuple(unknown), weakest, why)
 
 
 def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: bool) -> tuple[str, str]:
@@ -217,7 +224,7 @@ class RowsJudge:
     symmetric and positive definite it is a spring at the end of the step, and no combination grows. It is symmetric
     where contacts that share an end have the same eps_m / eps_s; then the whole of such a group is the worst part of
     it. Where they have not, a part can be worse than the whole, and even with every theta at most 1 the step can grow:
-    then the step itself is asked, or the judge says that it does not know.
+    then amplification matrices are examined (`percuss.unalike`), or the judge says that it does not know.
 
     Parameters
     ----------
@@ -292,7 +299,7 @@ class RowsJudge:
         """Return what is to be said of a step."""
         finding = self._by_rows(dt)
         if finding.stable and (unalike := self._unalike(dt)):
-            return dataclasses.replace(self._asked(dt, unalike), theta=finding.theta)
+            return dataclasses.replace(self._by_matrix(dt, unalike), theta=finding.theta)
         return finding
 
     def _by_rows(self, dt: float) -> Finding:
@@ -314,17 +321,26 @@ class RowsJudge:
             return dataclasses.replace(self._coarse.judge(dt), theta=theta)
         return Finding(False, group, theta)
 
-    def _unalike(self, dt: float) -> list[int]:
-        """Return the contacts that share ends and differ in eps_m / eps_s."""
-        return [int(p) for group, alike in self._groups(closed(self.model, dt)) if not alike for p in group]
+    def _unalike(self, dt: float) -> list[Any]:
+        """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
+        return [group for group, alike in self._groups(closed(self.model, dt)) if not alike]
 
-    def _asked(self, dt: float, unalike: list[int]) -> Finding:
-        """Return what the step itself says, where the rows do not decide; unknown where it cannot be asked whole."""
-        reason = UNALIKE.format(named(self.model, unalike))
-        if self._small is None:
-            return Finding(False, unalike, doubt=f"{reason}; the model is too large to examine the step", known=False)
-        found = self._small.judge(dt)
-        return found if found.known else dataclasses.replace(found, doubt=f"{reason}; {found.doubt}")
+    def _by_matrix(self, dt: float, unalike: list[Any]) -> Finding:
+        """Return what the amplification matrix says of groups of which theta does not tell all."""
+        laws = closed(self.model, dt)
+        reason = UNALIKE.format(named(self.model, [int(p) for group in unalike for p in group]))
+        sets = list(itertools.islice(sets_in_question(unalike, laws), MOST_SETS))
+        if len(sets) == MOST_SETS or self._matrix.work(len(sets)) > WORK:
+            return Finding(False, doubt=f"{reason}; the model is too large to examine all sets of them", known=False)
+        stable, worst = self._matrix.worst(dt, laws, sets)
+        if stable is None:
+            slow = f"with contacts {named(self.model, worst)} closed it may grow, too slowly to be told from rounding"
+            return Finding(False, worst, doubt=f"{reason}; {slow}", known=False)
+        return Finding(stable, worst)
+
+    @cached_property
+    def _matrix(self) -> ClosedMatrix:
+        return ClosedMatrix(self.pencil)
 
     @cached_property
     def _small(self) -> BlackBoxJudge | None:
@@ -343,12 +359,16 @@ class RowsJudge:
         return free_step(self.pencil) * self.reach
 
     def critical(self) -> float:
-        """Return the largest stable step, laws bound anew for each step tried."""
+        """Return the largest stable step, laws bound anew for each step tried; nan where that is not known."""
         if self.free in {0.0, np.inf}:  # no step, or any: all nodes are held
             return self.free
         bound = critical_step(lambda dt: self._by_rows(dt).stable, self.free)
-        if not 0.0 < bound < np.inf or self._small is None or not self._unalike(bound):
+        unalike = self._unalike(bound) if 0.0 < bound < np.inf else []
+        if not unalike:
             return bound
+        sets = sum(1 for _ in itertools.islice(sets_in_question(unalike, closed(self.model, bound)), MOST_SETS))
+        if self._matrix.work(sets) > WORK_OF_SEARCH:
+            return np.nan
         if self.judge(bound * (1.0 - EDGE)).stable:
             return bound
         return largest(lambda dt: self.judge(dt).stable, bound, LOOSE)

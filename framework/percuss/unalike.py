@@ -1,0 +1,125 @@
+"""The amplification matrix of the closed step, from the rows of the laws: for contacts that share an end unequally.
+
+With laws judged at the predicted gap ``u* = 2 u_n - u_{n-1} - dt^2 M^-1 K u_n``, or at the end of the step, the closed
+step is ``u_{n+1} = Q u*``, ``Q = I - dt^2 M^-1 N (diag(sigma) + diag(w) S)^-1 N^T``. Where contacts that share an end
+have different w, Q is not symmetric in the mass, and no theta tells whether the step grows: the eigenvalues of the
+matrix of (u_n, u_{n-1}) do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.pencil import EDGE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from percuss.judges import Closed
+    from percuss.pencil import Pencil
+
+SLOW = 1e-7  # growth in a step: less is not told from rounding with certainty
+WORK = 1e8  # cubes of the size of the matrix, over all sets of closed contacts, up to which one step is examined
+WORK_OF_SEARCH = 4e6  # up to which the critical step is searched for
+
+
+class ClosedMatrix:
+    """The closed step of bars along their axes.
+
+    Parameters
+    ----------
+    pencil
+        Masses and stiffness of a stretch of the run.
+    """
+
+    def __init__(self, pencil: Pencil) -> None:
+        sizes = [mass.size for _, mass, _, _ in pencil.bodies]
+        self.size = sum(sizes)
+        self.scaled = np.zeros((self.size, self.size))  # M^-1/2 K M^-1/2
+        meetings = pencil.model.meetings
+        self.normal = np.zeros((self.size, len(meetings)))  # M^-1/2 N
+        rigid = []
+        at = 0
+        for (first, mass, diagonal, off), size in zip(pencil.bodies, sizes, strict=True):
+            root = np.sqrt(mass)
+            place = np.arange(at, at + size)
+            self.scaled[place, place] = diagonal / mass
+            self.scaled[place[:-1], place[1:]] = self.scaled[place[1:], place[:-1]] = off / (root[:-1] * root[1:])
+            for p, meeting in enumerate(meetings):
+                for node, normal in meeting.rows():
+                    if first <= node < first + size:
+                        axis = pencil.model.body_of(node).mesh.direction
+                        self.normal[at + node - first, p] += float(normal @ axis) / root[node - first]
+            if size == pencil.model.body_of(first).mass.size:  # neither end is held along the axis
+                motion = np.zeros(self.size)
+                motion[place] = root / np.linalg.norm(root)
+                rigid.append(motion)
+            at += size
+        self.rigid = np.array(rigid).reshape(-1, self.size).T
+
+    def radius(self, dt: float, laws: Closed, closed: Sequence[int]) -> float:
+        """Return the largest modulus of the eigenvalues of the step, motions without strain left out.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+        laws
+            What the laws say of it.
+        closed
+            The closed contacts.
+        """
+        which = list(closed)
+        normal = self.normal[:, which]
+        weight = laws.surplus[which] + dt * dt
+        left = np.diag(laws.compliance[which]) + weight[:, None] * (normal.T @ normal)
+        back = np.eye(self.size) - dt * dt * normal @ np.linalg.lstsq(left, normal.T, rcond=None)[0]
+        n = self.size
+        matrix = np.zeros((2 * n, 2 * n))
+        matrix[:n, :n] = back @ (2.0 * np.eye(n) - dt * dt * self.scaled)
+        matrix[:n, n:] = -back
+        matrix[n:, :n] = np.eye(n)
+        felt = normal.T @ self.rigid
+        idle = self.rigid
+        if felt.size:
+            _, size, right = np.linalg.svd(felt)
+            idle = self.rigid @ right[int((size > 1e-9 * size.max(initial=0.0)).sum()) :].T
+        keep = np.kron(np.eye(2), idle)
+        matrix -= keep @ (keep.T @ matrix)
+        matrix -= (matrix @ keep) @ keep.T
+        return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
+
+    def work(self, count: int) -> float:
+        """Return how much it takes to examine a step with `count` sets of closed contacts."""
+        return float(count * (2 * self.size) ** 3)
+
+    def worst(self, dt: float, laws: Closed, sets: Sequence[Sequence[int]]) -> tuple[bool | None, list[int]]:
+        """Return whether the step is stable in all the given sets of closed contacts, and the first where it is not.
+
+        None in place of a truth value: growth is so slow there that it may be rounding.
+        """
+        doubtful: list[int] | None = None
+        for closed in sets:
+            radius = self.radius(dt, laws, closed)
+            if radius > 1.0 + SLOW:
+                return False, list(closed)
+            if radius > 1.0 + EDGE and doubtful is None:
+                doubtful = list(closed)
+        return (True, []) if doubtful is None else (None, doubtful)
+
+
+def sets_in_question(groups: Sequence[Sequence[int]], laws: Closed) -> Iterator[tuple[int, ...]]:
+    """Yield the sets of closed contacts in which two of one group differ in what they weigh, the smallest first.
+
+    Contacts that are tied are closed in each of them.
+    """
+    able = [p for p in range(laws.surplus.size) if not np.isnan(laws.surplus[p])]
+    free = [p for p in able if p not in laws.tied]
+    for count in range(len(free) + 1):
+        for chosen in itertools.combinations(free, count):
+            closed = sorted({*chosen, *laws.tied})
+            if any(np.ptp(laws.surplus[[p for p in group if p in closed] or [group[0]]]) > 0.0 for group in groups):
+                yield tuple(closed)
