@@ -722,6 +722,14 @@ def test_work_and_impulse_are_those_of_the_histories(row, manner, share):
     assert abs(solution.work(end) - work) <= 1e-7 * max(size * row.speed, 1e-300)  # the fallen heights are a sum
 
 
+def run_exact_of(case):
+    """Return the summary of the exact solution of a case without elements."""
+    for body in case["bodies"].values():
+        body["bar"].setdefault("elements", 1)
+    case["time"].setdefault("step", case["time"]["end"] / 8)
+    return run_exact(percuss.load(case)).summary
+
+
 @st.composite
 def rows_that_come_to_rest(draw):
     """Bars of one material, moved by a driven or held end, pushed from the other one by a ramp over whole periods.
@@ -750,13 +758,29 @@ def test_long_after_the_last_front_work_and_impulse_are_those_of_statics(drawn, 
         "push": {"ramp": {"value": -push, "duration": duration}, "on": f"b{len(cells) - 1}.right"},
         "drive": {"prescribed-velocity": speed, "on": "b0.left"},
     }
-    summary = run_exact(percuss.load(case)).summary
+    solution = solve(case, end)
     stored = push**2 * length / 2.0
     size = stored + 0.5 * length * speed**2 + push * abs(speed) * end
-    assert summary["energy"]["external_work"] == pytest.approx(stored, abs=1e-13 * size)
-    assert summary["energy"]["final"] == pytest.approx(stored + 0.5 * length * speed**2, abs=1e-13 * size)
-    assert summary["energy"]["ledger_error"] < 1e-12
-    assert abs(summary["momentum"]["impulse_from_outside"][0]) <= 1e-13 * (length * abs(speed) + push * end)
+    assert solution.work(end) == pytest.approx(stored, abs=1e-13 * size)
+    assert sum(solution.energy(end)) == pytest.approx(stored + 0.5 * length * speed**2, abs=1e-13 * size)
+    assert abs(solution.impulse(end)) <= 1e-13 * (length * abs(speed) + push * end)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+@pytest.mark.parametrize("end", [16.5, 30.0, 41.7])
+def test_the_accounts_of_an_exact_solution_close_at_rest_too(speed, end):
+    case = two_bars()
+    case["bodies"]["a"] |= {"bar": {"length": 3.0}, "velocity": speed}
+    case["bodies"]["b"] |= {"at": [3.0], "velocity": speed}
+    case["loads"] = {
+        "push": {"ramp": {"value": -1.0, "duration": 16.0}, "on": "b.right"},
+        "drive": {"prescribed-velocity": speed, "on": "a.left"},
+    }
+    case["time"] = {"end": end}
+    summary = run_exact_of(case)
+    assert summary["energy"]["external_work"] == pytest.approx(2.0, rel=1e-13)
+    assert summary["energy"]["ledger_error"] < 1e-13
+    assert abs(summary["momentum"]["impulse_from_outside"][0]) < 1e-12
     assert summary["momentum"]["error"] < 1e-13
 
 
@@ -801,14 +825,6 @@ def test_a_pulse_is_the_peak_however_short_it_is(width):
     assert tip["peak_force"] == pytest.approx(1.1, rel=1e-12)
 
 
-def run_exact_of(case):
-    """Return the summary of the exact solution of a case without elements."""
-    for body in case["bodies"].values():
-        body["bar"].setdefault("elements", 1)
-    case["time"].setdefault("step", case["time"]["end"] / 8)
-    return run_exact(percuss.load(case)).summary
-
-
 @pytest.mark.parametrize(("load", "peak"), [
     ({"half-sine": {"peak": 0.7, "duration": 0.3}}, 0.7),
     ({"harmonic": {"value": 0.4, "mean": 0.5, "frequency": 3.0}}, 0.9),
@@ -825,9 +841,7 @@ def test_a_bar_let_go_on_the_ground_presses_with_twice_its_weight_at_most(share)
     weight = density * area * length * gravity
     case = {
         "percuss": 1,
-        "bodies": {
-            "bar": {"bar": {"length": length}, "area": area, "material": {"young": young, "density": density}}
-        },
+        "bodies": {"bar": {"bar": {"length": length}, "area": area, "material": {"young": young, "density": density}}},
         "contacts": {"foot": {"body": "bar.left", "wall": 0.0}},
         "loads": {"weight": {"gravity": -gravity}},
         "time": {"end": share * transit},
@@ -848,7 +862,7 @@ def test_the_largest_energy_is_above_every_sample_and_no_higher_than_it_must(row
         row = dataclasses.replace(row, left={"loads": [{"half-sine": {"peak": 1.0, "duration": 0.7}}]})
     row = dataclasses.replace(row, end=min(row.end, 4.0))
     solution = solved(row)
-    samples = np.array([sum(solution.energy(t)) for t in np.linspace(0.0, row.end, 301)])
+    samples = np.array([sum(solution.energy(t)) for t in np.linspace(0.0, row.end, 61)])
     largest = solution.largest_energy()
     assert samples.max() <= largest * (1.0 + 1e-13)
     # between two samples the energy rises by no more than the steepest rise of the samples makes plausible
@@ -1393,8 +1407,8 @@ def test_many_cycles_of_a_sine_take_few_pieces(cycles):
     assert solution.fronts < 80 * cycles
 
 
-@MORE
-@given(st.integers(2, 4), st.floats(5.0, 50.0), st.floats(0.5, 2.0))
+@settings(MORE, max_examples=8)
+@given(st.integers(2, 3), st.floats(5.0, 30.0), st.floats(0.5, 2.0))
 def test_a_sine_is_followed_through_a_row_of_unlike_bars(count, cycles, ratio):
     bars = tuple(
         {"length": 1.0 + 0.31 * k, "young": ratio**k, "density": 1.0, "area": 1.0, "velocity": 0.0}
@@ -1402,7 +1416,9 @@ def test_a_sine_is_followed_through_a_row_of_unlike_bars(count, cycles, ratio):
     )
     load = {"harmonic": {"value": 0.5, "mean": 1.0, "frequency": cycles / 10.0}}
     row = Row(bars, (0.0,) * (count - 1), {"loads": [load]}, {"fixed": True}, (), 0.0, {}, 10.0)
-    balanced(row, solved(row), [0.5])
+    solution = solved(row)
+    start, energy, work = sum(solution.energy(0.0)), sum(solution.energy(10.0)), solution.work(10.0)
+    assert abs(energy - start - work) <= 1e-13 * max(energy, abs(work))
 
 
 def test_a_feature_that_no_kink_announces_is_not_overlooked(tmp_path):

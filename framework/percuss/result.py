@@ -114,12 +114,12 @@ class Result:
         Of a result read from a file it is worked out anew from the case in the provenance.
         """
         known, covered = self.summary["exact"], self.summary.get("exact_covered")
-        if self.solution is None and (known or covered):
+        until = known["reached"] if known else covered["until"] if covered else None
+        if self.solution is None and until is not None:
             from percuss.case import load
             from percuss.model import Model
             from percuss.truth import exact_solution
 
-            until = known["reached"] if known else covered["until"]
             self.solution = exact_solution(Model(load(self.provenance["case"])), until)[0]
         return self.solution
 

@@ -121,10 +121,7 @@ def variation(c: Any, span: float) -> float:
 @numba.njit(cache=True, error_model="numpy")
 def straight(c: Any) -> bool:
     """Return whether the polynomial is a line."""
-    for m in range(2, c.shape[0]):
-        if c[m] != 0.0:
-            return False
-    return True
+    return not np.any(c[2:])
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -73,7 +73,7 @@ class PiecewisePolynomial:
             return float(self(np.asarray(start)))
         pieces, begins, ends = pieces[lasting], begins[lasting], ends[lasting]
         largest = float(max(evaluated(pieces, begins).max(), evaluated(pieces, ends).max()))
-        if pieces.shape[1] <= 2:  # noqa: PLR2004 - straight lines
+        if pieces.shape[1] <= 2:  # straight lines
             return largest
         pieces = moved(pieces, begins)
         spans = ends - begins
@@ -245,7 +245,7 @@ def followed(function: Any, edges: Any, most: int) -> tuple[Any, Any, Any, float
             known = min(known, _limit(made, begins, most, known))
             begins, stops = begins[begins < known], stops[begins < known]
         made = [_in_order(made, known)]
-        if looked == 2 or not made[0][0].size:  # noqa: PLR2004
+        if looked == 2 or not made[0][0].size:
             break
         # a feature so narrow that none of the places saw it
         missed = _missed(function, *made[0], size)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from percuss_methods.solutions import _fronts as fronts
-from percuss_methods.solutions._polynomials import FIT, PiecewisePolynomial, load_history, total, widened
 from percuss_methods.solutions._fronts import ABSENT, DRIVEN, FREE, WALL
+from percuss_methods.solutions._polynomials import FIT, PiecewisePolynomial, load_history, total, widened
 
 
 class RowOfBars:
