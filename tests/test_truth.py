@@ -316,7 +316,7 @@ def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path
     assert "true error" not in told
     assert f"error of tip up to {result.summary['exact_covered']['until']:.6g}, where the exact solution ends:" in told
     words = [text.get_text() for text in plot.figure_of(result).findobj(Text)]
-    assert any(word.startswith("exact, up to") for word in words)
+    assert any(word.strip().startswith("exact, up to") for word in words)
     result.save(tmp_path / "short.nc")
     again = percuss.open_result(tmp_path / "short.nc")
     assert again.summary["exact"] is None
