@@ -5,11 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import percuss
-from percuss import truth
+from percuss import plot, truth
+from percuss.columns import named
+from percuss.comparison import compare, metrics
 from percuss.contracts import ExactContact
+from percuss.convergence import orders
+from percuss.measures import verify
 from percuss.model import Model
+from percuss.tell import tell_result
 from percuss_methods.solutions._row import RowOfBars
 from strategies import hunek, run
 
@@ -36,6 +42,9 @@ class Pulse(ExactContact):
 
     def gap(self, time):
         return np.zeros(np.shape(time))
+
+    def largest_force(self, start, stop):
+        return 4.0
 
 
 TIME = np.arange(0.0, 8.0)  # steps of 1, each record the mean of half a step to either side
@@ -101,10 +110,10 @@ def test_the_impulse_is_judged_at_the_ends_of_the_steps_and_needs_every_step():
 def test_closing_and_opening_are_late_by_the_first_and_last_force():
     force = np.array([0.0, 0.0, 2.0, 1.0, 0.0, 0.0, 2.0, 0.0])
     assert judged(force)["closing_error"] == pytest.approx(1.0)
-    assert judged(force)["opening_error"] == pytest.approx(0.5)  # the step around 6 ends at 6.5
+    assert judged(force)["opening_error"] == pytest.approx(0.0)  # the exact contact opens in the middle of that step
     round_off = force + 1e-17 * (TIME == 0) + 1e-17 * (TIME == 7)
     assert judged(round_off)["closing_error"] == pytest.approx(1.0)
-    assert judged(round_off)["opening_error"] == pytest.approx(0.5)
+    assert judged(round_off)["opening_error"] == pytest.approx(0.0)
     assert judged(np.zeros(8))["closing_error"] is None
     assert judged(np.zeros(8))["opening_error"] is None
     assert judged(np.ones(8))["opening_error"] is None  # still closed at the end
@@ -170,8 +179,8 @@ def test_the_multiplier_method_at_courant_one_errs_at_the_release_alone(n):
     assert found["noise"] == pytest.approx(1.0, abs=1e-11)
     assert found["overshoot"] == pytest.approx(0.0, abs=1e-11)
     assert found["closing_error"] == 0.0
-    # the last step that presses is the one before
-    assert found["opening_error"] == pytest.approx(-0.5 * result.summary["dt"], rel=1e-6)
+    # the last step that presses is the one before that around the release
+    assert found["opening_error"] == pytest.approx(-result.summary["dt"], rel=1e-6)
     # the release takes half a step of impulse, .00125 / n, from both bars: they part late in the same ratio
     assert 0.0 < result.summary["exact"]["displacement_error"] * n < 0.5
 
@@ -225,8 +234,9 @@ def test_a_sparse_record_has_no_errors_of_the_force_and_says_so():
     case = hunek(n=10)
     case["record"]["every"] = 4
     result = run(case)
-    for name in ("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"):
+    for name in truth.ERRORS:
         assert errors(result)[name] is None
+    assert "opening_error" in truth.ERRORS
     assert result.summary["exact"]["displacement_error"] is not None
     assert any("record.every: 1" in note for note in result.summary["notes"])
 
@@ -255,21 +265,99 @@ def many_fronts():
     return case
 
 
-def test_a_run_is_judged_up_to_where_the_solution_stopped(short_of_breath):
+def test_a_run_of_which_a_part_is_known_has_no_true_error_but_that_of_the_part(short_of_breath):
     result = run(many_fronts())
-    exact = result.summary["exact"]
-    reached = exact["reached"]
-    assert 0.5 < reached < 6.0
-    assert result.summary["exact_reason"] == (f"bars-in-a-row stopped at {reached:.9g} after {exact['fronts']} fronts")
-    known = result.arrays["time"] + 0.5 * result.summary["dt"] <= reached
+    summary = result.summary
+    assert summary["exact"] is None
+    covered = summary["exact_covered"]
+    until = covered["until"]
+    assert 0.5 < until < 6.0
+    why = "it takes more than 100 fronts (most_fronts)"
+    assert summary["exact_reason"] == f"bars-in-a-row holds up to {until:.9g} only: {why}"
+    known = result.arrays["time"] + 0.5 * summary["dt"] <= until
     for name in ("contact_force_exact", "gap_exact"):
         assert np.isfinite(result.arrays[name][known]).all()
         assert np.isnan(result.arrays[name][~known]).all()
-    assert all(math.isfinite(errors(result)[name]) for name in (*ERRORS, "noise"))
-    assert exact["displacement_error"] is None
-    closed = errors(result)["closed"]
-    assert all(start < stop <= reached for start, stop in closed)
-    assert closed[-1][1] > 0.5 * reached
+    part = covered["contacts"]["tip"]
+    assert all(math.isfinite(part[name]) for name in (*ERRORS, "noise"))
+    assert "displacement_error" not in covered  # it is that of the end
+    closed = part["closed"]
+    assert all(start < stop <= until for start, stop in closed)
+    assert closed[-1][1] > 0.5 * until
+    assert result.exact.reached == until
+
+
+def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path, capsys):
+    """Comparison, orders, columns of a study, expectations, the twin that is tied and the pictures."""
+    case = percuss.load(many_fronts() | {"expect": [
+        {"quantity": "exact.contacts.tip.force_error_l1", "value": 0, "within": 1e9, "source": "exact"},
+    ]})  # fmt: skip
+    whole = percuss.run(percuss.load(hunek(n=10)))
+    rows = compare(case, ["wu-predictor-corrector"], ["lagrange", "bipenalty"], {"refine": [1, 2]}, tied=True)
+    for row in rows:
+        if row.result is None:
+            assert row.status == "refused"
+            assert "holds up to" in row.reason
+            continue
+        assert all(metrics(row)[name] is None for name in truth_of_columns)
+    assert any(row.status == "refused" for row in rows)
+    for fitted in orders(rows):
+        assert all(fitted[f"{name}_order"] is None for name in truth_of_columns)
+    result = percuss.run(case)
+    for name in (*truth_of_columns, "noise", "overshoot", "exact.contacts.*.force_error_l1", "ripple"):
+        column = named(name, [case.registry])
+        assert column.take(result, case.registry) is None
+        assert column.take(whole, case.registry) is not None
+    (check,) = verify(case, result)
+    assert not check.passed
+    assert check.why == f"no true error is known of this run: {result.summary['exact_reason']}"
+    tell_result(result)
+    told = capsys.readouterr().out
+    assert "true error" not in told
+    assert f"error of tip up to {result.summary['exact_covered']['until']:.6g}, where the exact solution ends:" in told
+    words = [text.get_text() for text in plot.figure_of(result).findobj(Text)]
+    assert any(word.strip().startswith("exact, up to") for word in words)
+    result.save(tmp_path / "short.nc")
+    again = percuss.open_result(tmp_path / "short.nc")
+    assert again.summary["exact"] is None
+    assert again.exact.reached == pytest.approx(result.summary["exact_covered"]["until"])
+
+
+truth_of_columns = (*ERRORS, "displacement_error")
+
+
+def test_of_no_record_nothing_is_known():
+    nothing = truth.contact_errors(Pulse(), TIME, MEANS, np.full(8, np.nan), 1.0, 0.1, every=1)
+    assert all(nothing[name] is None for name in truth.ERRORS)
+
+
+@pytest.mark.parametrize("phase", np.linspace(0.0, 1.0, 7)[:-1])
+@pytest.mark.parametrize("dt", [0.3, 0.05])
+def test_the_exact_history_itself_closes_and_opens_in_time(dt, phase):
+    """Its first and last step that presses are late by half a step at most, to either side alike."""
+    time = (np.arange(round(8.0 / dt)) + phase) * dt
+    exact = Pulse().mean_force(time - 0.5 * dt, time + 0.5 * dt)
+    found = truth.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
+    for name in ("closing_error", "opening_error"):
+        assert abs(found[name]) <= 0.5 * dt * (1.0 + 1e-9)
+
+
+def test_closing_and_opening_of_exact_histories_are_late_by_nothing_on_average():
+    dt, late = 0.1, {"closing_error": [], "opening_error": []}
+    for phase in np.linspace(0.0, 1.0, 100, endpoint=False) + 0.005:
+        time = (np.arange(80) + phase) * dt
+        exact = Pulse().mean_force(time - 0.5 * dt, time + 0.5 * dt)
+        found = truth.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
+        for name, values in late.items():
+            values.append(found[name])
+    for values in late.values():
+        assert abs(np.mean(values)) < 0.02 * dt
+
+
+def test_a_contact_that_is_closed_at_the_end_has_no_opening_error():
+    exact = np.where(TIME < 5.5, MEANS, np.nan)
+    found = truth.contact_errors(Pulse(), TIME, np.where(TIME < 2.5, MEANS, 0.0), exact, 1.0, 6.0, every=1)
+    assert found["opening_error"] is None
 
 
 def test_up_to_where_it_stops_it_is_the_solution(short_of_breath, monkeypatch):

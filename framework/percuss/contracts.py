@@ -701,6 +701,10 @@ class ExactContact(ABC):
     def closed(self) -> tuple[tuple[float, float], ...]:
         """Intervals (start, stop) in which the contact presses."""
 
+    @abstractmethod
+    def largest_force(self, start: float, stop: float) -> float:
+        """Return the least upper bound of the force between two times: no sample may exceed it [force]."""
+
     def mean_force(self, start: Floats, stop: Floats) -> Floats:
         """Return the force averaged from `start` to `stop` [force]; zero force before t = 0."""
         return (self.impulse(stop) - self.impulse(start)) / (np.asarray(stop) - np.asarray(start))
@@ -717,10 +721,13 @@ class Exact(ABC):
         How many fronts it took.
     contacts
         `ExactContact` of each contact by name.
+    stopped
+        Why it holds no farther than `reached`, in words; empty where that is the end asked for.
     """
 
     reached: float
     fronts: int
+    stopped: str = ""
     contacts: Mapping[str, ExactContact]
 
     @abstractmethod
@@ -738,6 +745,10 @@ class Exact(ABC):
     @abstractmethod
     def energy(self, time: float) -> tuple[float, float]:
         """Return kinetic and elastic energy."""
+
+    @abstractmethod
+    def largest_energy(self) -> float:
+        """Return the least upper bound of kinetic and elastic energy together from 0 to `reached` [energy]."""
 
     @abstractmethod
     def work(self, time: float) -> float:
@@ -764,7 +775,7 @@ class Solution(Component, contract="solutions"):
 
     @abstractmethod
     def solve(self, model: Any, end: float) -> Exact:
-        """Return the exact solution up to `end`, or up to an earlier time that it states."""
+        """Return the exact solution up to `end`, or up to an earlier time and then why, in `Exact.stopped`."""
 
 
 class Measure(Component, contract="measures"):

@@ -183,6 +183,8 @@ def _scalar(result: Result, quantity: str, contact: str | None) -> float:
         name = result.coordinates["contact"][_place(result, "contact", contact)]
         path = ["contacts", name, *(["penetration", "largest"] if quantity == "penetration" else [quantity])]
     for key in path:
+        if value is None and path[0] == "exact":
+            raise CannotMeasure(f"no true error is known of this run: {result.summary['exact_reason']}")
         if not isinstance(value, dict) or key not in value:
             raise CannotMeasure(f"the summary has no {'.'.join(path)}")
         value = value[key]

@@ -137,7 +137,10 @@ def truths(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
     for name in names:
         if name in exact:
             time, force = (np.asarray(part, dtype=float) for part in exact[name])
-            (known["exact"],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
+            covered = np.isfinite(force)
+            words = "exact" if covered.all() or not covered.any() else f"exact, up to {time[covered][-1]:.4g}"
+            time, force = time[covered], force[covered]
+            (known[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
     for item in result.provenance["case"].get("expect") or ():
         whose = item.get("contact") or (result.coordinates["contact"] or [""])[0]
         if item.get("quantity") != "contact_force" or whose not in names:

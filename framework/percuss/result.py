@@ -109,16 +109,18 @@ class Result:
 
     @property
     def exact(self) -> Exact | None:
-        """The exact solution of the case, evaluated at any time and place; None where none covers it.
+        """The exact solution of the case, evaluated at any place and any time up to its `reached`; None without one.
 
         Of a result read from a file it is worked out anew from the case in the provenance.
         """
-        if self.solution is None and self.summary["exact"] is not None:
+        known, covered = self.summary["exact"], self.summary.get("exact_covered")
+        until = known["reached"] if known else covered["until"] if covered else None
+        if self.solution is None and until is not None:
             from percuss.case import load
             from percuss.model import Model
             from percuss.truth import exact_solution
 
-            self.solution = exact_solution(Model(load(self.provenance["case"])), self.summary["exact"]["reached"])[0]
+            self.solution = exact_solution(Model(load(self.provenance["case"])), until)[0]
         return self.solution
 
     @property

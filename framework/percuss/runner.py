@@ -120,7 +120,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     if end.size and not np.isnan(outcome.points.end_stiffness).all():
         arrays["contact_force_end"] = end
     started = time.perf_counter()
-    solution, judged, reason = _judge(march, outcome, arrays)
+    solution, verdict = _true_errors(march, outcome, arrays)
     outcome.seconds["exact"] = time.perf_counter() - started
     grown = growth.growth_summary(march, outcome, known, ledger.largest(outcome))
     summary = {
@@ -135,8 +135,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),
         "energy_growth": grown,
-        "exact": judged,
-        "exact_reason": reason or None,
+        **verdict,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
         "notes": [*model.case.notes, *_warnings(march, outcome, known), *growth.growth_notes(march, outcome, grown)],
@@ -176,14 +175,22 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
     return said
 
 
-def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any, dict[str, Any] | None, str]:
-    """Hold a run against the exact solution of its case; its histories join `arrays`."""
+def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Hold a run against the exact solution of its case; its histories join `arrays`.
+
+    Returns
+    -------
+    solution
+        None where there is none.
+    entries
+        Of the summary: ``exact``, ``exact_reason`` and ``exact_covered``.
+    """
     model, record = march.model, outcome.record
     if outcome.done == 0:
-        return None, None, "the run did not get beyond its first step"
+        return None, truth.verdict(None, "the run did not get beyond its first step")
     solution, name, reason = truth.exact_solution(model, (outcome.done + 1) * model.dt)
     if solution is None:
-        return None, None, reason
+        return None, truth.verdict(None, reason)
     names = [meeting.name for meeting in model.meetings]
     # what the impulse lambda dt is the force of: the step around t_n, or in stages the one behind it
     middle = arrays["time"] + (march.energy_at - 0.5) * model.dt
@@ -201,7 +208,7 @@ def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any,
         for k, name in enumerate(names)
     }
     displacement = outcome.final_displacement.reshape(-1, march.dim)
-    judged = {
+    errors = {
         "solution": name,
         "reached": solution.reached,
         "fronts": solution.fronts,
@@ -209,7 +216,7 @@ def _judge(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any,
         "displacement_error": truth.displacement_error(model, solution, displacement, outcome.done * model.dt),
         "fragile": None,
     }
-    return solution, judged, reason
+    return solution, truth.verdict(errors, reason)
 
 
 def _fields(march: March, outcome: Outcome) -> dict[str, Any]:

@@ -204,7 +204,7 @@ def _tied(case: Case) -> dict[str, Any]:
     always = {f"contacts.{name}.method": TIED for name in case.contacts}
     model = settled(case.with_overrides(always) if always else case)
     solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
-    if solution is None:
+    if solution is None or reason:
         raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")
     return {
         f"contacts.{name}.method": {"name": TIED, "during": contact.closed}

@@ -76,9 +76,11 @@ def tell_result(result: Result) -> None:
 
 
 def _tell_errors(console: Console, s: dict[str, Any]) -> None:
-    """Print the true errors of a run, or why there are none."""
-    if s["exact"] is not None:
-        for name, error in s["exact"]["contacts"].items():
+    """Print the true errors of a run, or why there are none; those of a part of it as such."""
+    covered = s.get("exact_covered")
+    until = f" up to {_number(covered['until'])}, where the exact solution ends" if covered is not None else ""
+    for known in (s["exact"], covered):
+        for name, error in known["contacts"].items() if known is not None else ():
             told = ", ".join(
                 f"{word} {_number(error[key], 3)}"
                 for word, key in (
@@ -89,7 +91,7 @@ def _tell_errors(console: Console, s: dict[str, Any]) -> None:
                     ("overshoot", "overshoot"),
                 )
             )
-            console.print(f"true error of {escape(name)}: {told}")
+            console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {told}")
     if s["exact"] is not None and s["exact"].get("fragile") is not None:
         hangs = (
             "hangs on round-off: a nudge of 1e-12 changes it" if s["exact"]["fragile"] else "stands a nudge of 1e-12"

@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from percuss.result import Result
 
 NOTHING = 1e-18
-EVERY_STEP = ("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot")
+ERRORS = (
+    *("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"),
+    *("closing_error", "opening_error"),
+)
 NUDGE = 1e-12
 FRAGILE = 1e-4
 ROUND_OFF = 1e-12  # of the peak: a smaller force is none
@@ -47,10 +50,34 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
             reasons.append(f"{name}: {why}")
             continue
         solution = engine.solve(model, end)
-        short = solution.reached < end * (1.0 - 1e-12)
-        said = f"{name} stopped at {solution.reached:.9g} after {solution.fronts} fronts" if short else ""
-        return solution, name, said
+        if solution.reached >= end * (1.0 - ROUND_OFF):
+            return solution, name, ""
+        why = solution.stopped or "it does not say why"
+        return solution, name, f"{name} holds up to {solution.reached:.9g} only: {why}"
     return None, "", "; ".join(reasons) or "no solution engine is registered"
+
+
+def verdict(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
+    """Return what a summary says about the exact solution.
+
+    Parameters
+    ----------
+    errors
+        What was found by holding a run against its solution, with the time ``reached``; None where there is none.
+    reason
+        Why there is none, or why it ends before the run does; empty where it covers the whole run.
+
+    Returns
+    -------
+    dict
+        ``exact``: the errors of the whole run, None where they are not known; ``exact_reason``: why not; and
+        ``exact_covered``: what is known up to the time ``until``, where the solution ends before the run does. Two runs
+        that are known for a part of their time are not to be compared by it: what compares runs reads ``exact``.
+    """
+    if errors is None or not reason:
+        return {"exact": errors, "exact_reason": reason or None, "exact_covered": None}
+    part = {key: value for key, value in errors.items() if key in {"solution", "fronts", "contacts"}}
+    return {"exact": None, "exact_reason": reason, "exact_covered": {"until": errors["reached"], **part}}
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
@@ -101,6 +128,13 @@ def contact_errors(
         Time up to which the exact solution holds.
     every
         Steps between two records; errors of the force need every step, and are None without.
+
+    Returns
+    -------
+    dict
+        Errors of the force in L1 and L2, of the impulse, `noise`, `overshoot`; `closing_error` and `opening_error`, by
+        how much the middle of the first and of the last step that presses is late, which is known to half a step; and
+        the intervals in which the exact contact is `closed`.
     """
     known = np.isfinite(exact)
     time, force, exact = time[known], force[known], exact[known]
@@ -121,11 +155,11 @@ def contact_errors(
         "noise": _over(float(np.abs(np.diff(force, prepend=0.0)).sum()), variation),
         "overshoot": _over(float(force.max(initial=0.0)), float(exact.max(initial=0.0)), minus=1.0),
         "closing_error": float(time[pressed[0]] - closed[0][0]) if closed and pressed.size else None,
-        "opening_error": _opening(time, pressed, closed, dt, every),
+        "opening_error": _opening_error(time, pressed, closed, reached),
         "closed": [list(interval) for interval in closed[:100]],
     }
     # what lies between sparse records is not known: these would be errors of the records
-    return found | dict.fromkeys(EVERY_STEP) if every > 1 else found
+    return found | dict.fromkeys(ERRORS) if every > 1 or not time.size else found
 
 
 def _over(value: float, scale: float, minus: float = 0.0) -> float | None:
@@ -135,10 +169,17 @@ def _over(value: float, scale: float, minus: float = 0.0) -> float | None:
     return 0.0 if value == 0.0 else None
 
 
-def _opening(time: Floats, pressed: Any, closed: list[tuple[float, float]], dt: float, every: int) -> float | None:
+def _opening_error(time: Floats, pressed: Any, closed: list[tuple[float, float]], reached: float) -> float | None:
+    """Return by how much the last step that presses is late; None where run or exact contact are closed at the end.
+
+    Both its ends count: of steps that overlap an interval the last has its middle before or behind the interval's end
+    by half a step at most, as the first has at the start.
+    """
     if not closed or not pressed.size or pressed[-1] == time.size - 1:
-        return None  # still closed at the end
-    return float(time[pressed[-1]] + 0.5 * dt * every - closed[-1][1])
+        return None
+    if closed[-1][1] >= reached * (1.0 - ROUND_OFF):
+        return None
+    return float(time[pressed[-1]] - closed[-1][1])
 
 
 def displacement_error(model: Model, solution: Exact, displacement: Floats, time: float) -> float | None:

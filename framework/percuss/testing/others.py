@@ -25,6 +25,8 @@ def _solved(subject: Subject, engine: Any, case: dict[str, Any]) -> tuple[Any, f
         raise NotApplicable(f"it covers no drawn case: {why}")
     end = model.dt * model.steps
     solution = engine.solve(model, end)
+    if solution.reached < end * (1.0 - CLOSE) and not (isinstance(solution.stopped, str) and solution.stopped.strip()):
+        raise CheckFailed(f"it holds up to {solution.reached:.6g} of {end:.6g} only, and `stopped` does not say why")
     return solution, min(end, solution.reached)
 
 
@@ -83,6 +85,31 @@ def check_impulse_and_balances(subject: Subject) -> None:
 
 
 @check("solutions")
+def check_largest_values(subject: Subject) -> None:
+    """No sample of a contact force or of the energy is above the largest value told, and the energy comes up to it."""
+
+    def bounded(case: dict[str, Any]) -> None:
+        for options in subject.examples:
+            solution, end = _solved(subject, subject.make(options), case)
+            time = np.linspace(0.0, end, 401)
+            for name, contact in solution.contacts.items():
+                for start, stop in ((0.0, end), (0.3 * end, 0.7 * end)):
+                    inside = time[(time > start) & (time < stop)]
+                    largest, sample = contact.largest_force(start, stop), float(np.max(contact.force(inside)))
+                    if sample > largest + CLOSE * abs(sample):
+                        raise CheckFailed(f"contact '{name}' presses with {sample:.6g}, told at most {largest:.6g}")
+            energies = [sum(solution.energy(float(t))) for t in time]
+            largest = solution.largest_energy()
+            if max(energies) > largest * (1.0 + CLOSE):
+                raise CheckFailed(f"the energy is {max(energies):.6g}, told at most {largest:.6g}")
+            work = max(abs(solution.work(float(t))) for t in time)
+            if work == 0.0 and largest > max(energies) * (1.0 + CLOSE):
+                raise CheckFailed(f"the energy is {max(energies):.6g} all the time, told at most {largest:.6g}")
+
+    for_all(subject, rows(), bounded)
+
+
+@check("solutions")
 def check_methods_tend_to_it(subject: Subject) -> None:
     """Displacements of a refined run tend to the exact ones, in a case that the solution covers."""
     from percuss.testing.kit import Subject as Other
@@ -95,6 +122,8 @@ def check_methods_tend_to_it(subject: Subject) -> None:
             _solved(subject, engine, case)
             alone = Other(subject.component, _alone(subject), subject.draws)
             result = alone.run(case)
+            if result.summary["exact"] is None:
+                raise CheckFailed(f"it does not judge the run: {result.summary['exact_reason']}")
             errors.append(result.summary["exact"]["displacement_error"])
         if not errors[1] < 0.5 * errors[0]:
             raise CheckFailed(

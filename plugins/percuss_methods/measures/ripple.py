@@ -26,9 +26,9 @@ class Ripple(Measure):
     what = "standard deviation of force less exact force over the mean exact force, steps in which that presses"
 
     def of(self, result: Result) -> float | None:
-        """Return the ripple, None where no exact solution covers the case or nothing presses."""
+        """Return the ripple, None where no exact solution covers the whole run or nothing presses."""
         exact = result.arrays.get("contact_force_exact")
-        if exact is None:
+        if exact is None or result.summary["exact"] is None:
             return None
         found = []
         for force, true in zip(result.arrays["contact_force"].T, exact.T, strict=True):

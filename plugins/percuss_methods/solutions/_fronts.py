@@ -1,8 +1,9 @@
-"""The event loop of `bars-in-a-row`: waves as piecewise cubics at the ends of bars, exact but for round-off.
+"""The event loop of `bars-in-a-row`: waves as piecewise polynomials at the ends of bars, exact but for round-off.
 
 A uniform bar carries two simple waves, p to the right and q to the left: velocity p + q, compressive force Z (p - q).
 What leaves an end arrives at the other one a transit T later, changed only by gravity, g T / 2. So the state of a row
-is what has left each end of each bar: a history of pieces ``c0 + c1 s + c2 s^2 + c3 s^3``, s since the piece began.
+is what has left each end of each bar: a history of pieces ``c0 + c1 s + c2 s^2 + ...``, s since the piece began, with
+two coefficients where all loads are straight lines between their kinks.
 A junction (a free, fixed, driven or touching end, two bars that meet) turns arriving waves into leaving ones. It can
 be worked out alone up to a transit beyond the clocks of its neighbours.
 """
@@ -39,13 +40,14 @@ class Row(NamedTuple):
     gap: Any  # (J,)
     clock: Any  # (J,) time up to which it is worked out
     pointer: Any  # (J, 4) piece that arrives, and piece of the load, of either side
+    size: Any  # (J, 2) size of the velocities at either side, whose round-off they carry
 
 
 class Histories(NamedTuple):
-    """H piecewise cubics, each with the times at which its pieces begin."""
+    """H piecewise polynomials, each with the times at which its pieces begin."""
 
     times: Any  # (H, capacity)
-    pieces: Any  # (H, capacity, 4)
+    pieces: Any  # (H, capacity, K)
     count: Any  # (H,)
 
 
@@ -53,73 +55,116 @@ class Forces(NamedTuple):
     """What each junction did: pieces of the contact force, and whether it was closed."""
 
     times: Any  # (J, capacity)
-    pieces: Any  # (J, capacity, 4)
+    pieces: Any  # (J, capacity, K)
     closed: Any  # (J, capacity)
     count: Any  # (J,)
 
 
 class Limits(NamedTuple):
-    """End, size of a velocity, size below which a closing speed is none, and round-off of the times."""
+    """End, closing speed that is none over the size of the velocities at a contact, and round-off of the times."""
 
     end: float
-    scale: float
     tolerance: float
     quantum: float
 
 
 @numba.njit(cache=True, error_model="numpy")
 def moved(c: Any, s: float, out: Any) -> None:
-    """Set `out` to the cubic `c` seen from s later."""
-    out[0] = c[0] + s * (c[1] + s * (c[2] + s * c[3]))
-    out[1] = c[1] + s * (2.0 * c[2] + s * 3.0 * c[3])
-    out[2] = c[2] + s * 3.0 * c[3]
-    out[3] = c[3]
+    """Set `out` to the polynomial `c` seen from s later."""
+    out[:] = c
+    if s != 0.0:
+        for low in range(c.shape[0] - 1):
+            for m in range(c.shape[0] - 2, low - 1, -1):
+                out[m] += s * out[m + 1]
 
 
 @numba.njit(cache=True, error_model="numpy")
 def value(c: Any, s: float) -> float:
-    """Return the cubic at s."""
-    return c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+    """Return the polynomial at s."""
+    out = c[c.shape[0] - 1]
+    for m in range(c.shape[0] - 2, -1, -1):
+        out = out * s + c[m]
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def derivative(c: Any, order: int, s: float) -> float:
+    """Return a derivative of the polynomial at s."""
+    out = 0.0
+    for m in range(c.shape[0] - 1, order - 1, -1):
+        factor = 1.0
+        for k in range(order):
+            factor *= m - k
+        out = out * s + factor * c[m]
+    return out
 
 
 @numba.njit(cache=True, error_model="numpy")
 def area(c: Any, s: float) -> float:
-    """Return the integral of the cubic from 0 to s."""
-    return s * (c[0] + s * (c[1] / 2.0 + s * (c[2] / 3.0 + s * c[3] / 4.0)))
+    """Return the integral of the polynomial from 0 to s."""
+    out = 0.0
+    for m in range(c.shape[0] - 1, -1, -1):
+        out = out * s + c[m] / (m + 1)
+    return out * s
 
 
 @numba.njit(cache=True, error_model="numpy")
-def turns(c: Any, span: float, out: Any) -> int:
-    """Write the ends of the stretches of (0, span] on which the cubic is monotone; return how many."""
-    n = 0
-    a, b, d = 3.0 * c[3], 2.0 * c[2], c[1]
-    if a == 0.0:
-        if b != 0.0:
-            r = -d / b
-            if 0.0 < r < span:
-                out[n] = r
-                n += 1
-    else:
-        disc = b * b - 4.0 * a * d
-        if disc > 0.0:
-            w = -0.5 * (b + (np.sqrt(disc) if b >= 0.0 else -np.sqrt(disc)))
-            r1 = w / a
-            r2 = d / w if w != 0.0 else r1
-            lo, hi = min(r1, r2), max(r1, r2)
-            if 0.0 < lo < span:
-                out[n] = lo
-                n += 1
-            if lo < hi and 0.0 < hi < span:
-                out[n] = hi
-                n += 1
-    out[n] = span
-    return n + 1
+def variation(c: Any, span: float) -> float:
+    """Return a bound of how far the polynomial departs from its first value within the span."""
+    reach, out = 1.0, 0.0
+    for m in range(1, c.shape[0]):
+        reach *= span
+        out += abs(c[m]) * reach
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def straight(c: Any) -> bool:
+    """Return whether the polynomial is a line."""
+    return not np.any(c[2:])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def stretches(c: Any, order: int, span: float, ends: Any, spare: Any) -> int:
+    """Write the ends of the stretches of (0, span] on which a derivative of the polynomial keeps its sign.
+
+    From the highest derivative down: between two zeros of the next higher one a derivative is monotone, and has one
+    zero at most, found by bisection. Return how many stretches there are; order 0 is the polynomial itself.
+    """
+    degree = c.shape[0] - 1
+    while degree > 0 and c[degree] == 0.0:
+        degree -= 1
+    ends[0] = span
+    n = 1
+    for m in range(degree - 1, order - 1, -1):
+        count, lo = 0, 0.0
+        for k in range(n):
+            hi = ends[k]
+            negative = derivative(c, m, lo) < 0.0
+            if negative != (derivative(c, m, hi) < 0.0):
+                a, b = lo, hi
+                for _ in range(200):
+                    mid = 0.5 * (a + b)
+                    if mid <= a or mid >= b:
+                        break
+                    if (derivative(c, m, mid) < 0.0) == negative:
+                        a = mid
+                    else:
+                        b = mid
+                if b < span:
+                    spare[count] = b
+                    count += 1
+            lo = hi
+        spare[count] = span
+        n = count + 1
+        ends[:n] = spare[:n]
+    return n
 
 
 @numba.njit(cache=True, error_model="numpy")
 def crossing(c: Any, lo: float, hi: float) -> float:
-    """Return where the cubic, monotone and not negative at lo, becomes negative before hi."""
-    if c[2] == 0.0 and c[3] == 0.0:
+    """Return where the polynomial, monotone and not negative at lo, becomes negative before hi."""
+    if straight(c):
         return min(max(-c[0] / c[1], lo), hi)
     for _ in range(200):
         mid = 0.5 * (lo + hi)
@@ -133,12 +178,14 @@ def crossing(c: Any, lo: float, hi: float) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def first_negative(c: Any, span: float, tolerance: float, work: Any) -> float:
-    """Return the first place in (0, span) behind which the cubic is below zero, or inf."""
-    n = turns(c, span, work)
+def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
+    """Return the first place in (0, span) behind which the polynomial is below zero, or inf."""
+    if c[0] - variation(c, span) >= -tolerance:
+        return np.inf
+    n = stretches(c, 1, span, ends, spare)
     lo = 0.0
     for k in range(n):
-        hi = work[k]
+        hi = ends[k]
         if value(c, hi) < -tolerance:
             return crossing(c, lo, hi)
         lo = hi
@@ -161,42 +208,18 @@ def used_up(gap: float, speed: float, half: float) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def zeros(c: Any, span: float, work: Any, roots: Any) -> int:
-    """Write the zeros of the cubic in (0, span), and span; return how many."""
-    n = turns(c, span, work)
-    count = 0
-    lo = 0.0
-    for k in range(n):
-        hi = work[k]
-        sign = value(c, lo) < 0.0
-        if sign != (value(c, hi) < 0.0):
-            a, b = lo, hi
-            while True:
-                mid = 0.5 * (a + b)
-                if mid <= a or mid >= b:
-                    break
-                if (value(c, mid) < 0.0) == sign:
-                    a = mid
-                else:
-                    b = mid
-            roots[count] = b
-            count += 1
-        lo = hi
-    roots[count] = span
-    return count + 1
-
-
-@numba.njit(cache=True, error_model="numpy")
-def first_contact(gap: float, c: Any, span: float, tolerance: float, work: Any, roots: Any) -> float:
+def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
     """Return when a gap that shrinks at the speed `c` is used up, or inf; at `tolerance` on average it does not."""
-    if c[2] == 0.0 and c[3] == 0.0:
+    if straight(c):
         found = used_up(gap, c[0], 0.5 * c[1])
         return found if found < span else np.inf
+    if gap > (abs(c[0]) + variation(c, span)) * span:
+        return np.inf
     # between the zeros of the speed the gap is monotone
-    count = zeros(c, span, work, roots)
+    count = stretches(c, 0, span, ends, spare)
     lo = 0.0
     for k in range(count):
-        hi = roots[k]
+        hi = ends[k]
         if gap - area(c, hi) < -tolerance * hi and value(c, 0.5 * (lo + hi)) > 0.0:
             while True:
                 mid = 0.5 * (lo + hi)
@@ -212,9 +235,9 @@ def first_contact(gap: float, c: Any, span: float, tolerance: float, work: Any, 
 
 @numba.njit(cache=True, error_model="numpy")
 def leaning(c: Any, tolerance: float, span: float) -> int:
-    """Return the sign that the cubic takes right behind 0: -1, 0 or 1."""
+    """Return the sign that the polynomial takes right behind 0: -1, 0 or 1."""
     reach = 1.0
-    for k in range(4):
+    for k in range(c.shape[0]):
         term = c[k] * reach
         if term > tolerance:
             return 1
@@ -230,11 +253,33 @@ def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, w
     last = waves.count[h] - 1
     moved(waves.pieces[h, last], t - waves.times[h, last], work)
     reach = 1.0
-    for m in range(4):
+    for m in range(c.shape[0]):
         if abs(work[m] - c[m]) * reach > 1e-15 * scale:
             return False
         reach *= span
     return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def measure_sizes(row: Row, j: int, c: Any) -> None:
+    """Let the sizes of the velocities at a junction grow with what arrives there, and with what comes through it.
+
+    Round-off is that of the velocities which took part. Of those at the other side of a contact no more comes through
+    than the impedances let pass: bars 1e10 times stiffer than their neighbours move 1e10 times less, and exactly so.
+    """
+    for k in range(2):
+        neighbour = row.side[j, k, NEIGHBOUR]
+        if neighbour >= 0:
+            arrived = max(abs(c[WAVE + k, 0]), row.size[neighbour, 1 - k])
+            row.size[j, k] = max(row.size[j, k], arrived)
+    if row.contact[j] == 1:
+        for k in range(2):
+            if row.side[j, k, KIND] == FREE:
+                share = 1.0
+                if row.side[j, 1 - k, KIND] == FREE:
+                    own, other = row.number[j, k, IMPEDANCE], row.number[j, 1 - k, IMPEDANCE]
+                    share = min(1.0, 2.0 * other / (own + other))
+                row.size[j, k] = max(row.size[j, k], share * row.size[j, 1 - k])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -294,10 +339,10 @@ def closing(row: Row, j: int, c: Any) -> float:
         if kind == FREE:
             impedance = row.number[j, k, IMPEDANCE]
             give += 1.0 / impedance
-            for m in range(4):
+            for m in range(c.shape[1]):
                 c[CLOSING, m] += sign * (2.0 * c[WAVE + k, m] + c[ACTING + k, m] / impedance)
         elif kind == DRIVEN:
-            for m in range(4):
+            for m in range(c.shape[1]):
                 c[CLOSING, m] += sign * c[ACTING + k, m]
     return give
 
@@ -309,7 +354,7 @@ def settle(row: Row, j: int, reach: float, span: float, limits: Limits, c: Any, 
     A closing speed within the tolerance of zero is zero: what follows decides, and where nothing does the contact
     stays as it is. So a grazing contact, gap and force both zero, does not chatter.
     """
-    tolerance = limits.tolerance
+    tolerance = limits.tolerance * max(row.size[j, 0], row.size[j, 1])
     lean = leaning(c[CLOSING], tolerance, reach)
     if row.closed[j] == 1 and lean < 0 and c[CLOSING, 0] <= tolerance:
         row.closed[j] = 0
@@ -323,9 +368,9 @@ def settle(row: Row, j: int, reach: float, span: float, limits: Limits, c: Any, 
         if abs(speed) <= tolerance:
             c[CLOSING, 0] = max(speed, 0.0) if closed else min(speed, 0.0)
         if closed:
-            switch = first_negative(c[CLOSING], reach, tolerance, c[SPARE])
+            switch = first_negative(c[CLOSING], reach, tolerance, roots[0], roots[1])
         else:
-            switch = first_contact(row.gap[j], c[CLOSING], reach, tolerance, c[SPARE], roots)
+            switch = first_contact(row.gap[j], c[CLOSING], reach, tolerance, roots[0], roots[1])
         if switch > INSTANT * limits.quantum:
             return switch
         row.closed[j] = 1 - row.closed[j]  # it would not stay so for any time
@@ -334,7 +379,7 @@ def settle(row: Row, j: int, reach: float, span: float, limits: Limits, c: Any, 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def leave(row: Row, waves: Histories, j: int, near: float, span: float, scale: float, c: Any) -> None:
+def leave(row: Row, waves: Histories, j: int, near: float, span: float, c: Any) -> None:
     """Send the leaving waves of a junction off."""
     t = row.clock[j]
     for k in range(2):
@@ -342,13 +387,13 @@ def leave(row: Row, waves: Histories, j: int, near: float, span: float, scale: f
         if h < 0:
             continue
         sign = -1.0 if k == 0 else 1.0
-        for m in range(4):
+        for m in range(c.shape[1]):
             if row.side[j, k, KIND] == FREE:
                 push = c[ACTING + k, m] + sign * c[FORCE, m]
                 c[LEAVING, m] = c[WAVE + k, m] + push / row.number[j, k, IMPEDANCE]
             else:
                 c[LEAVING, m] = c[ACTING + k, m] - c[WAVE + k, m]
-        if continues(waves, h, t, c[LEAVING], scale, span, c[SPARE]):
+        if continues(waves, h, t, c[LEAVING], row.size[j, k], span, c[SPARE]):
             continue
         if waves.count[h] > 1 and t <= waves.times[h, waves.count[h] - 1] + near:
             waves.count[h] -= 1  # the same instant, settled anew
@@ -378,28 +423,30 @@ def event(
     span: float,
     limits: Limits,
     c: Any,
+    roots: Any,
 ) -> float:
     """Work a junction off up to its next event, at most to `limit`; return how long that took."""
     t = row.clock[j]
     near = max(1e-12 * span, 2.0 * limits.quantum)
     next_ = min(arrivals(row, waves, loads, j, near, c), limit)
+    measure_sizes(row, j, c)
     give = closing(row, j, c)
     switch = np.inf
     if row.contact[j] == 1:
-        switch = settle(row, j, next_ - t, span, limits, c, c[SPARE + 1])
+        switch = settle(row, j, next_ - t, span, limits, c, roots)
         if switch < next_ - t:
             ticks = max(np.rint((t + switch) / limits.quantum), np.rint(t / limits.quantum) + 1.0)
             next_ = min(ticks * limits.quantum, next_)
         else:
             switch = np.inf
-    for m in range(4):
+    for m in range(c.shape[1]):
         c[FORCE, m] = c[CLOSING, m] / give if row.contact[j] == 1 and row.closed[j] == 1 else 0.0
     f = forces.count[j]
     forces.times[j, f] = t
     forces.closed[j, f] = row.closed[j]
     forces.pieces[j, f] = c[FORCE]
     forces.count[j] += 1
-    leave(row, waves, j, near, span, limits.scale, c)
+    leave(row, waves, j, near, span, c)
     if row.contact[j] == 1:
         if row.closed[j] == 1 or switch < np.inf:
             row.gap[j] = 0.0
@@ -416,7 +463,11 @@ def march(row: Row, waves: Histories, loads: Histories, forces: Forces, limits: 
     All times are multiples of the quantum, a round-off of the end: so sums of transits are exact, and fronts that took
     the same transits in another order since a common closing arrive at the same instant and merge.
     """
-    c = np.zeros((SPARE + 2, 4))
+    c = np.zeros((SPARE + 1, waves.pieces.shape[2]))
+    roots = np.zeros((2, c.shape[1] + 1))
+    for _ in range(row.clock.size):
+        for j in range(row.clock.size):
+            measure_sizes(row, j, c)
     while True:
         j = np.argmin(row.clock)
         if row.clock[j] >= limits.end:
@@ -426,7 +477,7 @@ def march(row: Row, waves: Histories, loads: Histories, forces: Forces, limits: 
         while row.clock[j] < limit:
             if not room(row, waves, forces, j):
                 return FULL
-            took = event(row, waves, loads, forces, j, limit, span, limits, c)
+            took = event(row, waves, loads, forces, j, limit, span, limits, c, roots)
             stuck = stuck + 1 if took <= INSTANT * limits.quantum else 0
             if stuck > MOST_AT_ONCE:
                 return STUCK

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from percuss_methods.solutions import _fronts as fronts
-from percuss_methods.solutions._cubics import FIT, Cubics, load_pieces, sum_of_pieces
 from percuss_methods.solutions._fronts import ABSENT, DRIVEN, FREE, WALL
+from percuss_methods.solutions._polynomials import FIT, PiecewisePolynomial, load_history, total, widened
 
 
 class RowOfBars:
@@ -109,46 +109,56 @@ class RowOfBars:
         whole = np.array(sides, dtype=np.int64).reshape(-1, 2, 6)
         self.side, self.bar = np.ascontiguousarray(whole[:, :, :5]), whole[:, :, 5]
         self.is_contact = np.array(contact, dtype=np.int64)
+        self.is_free, self.is_wall = (self.side[:, :, fronts.KIND] == kind for kind in (FREE, WALL))
         self.gaps = np.array(gaps)
 
-    def _scale(self, end: float) -> float:
-        """Return the size of a velocity."""
-        sizes = [float(np.abs(self.velocity).max(initial=0.0))]
-        softest = float(self.impedance.min())
-        for k, terms in enumerate(self.functions):
-            n = self.loads.count[k]
-            spans = np.diff(np.append(self.loads.times[k, :n], end))
-            peak = float((np.abs(self.loads.pieces[k, :n]) * spans[:, None] ** np.arange(4)).sum(axis=1).max())
-            sizes.append(peak if terms[0][1].acts_as == "velocity" else peak / softest)
-        sizes.append(float(np.abs(self.gravity).max(initial=0.0)) * float(self.transit.max()))
-        return max(sizes) or 1.0
+    def _sizes(self, end: float) -> Any:
+        """Return the size of the velocities at either side of each junction, by what starts or acts there itself."""
+        sizes = np.zeros(self.side.shape[:2])
+        for j, pair in enumerate(self.side):
+            for k, (_, _, load, kind, _) in enumerate(pair):
+                b = self.bar[j, k]
+                if b < 0:
+                    continue
+                sizes[j, k] = max(abs(self.velocity[b]), abs(self.gravity[b]) * self.transit[b])
+                if load >= 0:
+                    n = self.loads.count[load]
+                    spans = np.diff(np.append(self.loads.times[load, :n], end))
+                    reaches = spans[:, None] ** np.arange(self.loads.pieces.shape[2])
+                    peak = float((np.abs(self.loads.pieces[load, :n]) * reaches).sum(axis=1).max())
+                    sizes[j, k] = max(sizes[j, k], peak if kind == DRIVEN else peak / self.impedance[b])
+        return sizes
 
-    def _load_histories(self, end: float) -> tuple[Any, Any, Any, float]:
-        """Return times, cubic pieces and counts of what acts on the ends, and up to when they hold."""
-        parts = [[load_pieces(factor, spec, end) for factor, spec in terms] for terms in self.functions]
-        known = min([one[2] for part in parts for one in part], default=end)
-        made = [sum_of_pieces([one[:2] for one in part]) for part in parts]
+    def _load_histories(self, end: float, quantum: float, most: int) -> tuple[float, str]:
+        """Work out what acts on the ends; return up to when it is known, and why not farther."""
+        parts = [[load_history(factor, spec, end, quantum, most) for factor, spec in terms] for terms in self.functions]
+        shortest = min((part for terms in parts for part in terms), key=lambda part: part.known, default=None)
+        made = [total([(part.times, part.pieces) for part in terms]) for terms in parts]
         width = max([len(times) for times, _ in made], default=1)
+        terms = max([2, *(pieces.shape[1] for _, pieces in made)])
         times = np.full((max(len(made), 1), width), np.inf)
-        pieces = np.zeros((max(len(made), 1), width, 4))
+        pieces = np.zeros((max(len(made), 1), width, terms))
         count = np.zeros(max(len(made), 1), dtype=np.int64)
         for k, (t, c) in enumerate(made):
-            times[k, : len(t)], pieces[k, : len(t)], count[k] = t, c, len(t)
-        return times, pieces, count, known
+            times[k, : len(t)], pieces[k, : len(t)], count[k] = t, widened(c, terms), len(t)
+        self.loads = fronts.Histories(times, pieces, count)
+        return (end, "") if shortest is None else (min(shortest.known, end), shortest.reason)
 
     def march(self, end: float, most: int) -> None:
-        """Work the events off."""
-        times, pieces, count, end = self._load_histories(end)
+        """Work the events off, up to `end`, or as far as the loads are known or `most` fronts suffice."""
         quantum = 2.0 ** (np.ceil(np.log2(end)) - 52)
+        end, self.stopped = self._load_histories(end, quantum, most)
         self.transit = np.maximum(np.rint(self.transit / quantum), 1.0) * quantum
         self.speed = self.length / self.transit
         safe = np.maximum(self.bar, 0)
         self.number = np.stack([self.transit[safe], self.impedance[safe], self.gravity[safe]], axis=2)
 
-        junctions, bars = self.side.shape[0], len(self.bodies)
+        junctions, bars, terms = self.side.shape[0], len(self.bodies), self.loads.pieces.shape[2]
         capacity = 256
         waves = fronts.Histories(
-            np.full((2 * bars, capacity), np.inf), np.zeros((2 * bars, capacity, 4)), np.ones(2 * bars, dtype=np.int64)
+            np.full((2 * bars, capacity), np.inf),
+            np.zeros((2 * bars, capacity, terms)),
+            np.ones(2 * bars, dtype=np.int64),
         )
         for b in range(bars):
             for h in (2 * b, 2 * b + 1):
@@ -159,7 +169,7 @@ class RowOfBars:
                 )
         forces = fronts.Forces(
             np.full((junctions, capacity), np.inf),
-            np.zeros((junctions, capacity, 4)),
+            np.zeros((junctions, capacity, terms)),
             np.zeros((junctions, capacity), dtype=np.int64),
             np.zeros(junctions, dtype=np.int64),
         )
@@ -171,27 +181,39 @@ class RowOfBars:
             self.gaps.copy(),
             np.zeros(junctions),
             np.zeros((junctions, 4), dtype=np.int64),
+            self._sizes(end),
         )
-        times = np.where(np.isfinite(times), np.rint(times / quantum) * quantum, np.inf)
-        self.loads = fronts.Histories(times, pieces, count)
-        scale = self._scale(end)
         curved = bool(self.loads.pieces[:, :, 2:].any())  # then the loads are followed to FIT only
-        limits = fronts.Limits(end, scale, (10.0 * FIT if curved else 1e-13) * scale, quantum)
-        give = np.where(self.side[:, :, fronts.KIND] == FREE, 1.0 / self.impedance[safe], 0.0).sum(axis=1)
-        self.slight = limits.tolerance / np.where(give > 0.0, give, np.inf)  # a smaller force is none
-        while fronts.march(row, waves, self.loads, forces, limits) == fronts.FULL and waves.count.sum() <= most:
+        limits = fronts.Limits(end, 10.0 * FIT if curved else 1e-13, quantum)
+        status = fronts.march(row, waves, self.loads, forces, limits)
+        while status == fronts.FULL and waves.count.sum() <= most:
             waves = fronts.Histories(_grown(waves.times, np.inf), _grown(waves.pieces), waves.count)
             forces = fronts.Forces(
                 _grown(forces.times, np.inf), _grown(forces.pieces), _grown(forces.closed), forces.count
             )
+            status = fronts.march(row, waves, self.loads, forces, limits)
+        give = np.where(self.side[:, :, fronts.KIND] == FREE, 1.0 / self.impedance[safe], 0.0).sum(axis=1)
+        # a smaller force is none
+        self.slight = limits.tolerance * row.size.max(axis=1) / np.where(give > 0.0, give, np.inf)
         self.waves, self.forces = waves, forces
         self.reached = min(float(row.clock.min()), end)
         self.fronts = int(waves.count.sum())
+        if status == fronts.FULL:
+            self.stopped = f"it takes more than {most} fronts (most_fronts)"
+        elif status == fronts.STUCK:
+            j = int(row.clock.argmin())
+            where = f"contact '{self.contact_names[j]}'" if j < len(self.contact_names) else "an end of a bar"
+            self.stopped = f"{fronts.MOST_AT_ONCE} events follow each other in no time at {where}"
 
-    def force(self, j: int) -> Cubics:
+    def load(self, place: int) -> PiecewisePolynomial:
+        """Return what acts on an end."""
+        n = self.loads.count[place]
+        return PiecewisePolynomial(self.loads.times[place, :n], self.loads.pieces[place, :n])
+
+    def force(self, j: int) -> PiecewisePolynomial:
         """Return the contact force of a junction."""
         n = self.forces.count[j]
-        return Cubics(self.forces.times[j, :n], self.forces.pieces[j, :n])
+        return PiecewisePolynomial(self.forces.times[j, :n], self.forces.pieces[j, :n])
 
 
 def _grown(array: Any, fill: float = 0.0) -> Any:

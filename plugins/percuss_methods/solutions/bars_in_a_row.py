@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from percuss import Doc, Exact, ExactContact, Ge, Solution, Unit
-from percuss_methods.solutions._cubics import Cubics
+from percuss_methods.solutions._polynomials import PiecewisePolynomial, product
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +25,7 @@ class BarsInARow(Solution):
     Formula: ``v = p + q``, ``force = Z (p - q)``, ``Z = A sqrt(E rho)``. A closed contact of ends a and b moves at the
     common velocity ``v = 2 (Z_a p + Z_b q) / (Z_a + Z_b)`` and presses with ``Z_a (2 p - v)``; it closes when the gap
     is used up and opens when the force would pull. Piecewise-constant and piecewise-linear data stay so and are exact;
-    smooth loads are followed by cubic pieces to 1e-12 of their size.
+    smooth loads are followed by polynomials to 1e-12 of their size.
 
     Covers uniform linear-elastic bars along one line: free, fixed and driven ends, walls, gaps or touching, initial
     velocities, loads on ends, steady acceleration.
@@ -110,7 +111,7 @@ class RowContact(ExactContact):
         known = np.searchsorted(self._force.times, row.reached)  # of an end that was worked out further, no more
         times, pieces = self._force.times[:known], self._force.pieces[:known]
         ends = np.append(times, row.reached)
-        size = (np.abs(pieces) * np.diff(ends)[:, None] ** np.arange(4)).max(axis=1)
+        size = (np.abs(pieces) * np.diff(ends)[:, None] ** np.arange(pieces.shape[1])).max(axis=1)
         pushing = (row.forces.closed[junction, : times.size] == 1) & (size > row.slight[junction])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], pushing.astype(int), [0]])))
         self._intervals = tuple((float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True))
@@ -127,6 +128,10 @@ class RowContact(ExactContact):
         """Gap."""
         return self._displacement(np.asarray(time, dtype=float))
 
+    def largest_force(self, start: float, stop: float) -> float:
+        """Least upper bound of the force between two times."""
+        return self._force.supremum(start, stop)
+
     @property
     def closed(self) -> tuple[tuple[float, float], ...]:
         """Intervals with a force."""
@@ -137,10 +142,10 @@ class RowSolution(Exact):
     """The exact solution of a row, evaluated."""
 
     def __init__(self, row: RowOfBars, end: float) -> None:
-        self.row, self.reached, self.fronts = row, row.reached, row.fronts
+        self.row, self.reached, self.fronts, self.stopped = row, row.reached, row.fronts, row.stopped
         self.end = end
         w = row.waves
-        self._waves = [Cubics(w.times[h, :n], w.pieces[h, :n]) for h, n in enumerate(w.count)]
+        self._waves = [PiecewisePolynomial(w.times[h, :n], w.pieces[h, :n]) for h, n in enumerate(w.count)]
         self._names = [body.name for body in row.bodies]
         self.contacts = {}
         for j, name in enumerate(row.contact_names):
@@ -232,65 +237,76 @@ class RowSolution(Exact):
             place = (time - inside) * row.speed[b]
             breaks += (place if sign > 0 else row.length[b] - place).tolist()
         edges = np.unique(np.clip(breaks, 0.0, row.length[b]))
-        nodes, weights = np.polynomial.legendre.leggauss(4)
+        nodes, weights = np.polynomial.legendre.leggauss(row.waves.pieces.shape[2])
         half = 0.5 * np.diff(edges)
         x = edges[:-1, None] + half[:, None] * (1.0 + nodes)
         return [(x.ravel(), (half[:, None] * weights).ravel())]
 
     def work(self, time: float) -> float:
         """Work of loads, drives and steady acceleration up to `time`."""
-        return self._sums(time)[0]
+        return float(self._accounts[0].integral(np.asarray(time, dtype=float)))
 
     def impulse(self, time: float) -> float:
         """Impulse of loads, supports, drives, walls and steady acceleration along the line, up to `time`."""
-        return self._sums(time)[1]
+        return float(self._accounts[1].integral(np.asarray(time, dtype=float)))
 
-    def _sums(self, time: float) -> tuple[float, float]:
+    def largest_energy(self) -> float:
+        """Least upper bound of the energy: nothing but the work from outside changes it."""
+        return sum(self.energy(0.0)) + self._accounts[0].antiderivative().supremum(0.0, self.reached)
+
+    @cached_property
+    def _accounts(self) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+        """Power and force of all that acts from outside, over the whole time; between two fronts they are polynomials.
+
+        The pieces begin wherever a wave leaves or arrives at any end, and wherever a load changes.
+        """
         row = self.row
-        work = impulse = 0.0
+        marks = [row.forces.times[j, : row.forces.count[j]] for j in range(row.side.shape[0])]
+        marks += [row.loads.times[k, : row.loads.count[k]] for k in range(row.loads.count.size) if row.functions]
         for b in range(len(self._names)):
-            mass = row.impedance[b] * row.transit[b]
-            impulse += mass * row.gravity[b] * time
-            middle = self._mean_displacement(b, time)
-            work += mass * row.gravity[b] * middle
+            for wave in self._waves[2 * b : 2 * b + 2]:
+                marks += [wave.times, wave.times + row.transit[b]]
+        times = np.concatenate([[0.0], *marks])
+        times = np.unique(times[(times >= 0.0) & (times < self.reached)])
+        terms = row.waves.pieces.shape[2]
+        force, power = np.zeros((times.size, terms)), np.zeros((times.size, 2 * terms - 1))
+        for b in range(len(self._names)):
+            if row.gravity[b] != 0.0:
+                weight, velocity = self._weight(b, times)
+                force[:, 0] += weight
+                power[:, : terms + 1] += weight * velocity
         for j in range(row.side.shape[0]):
-            for k in range(2):
-                b = row.bar[j, k]
-                if b >= 0:
-                    done, pushed = self._end_sums(j, k, b, time)
-                    work, impulse = work + done, impulse + pushed
-                elif row.is_contact[j] and row.side[j, k, 3] == 3:
-                    pressed = row.force(j).integral(np.array(time))
-                    impulse += float(pressed) * (1.0 if k == 0 else -1.0)
-        return work, impulse
+            for k, sign in ((0, 1.0), (1, -1.0)):  # +1 at the right end of a bar
+                b, load = row.bar[j, k], row.side[j, k, 2]
+                if b < 0:
+                    if row.is_wall[j, k]:
+                        force += sign * row.force(j).pieces_from(times)
+                    continue
+                if row.is_free[j, k] and load < 0:
+                    continue
+                velocity, pressed = self._end(b, k == 0, times)
+                if row.is_free[j, k]:
+                    acting = row.load(load).pieces_from(times)
+                else:
+                    acting = sign * (row.force(j).pieces_from(times) - pressed)
+                force += acting
+                power += product(acting, velocity)
+        return PiecewisePolynomial(times, power), PiecewisePolynomial(times, force)
 
-    def _end_sums(self, j: int, k: int, b: int, time: float) -> tuple[float, float]:
-        """Return work and impulse of the load or the support at one end of a bar."""
+    def _end(self, b: int, right: bool, times: Any) -> tuple[Any, Any]:
+        """Return velocity and compressive force at an end of a bar, in pieces that begin at `times`."""
         row = self.row
-        sign = 1.0 if k == 0 else -1.0  # +1 at a right end
-        length = float(row.length[b])
-        force = row.force(j)
-        load = row.side[j, k, 2]
-        kind = row.side[j, k, 3]
-        if kind == 1 and load < 0:
-            return 0.0, 0.0
-        marks = [self._waves[2 * b].times, self._waves[2 * b + 1].times, force.times]
-        marks += [self._waves[2 * b].times + row.transit[b], self._waves[2 * b + 1].times + row.transit[b]]
-        if load >= 0:
-            marks.append(row.loads.times[load, : row.loads.count[load]])
-        edges = np.unique(np.clip(np.concatenate(marks), 0.0, time))
-        nodes, weights = np.polynomial.legendre.leggauss(4)
-        half = 0.5 * np.diff(edges)
-        t = (edges[:-1, None] + half[:, None] * (1.0 + nodes)).ravel()
-        w = (half[:, None] * weights).ravel()
-        p, q = self._line_waves(b, np.full(t.shape, length if k == 0 else 0.0), t)
-        if kind == 1:
-            count = row.loads.count[load]
-            acting = Cubics(row.loads.times[load, :count], row.loads.pieces[load, :count])(t)
-        else:
-            acting = sign * (force(t) - row.impedance[b] * (p - q))
-        return float(w @ (acting * (p + q))), float(w @ acting)
+        leaving, arriving = self._waves[2 * b + 1 if right else 2 * b], self._waves[2 * b if right else 2 * b + 1]
+        out, back = leaving.pieces_from(times), arriving.pieces_from(times, row.transit[b])
+        back[:, 0] += 0.5 * row.gravity[b] * row.transit[b]
+        return out + back, row.impedance[b] * ((back - out) if right else (out - back))
 
-    def _mean_displacement(self, b: int, time: float) -> float:
-        x, w = self._quadrature(b, time)[0]
-        return float(w @ self._line_displacement(b, x, np.full(x.shape, time))) / float(self.row.length[b])
+    def _weight(self, b: int, times: Any) -> tuple[float, Any]:
+        """Return the weight of a bar, and its mean velocity in pieces: what its ends and its weight make of it."""
+        row = self.row
+        mass = row.impedance[b] * row.transit[b]
+        resultant = self._end(b, False, times)[1] - self._end(b, True, times)[1]
+        resultant[:, 0] += mass * row.gravity[b]
+        momentum = PiecewisePolynomial(times, resultant).antiderivative().pieces
+        momentum[:, 0] += mass * row.velocity[b]
+        return mass * row.gravity[b], momentum / mass
