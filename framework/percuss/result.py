@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import hashlib
 import json
 import os
 import platform
+import subprocess
 import sys
 import tempfile
 from functools import cache, cached_property
@@ -350,7 +352,9 @@ def _digest(*datasets: xr.Dataset) -> str:
             if numeric:
                 # one pattern of bits for all that is no number, and one order of bytes
                 exact = values.astype("<f8" if values.dtype.kind == "f" else "<i8")
-                digest.update((np.where(np.isnan(exact), np.nan, exact) if exact.dtype.kind == "f" else exact).tobytes())
+                if exact.dtype.kind == "f":
+                    exact = np.where(np.isnan(exact), np.nan, exact)
+                digest.update(exact.tobytes())
         digest.update(json.dumps(told).encode())
     return digest.hexdigest()
 
@@ -364,6 +368,22 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in names}}
 
 
+@cache
+def processor_model() -> str:
+    """Return the model of the processor as the system calls it; ``unknown`` where it does not tell."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        named = (line.partition(":") for line in lines if line.startswith(("model name", "Model", "cpu model")))
+        for _, _, name in named:
+            if name.strip():
+                return " ".join(name.split())
+    if sys.platform == "darwin":
+        with contextlib.suppress(OSError, subprocess.SubprocessError):
+            command = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
+            return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()  # noqa: S603
+    return platform.processor() or "unknown"
+
+
 def machine() -> dict[str, Any]:
     """Return what a result depends on besides the case: versions and machine."""
     return {
@@ -371,6 +391,7 @@ def machine() -> dict[str, Any]:
         "machine": {
             "system": platform.platform(),
             "processor": platform.machine(),
+            "cpu": processor_model(),
             "byteorder": sys.byteorder,
         },
         "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
