@@ -64,15 +64,17 @@ class March:
         The model to march.
     compiled
         Whether to compile the loop where it can be compiled.
+    kernels
+        The bound loop of another march of this model; by default it is bound anew.
     """
 
-    def __init__(self, model: Model, *, compiled: bool = True) -> None:
+    def __init__(self, model: Model, *, compiled: bool = True, kernels: Kernels | None = None) -> None:
         started = time.perf_counter()
         self.model = model
         self.dim = model.dim
         self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
         self._arrays()
-        self.kernels = bind(self.group_parts, self.groups, self.own_laws, self.stepper, compiled=compiled)
+        self.kernels = kernels or bind(self.group_parts, self.groups, self.own_laws, self.stepper, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
 
     def _arrays(self) -> None:

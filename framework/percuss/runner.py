@@ -113,13 +113,14 @@ def _run(
         with MARCHING if timed else nullcontext():
             outcome = march.run(progress, marginal=marginal)
             if timed and outcome.status == "done":
-                _repeat(march, outcome, repeats, compiled=compiled, marginal=marginal)
+                _repeat(march, outcome, repeats, marginal=marginal)
     watch.lap()
     with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop tells what overflowed
         result = _result(march, outcome, known)
     if nudge and result.summary["exact"] is not None and outcome.status != "unstable":
         try:
-            twin = run(truth.nudged(case, march.model.courant), compiled=compiled)
+            with MARCHING if timed else nullcontext():  # it is not timed, and must not disturb one that is
+                twin = run(truth.nudged(case, march.model.courant), compiled=compiled)
         except RunError as error:  # a hair's breadth decides whether it blows up
             twin = error.result
         result.summary["exact"]["fragile"] = truth.is_fragile(result, twin)
@@ -129,14 +130,14 @@ def _run(
     return result
 
 
-def _repeat(march: March, outcome: Outcome, repeats: int | None, *, compiled: bool, marginal: bool) -> None:
+def _repeat(march: March, outcome: Outcome, repeats: int | None, *, marginal: bool) -> None:
     """March again from the beginning, and keep the least time; Ctrl-C meanwhile is told as if it were of the run."""
     most = REPEATS if repeats is None else repeats
     spent = outcome.seconds["march"]
     for _ in range(most - 1):
         if repeats is None and spent > REPEATING:
             return
-        again = March(march.model, compiled=compiled).run(marginal=marginal)
+        again = March(march.model, kernels=march.kernels).run(marginal=marginal)
         if again.status == "interrupted":
             outcome.status = "interrupted"
             return
