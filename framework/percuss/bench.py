@@ -7,21 +7,26 @@ import functools
 import hashlib
 import os
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import percuss
 from percuss.case import Case, load
 from percuss.companions import companions
-from percuss.keys import files_named
+from percuss.compiling import LOCK as ONE_AT_A_TIME
+from percuss.errors import PluginError
 from percuss.records import Record, record
 from percuss.registry import Registry
-from percuss.tasks import Task, perform
+from percuss.sourcedigest import SourceDigests, data_named, own_digest, surroundings
+from percuss.tasks import LOST, Task, perform_timed
 
 if TYPE_CHECKING:
     from percuss.columns import Column
+    from percuss.keys import Keys
     from percuss.source import Source
 
 __all__ = ["Bench", "Interrupted", "Job", "packed"]
@@ -56,8 +61,10 @@ class Bench:
         Files of numbers that each case names, by the path written there.
     plugins
         Single-file plug-ins of each case: path, and contents of the file and of the helpers in its folder.
-    columns, nudge, histories
+    columns, nudge, histories, repeats
         What a row is made of.
+    components, surroundings
+        What numbers depend on, as it was when the keys were made: digests of methods, versions, the environment.
     """
 
     cases: Mapping[str, Source]
@@ -66,10 +73,14 @@ class Bench:
     columns: Sequence[Column]
     nudge: bool
     histories: int
+    repeats: int | None = None
+    components: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    surroundings: Mapping[str, str] = field(default_factory=dict)
 
     def case(self, label: str) -> Case:
         """Return a case, read with the plug-ins and files as they were when the study began."""
         registry = Registry.load([_plugin(Path(path), files) for path, files in self.plugins[label]])
+        self._expect_the_same(registry, self.components.get(label, {}))
         origin = self.cases[label]
         return load(dataclasses.replace(origin, folder=_folder(origin.folder, self.files[label])), registry=registry)
 
@@ -94,15 +105,40 @@ class Bench:
             if note is not None:
                 note(key)
             began = time.perf_counter()
-            row, _ = perform(self._kept(task.case), task, nudge=self.nudge)
+            try:
+                case = self._kept(task.case)
+            except Exception as error:  # noqa: BLE001 - it was read where the study began: something here is otherwise
+                reason = f"the process that was to make the run cannot read the case: {error}"
+                made.append(Record(key, LOST, reason, "worker", misfit=True))
+                continue
+            row = perform_timed(case, task, nudge=self.nudge, repeats=self.repeats)
             if row.status == "interrupted":
                 raise Interrupted(made)
-            seconds = time.perf_counter() - began
-            registry = self._kept(task.case).registry
-            made.append(record(key, row, self.columns, self.histories, seconds, registry))
+            wall = time.perf_counter() - began
+            made.append(record(key, row, self.columns, self.histories, wall, case.registry))
             if time.perf_counter() - started > LONGEST:
                 break
         return made
+
+    def _expect_the_same(self, registry: Registry, components: Mapping[str, str]) -> None:
+        """Raise PluginError where a number made here might be another than that of the plan."""
+        digests = SourceDigests()
+        here = {
+            f"{family}/{name}": digests.of(source)
+            for (family, name), source in registry.sources.items()
+            if f"{family}/{name}" in components
+        }
+        around = {**surroundings(), "percuss": f"{percuss.__version__} {own_digest()}"} if self.surroundings else {}
+        for name, digest in components.items():
+            if name not in here:
+                raise PluginError(f"{name} is not installed here, and it is where the study was begun")
+            if here[name] != digest:
+                raise PluginError(f"the sources of {name} are others here than where the study was begun")
+        for name in sorted({*around, *self.surroundings}):
+            mine, theirs = around.get(name, "not set"), self.surroundings.get(name, "not set")
+            if mine != theirs:
+                what = "has other sources here than" if name == "percuss" else f"is {mine} here, and {theirs}"
+                raise PluginError(f"{name} {what} where the study was begun")
 
     @functools.cached_property
     def _read(self) -> dict[str, Case]:
@@ -110,9 +146,10 @@ class Bench:
 
     def _kept(self, label: str) -> Case:
         """Return a case that is read once a process."""
-        if label not in self._read:
-            self._read[label] = self.case(label)
-        return self._read[label]
+        with ONE_AT_A_TIME:
+            if label not in self._read:
+                self._read[label] = self.case(label)
+            return self._read[label]
 
     def __getstate__(self) -> dict[str, object]:
         return {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
@@ -122,14 +159,23 @@ class Bench:
             object.__setattr__(self, name, value)
 
 
-def packed(cases: Mapping[str, Case], columns: Sequence[Column], *, nudge: bool, histories: int) -> Bench:
-    """Return the bench of a study."""
+def packed(
+    cases: Mapping[str, Case],
+    columns: Sequence[Column],
+    keys: Keys,
+    *,
+    nudge: bool,
+    histories: int,
+    repeats: int | None = None,
+) -> Bench:
+    """Return the bench of a study, whose `keys` have been made."""
     plugins = {
         label: tuple((str(file), _with_helpers(file)) for file in case.registry.files) for label, case in cases.items()
     }
     origins = {label: _without_plugins(case.origin) for label, case in cases.items()}
-    files = {label: files_named(case) for label, case in cases.items()}
-    return Bench(origins, files, plugins, columns, nudge, histories)
+    files = {label: keys.files.get(label, {}) for label in cases}
+    used = keys.components, keys.surroundings
+    return Bench(origins, files, plugins, columns, nudge, histories, repeats, *used)
 
 
 def _without_plugins(origin: Source) -> Source:
@@ -138,9 +184,12 @@ def _without_plugins(origin: Source) -> Source:
 
 
 def _with_helpers(file: Path) -> dict[str, bytes]:
-    """Return the contents of a single-file plug-in and of the helpers in its folder that it imports."""
+    """Return the contents of a single-file plug-in, and of helpers and data in its folder that it names."""
     content = file.read_bytes()
-    beside = {path: text for path, (_, text) in companions(file, content).items() if path.is_relative_to(file.parent)}
+    helpers = {path: text for path, (_, text) in companions(file, content).items()}
+    named = {path for source, text in {file: content, **helpers}.items() for path in data_named(source, text)}
+    data = {path: path.read_bytes() for path in sorted(named)}
+    beside = {path: text for path, text in {**helpers, **data}.items() if path.is_relative_to(file.parent)}
     return {file.name: content} | {str(path.relative_to(file.parent)): text for path, text in beside.items()}
 
 
@@ -169,7 +218,7 @@ def _copied(files: Mapping[str, bytes]) -> Path:
     folder = Path(tempfile.gettempdir()) / f"percuss-{os.getuid() if hasattr(os, 'getuid') else 0}-{digest}"
     for name, text in _inside(folder, files):
         name.parent.mkdir(parents=True, exist_ok=True)
-        beside = name.with_name(f".{name.name}.{os.getpid()}")
+        beside = name.with_name(f".{name.name}.{os.getpid()}.{threading.get_ident()}")
         beside.write_bytes(text)
         beside.replace(name)
     return folder

@@ -25,6 +25,10 @@ def study(
     plugin: Annotated[
         list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A single-file plug-in; repeatable.")
     ] = None,
+    again: Annotated[
+        list[str] | None,
+        typer.Option("--again", metavar="STATUS", help="Make runs of a status again, as failed; repeatable."),
+    ] = None,
     export: Annotated[
         Path | None, typer.Option("--export", metavar="FILE", help="Write the table: csv or parquet by suffix.")
     ] = None,
@@ -40,7 +44,7 @@ def study(
             studies.exportable(export)
         with progress_bar("runs") as progress:
             told = _Told(progress)
-            made = studies.study(file, out, workers, scheduler, told, plugins=plugin or [])
+            made = studies.study(file, out, workers, scheduler, told, plugins=plugin or [], again=again or [])
         if export is not None:
             made.export(export)
         if as_json:
@@ -49,8 +53,12 @@ def study(
             from percuss.tell_study import tell_study
 
             tell_study(made)
-        if not made.complete:
+        counts = made.counts
+        if counts.get("waiting"):
             print("interrupted: the same command goes on from here", file=sys.stderr)
+        if lost := counts.get("lost"):
+            what = f"{lost} of {len(made.rows())} runs were lost to the machine: the same command makes them again"
+            print(what, file=sys.stderr)
         if not made.complete or not made.counts.get("done"):
             raise typer.Exit(1)
 

@@ -14,9 +14,11 @@ from typing import Any
 
 import percuss
 from percuss.bench import Bench, Job
+from percuss.compiling import LOCK
 from percuss.errors import InputError, Problem, RunError
 from percuss.records import Record
-from percuss.store import LOST
+from percuss.store import WORKER
+from percuss.tasks import LOST
 from percuss.workers import Batches
 
 __all__ = ["run_cluster"]
@@ -80,16 +82,23 @@ def _spread(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: th
     workers = max(1, sum(client.nthreads().values()))
     batches = Batches(jobs, workers)
     flying: dict[Any, list[Job]] = {}
+    unfit: set[str] = set()  # workers that cannot make rows of this study: they would be done with all of it at once
     while (batches.waiting or flying) and not stop.is_set():
         while batches.waiting and len(flying) < 2 * workers:
             batch = batches.take()
-            flying[client.submit(_work, bench, percuss.__version__, batch, pure=False)] = batch
+            fit = [address for address in client.nthreads() if address not in unfit] if unfit else []
+            where = {"workers": fit} if fit else {}
+            flying[client.submit(_work, bench, percuss.__version__, batch, pure=False, **where)] = batch
         for future in _finished(list(flying)):
             batch = flying.pop(future)
             try:
-                made = future.result()
+                made, address = future.result()
             except KilledWorker:  # the scheduler says so of a batch that killed several workers
-                made = _given_up(batch, batches)
+                made, address = _given_up(batch, batches), ""
+            if any(one.misfit for one in made):
+                unfit.add(address)
+                if set(client.nthreads()) - unfit:  # others may be able to
+                    made = [one for one in made if not one.misfit]
             keep(made)
             batches.back(batch, made)
     client.cancel(list(flying))
@@ -112,15 +121,24 @@ def _given_up(batch: list[Job], batches: Batches) -> list[Record]:
         batches.alone |= {job.key for job in batch}
         return []
     reason = "its worker process died again and again; the next time the study is run it is tried again"
-    return [Record(batch[0].key, "failed", reason, LOST)]
+    return [Record(batch[0].key, LOST, reason, WORKER)]
 
 
 @functools.lru_cache(maxsize=2)
-def _bench(packed: bytes) -> Bench:
+def _unpacked(packed: bytes) -> Bench:
     return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the scheduler that is trusted with code
 
 
-def _work(packed: bytes, version: str, batch: list[Job]) -> list[Record]:
+def _bench(packed: bytes) -> Bench:
+    """Return the bench of a study, one for all threads of a worker."""
+    with LOCK:
+        return _unpacked(packed)
+
+
+def _work(packed: bytes, version: str, batch: list[Job]) -> tuple[list[Record], str]:
+    """Return the records of a batch, and the address of this worker."""
+    from distributed import get_worker
+
     if version != percuss.__version__:
         raise RunError(f"a worker has percuss {percuss.__version__}, and this is {version}: install the same there")
-    return _bench(packed).records(batch)
+    return _bench(packed).records(batch), get_worker().address

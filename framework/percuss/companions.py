@@ -11,6 +11,7 @@ import contextlib
 import functools
 import importlib.machinery
 import importlib.util
+import os
 import site
 import sys
 import sysconfig
@@ -19,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-__all__ = ["companions", "importing"]
+__all__ = ["companions", "importing", "installed", "managed"]
 
 IGNORED = {*sys.stdlib_module_names, "percuss", "percuss_methods"}
 MOST = 200  # files of all companions: more is a program that a plug-in is part of, and no helper
@@ -91,6 +92,23 @@ def _installations() -> tuple[Path, ...]:
 
 def _is_installed(path: Path) -> bool:
     return any(path.is_relative_to(one) for one in _installations())
+
+
+@functools.cache
+def _installed_prefixes() -> tuple[str, ...]:
+    paths = {str(path) for one in _installations() for path in (one, Path(os.path.abspath(one)))}  # noqa: PTH100
+    given = {str(Path(one)) for one in (*sysconfig.get_paths().values(), *site.getsitepackages())}
+    return tuple(f"{one}{os.sep}" for one in (paths | given) - {str(Path(sys.prefix))})
+
+
+def installed(file: str) -> bool:
+    """Return whether a file belongs to Python or to an installed distribution that is not an editable one."""
+    return file.startswith(_installed_prefixes())
+
+
+def managed() -> Mapping[str, bytes]:
+    """Return the modules that are imported anew when they are edited, with their contents."""
+    return _CONTENTS
 
 
 @contextlib.contextmanager

@@ -67,7 +67,11 @@ def compare(
     if contacts:
         case = case.with_one_law()
     listed = {name: name for name in integrators}, {name: name for name in contacts}
-    planned = list(tasks("", case, *listed, combinations(vary or {}), tied=tied))
+    points = combinations(vary or {})
+    planned = list(tasks("", case, *listed, points, tied=tied))
+    used = {path for task in planned for path in task.varied}
+    if any(path not in used for point in points for path in point):  # no pair has such an option
+        planned = list(tasks("", case, *listed, points, tied=tied, strict=True))
     pairs = [task for task in planned if not task.tied]
     made = [perform(case, task) for task in pairs]
     errors = [error for _, error in made if error is not None]

@@ -104,7 +104,7 @@ class DataFile:
     path
         As written in the case.
     table : (columns, rows) array
-        Its numbers; a first line of words is skipped.
+        Its numbers; a first line of which no field begins as a number does is skipped.
     """
 
     path: str

@@ -83,6 +83,10 @@ class InputError(PercussError):
         return type(self), (self.problems,)
 
 
+class TooLargeError(InputError):
+    """A case needs more memory than this machine has; another machine may run it."""
+
+
 class RunError(PercussError):
     """A run went unstable or non-finite and was stopped.
 

@@ -199,8 +199,10 @@ def is_overloaded(function: object) -> bool:
     if registry is None or not isinstance(function, types.FunctionType):
         return False
     context = registry.cpu_target.typing_context
-    context.refresh()
-    return context._lookup_global(function) is not None
+    # What numba knows of overloads is filled by generators, which another thread that compiles may be in.
+    with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
+        context.refresh()
+        return context._lookup_global(function) is not None
 
 
 def contents(cell: types.CellType) -> Any:

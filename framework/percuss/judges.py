@@ -580,8 +580,9 @@ def free_step(pencil: Pencil) -> float:
         for array in arrays:
             digest.update(np.int64(array.size).tobytes() + array.tobytes())
     key = digest.digest()
-    if key not in _FREE:  # many runs on the same bodies differ in their contacts alone
+    step = _FREE.get(key)  # many runs on the same bodies differ in their contacts alone
+    if step is None:
         if len(_FREE) >= 256:
-            _FREE.clear()
-        _FREE[key] = largest(lambda dt: pencil.factors(dt) is not None, 2.0 / pencil.model.omega)
-    return _FREE[key]
+            _FREE.clear()  # also while another thread is here
+        step = _FREE[key] = largest(lambda dt: pencil.factors(dt) is not None, 2.0 / pencil.model.omega)
+    return step

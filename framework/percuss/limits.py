@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, TooLargeError
 
 if TYPE_CHECKING:
     from percuss.case import Case
@@ -75,7 +75,7 @@ def meshed(case: Case, spec: BodySpec) -> Mesh:
         path, found = ("refine",), f"{count:.4g} in body '{spec.name}', which take {_told(size)}, {_machine()}"
     except MemoryError:
         pass
-    raise InputError([case.problem(path, f"expected elements that fit into memory, found {found}", "Take fewer.")])
+    raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {found}", "Take fewer.")])
 
 
 def checked(case: Case, make: Callable[[], dict[str, Body]]) -> dict[str, Body]:
@@ -170,5 +170,5 @@ def recordable(model: Model) -> Model:
         )
         problems.append(case.problem(("record", "fields"), message, "A picture needs some hundreds."))
     if problems:
-        raise InputError(problems)
+        raise TooLargeError(problems)
     return model

@@ -68,17 +68,31 @@ def _tried(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[KeyPath,
 
 
 def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Problem]:
-    """Return what is wrong with a point in the first run, if it is wrong in all; else nothing."""
+    """Return what is wrong with a point in the first run, if it is wrong in all; else nothing.
+
+    An option that some pair has is not missed in the others; one that no pair has is a mistake.
+    """
     said: Sequence[Problem] = ()
+    right, used = False, set()
     for label, case in spec.cases.items():
         for task in tasks(label, case, spec.integrators, spec.contacts, [point]):
+            used |= set(task.varied)
             try:
                 case.with_overrides(task.changes)
             except InputError as error:
                 said = said or error.problems
             else:
-                return ()
-    return said
+                right = True
+    if not right or used == set(point):
+        return () if right else said
+    nowhere = {path: value for path, value in point.items() if path not in used}
+    for label, case in spec.cases.items():
+        for task in tasks(label, case, spec.integrators, spec.contacts, [nowhere], strict=True):
+            try:
+                case.with_overrides(task.changes)
+            except InputError as error:
+                return error.problems
+    return ()
 
 
 def first_steps(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Mapping[str, Any]]:

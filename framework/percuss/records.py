@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +31,17 @@ class Record:
     fragile
         Whether the answer hangs on round-off; None where nobody asked or there is no exact solution.
     seconds
-        Wall time of the whole run.
+        Wall time of the march alone, the least of all times it was made; None where it did not get to its end.
+    wall
+        Seconds from the beginning of the run to its end, whatever they were spent on.
+    compiling
+        Seconds of these that were spent compiling; None where there is no result.
+    cpu
+        Model of the processor.
+    unread
+        Whether the run failed because this process could not read the case with the row's values.
+    misfit
+        Whether it was lost because this process does not have the methods, files or versions of the study.
     measures
         Value of each column; empty where the run was not done.
     histories
@@ -46,9 +56,14 @@ class Record:
     seconds: float | None = None
     measures: dict[str, Any] | None = None
     histories: bytes = b""
+    wall: float | None = None
+    compiling: float | None = None
+    cpu: str = ""
+    unread: bool = False
+    misfit: bool = False
 
 
-def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: float, registry: Registry) -> Record:
+def record(key: str, row: Row, columns: Sequence[Column], keep: int, wall: float, registry: Registry) -> Record:
     """Return the row of a run in plain terms.
 
     Parameters
@@ -61,15 +76,20 @@ def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: fl
         What is measured of a run that is done; a run that was stopped has no number that could be compared.
     keep
         At most so many points of each history are kept.
-    seconds
-        How long it took.
+    wall
+        How long it took in all.
     registry
         Where the measures are that are plug-ins.
     """
+    from percuss.result import processor_model
     from percuss.runner import plain
+    from percuss.tasks import blamed
 
+    times = row.result.summary["seconds"] if row.result is not None else {}
+    made = Record(key, row.status, row.reason, row.said_by, unread=row.unread)
+    made = replace(made, wall=wall, compiling=times.get("compile"), cpu=processor_model())
     if row.result is None or row.status != "done":
-        return Record(key, row.status, row.reason, row.said_by, seconds=seconds)
+        return made
     exact = row.result.summary["exact"]
     fragile = exact["fragile"] if exact is not None else None
     measures = {}
@@ -77,9 +97,10 @@ def record(key: str, row: Row, columns: Sequence[Column], keep: int, seconds: fl
         try:
             measures[one.name] = plain(one.take(row.result, registry))
         except Exception as error:  # noqa: BLE001 - somebody's measure: a row that says so, as of their methods
-            return Record(key, "failed", f"measure {one.name}: {error!r}", one.name, seconds=seconds)
+            status, reason = blamed(error, registry)
+            return replace(made, status=status, reason=f"measure {one.name}: {reason}", said_by=one.name)
     histories = _packed(row.result, keep) if keep else b""
-    return Record(key, row.status, row.reason, row.said_by, fragile, seconds, measures, histories)
+    return replace(made, fragile=fragile, seconds=times["march"], measures=measures, histories=histories)
 
 
 def _packed(result: Result, points: int) -> bytes:

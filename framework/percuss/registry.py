@@ -26,8 +26,10 @@ import pluggy
 from percuss import hookspecs
 from percuss.admission import PREFIX, admitted, told
 from percuss.companions import companions, importing
+from percuss.compiling import LOCK
 from percuss.contracts import FAMILIES, Component
 from percuss.errors import PluginError, nearest, suggestion
+from percuss.sourcedigest import data_named, remember
 
 __all__ = ["Broken", "Provenance", "Registry"]
 
@@ -121,10 +123,11 @@ class Registry:
             If one of `files` is missing, fails, registers something wrong, or a name that is taken.
         """
         given: dict[Path, _File] = {}
-        for file in files:
-            read = _File.read(Path(file))
-            given.setdefault(read.path, read)
-        return _load(_environment() if distributions else None, tuple(given.values()))
+        with LOCK:  # another thread would find a module that is half imported, or make a second one
+            for file in files:
+                read = _File.read(Path(file))
+                given.setdefault(read.path, read)
+            return _load(_environment() if distributions else None, tuple(given.values()))
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -174,11 +177,12 @@ def shown(file: str) -> str:
 
 @dataclass(frozen=True)
 class _File:
-    """A single-file plug-in as read; equal if paths and contents are, so an edited file or helper is another one."""
+    """A single-file plug-in as read, with helpers and data; where one of these is edited it is another plug-in."""
 
     path: Path
     content: bytes
     helpers: tuple[tuple[Path, tuple[str, bytes]], ...]
+    data: tuple[tuple[Path, bytes], ...]
     given: str = field(compare=False)
 
     @classmethod
@@ -194,11 +198,16 @@ class _File:
             content = path.read_bytes()
         except OSError as error:
             raise PluginError(f"{given}: cannot be read: {error.strerror}") from error
-        return cls(path, content, tuple(companions(path, content).items()), str(given))
+        helpers = companions(path, content)
+        sources = {path: content, **{file: text for file, (_, text) in helpers.items()}}
+        named = {file for source, text in sources.items() for file in data_named(source, text)}
+        data = tuple((file, file.read_bytes()) for file in sorted(named))
+        return cls(path, content, tuple(helpers.items()), data, str(given))
 
     @property
     def source(self) -> Provenance:
-        content = b"\0".join([self.content, *(text for _, (_, text) in self.helpers)])
+        data = [content for _, content in self.data]
+        content = b"\0".join([self.content, *(text for _, (_, text) in self.helpers), *data])
         version = hashlib.sha256(content).hexdigest()[:12]
         # the content counts too: an edited file is a new module, and what the old one defined stays whole
         unique = hashlib.sha256(str(self.path).encode() + b"\0" + content).hexdigest()[:12]
@@ -240,6 +249,7 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[_File, .
         labels = dict.fromkeys(source.label for source in sources)
         broken.append(Broken(" and ".join(labels), f"{_taken(key, sources)}; {NONE_USED}", sources[-1].file))
     chosen = {key: many[0] for key, many in found.items() if len(many) == 1}
+    remember()
     for file in files:
         _add_file(manager, file, chosen, clashes)
     return Registry(

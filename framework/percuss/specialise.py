@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import percuss
+from percuss.compiling import compiler, listen
 from percuss.fingerprint import Fingerprint, contents, is_foreign, is_overloaded, named_in, plain_function
 
 Kernel = Callable[..., Any]
@@ -81,6 +82,10 @@ class Specialiser:
         reduction
             Whether it adds up terms whose order does not matter.
         """
+        with compiler():
+            return self._bind(function, cache=cache, plain=plain, reduction=reduction)
+
+    def _bind(self, function: Kernel, *, cache: bool, plain: bool, reduction: bool) -> Kernel:
         if id(function) in self.tags:
             return function
         done = self._bound.get(id(function))
@@ -254,6 +259,7 @@ def _copy(
 def _compile(function: types.FunctionType, options: Mapping[str, Any], *, cache: bool) -> Kernel:
     import numba
 
+    listen()  # the first call compiles
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])

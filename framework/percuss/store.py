@@ -17,10 +17,11 @@ from typing import Any
 from percuss.errors import InputError, Problem
 from percuss.records import Record, unpacked
 from percuss.result import replacing
+from percuss.tasks import LOST
 
 __all__ = ["Store"]
 
-FORMAT = "percuss-study-1"
+FORMAT = "percuss-study-2"
 TABLES = """
 BEGIN;
 CREATE TABLE IF NOT EXISTS facts (name TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -28,12 +29,12 @@ CREATE TABLE IF NOT EXISTS sessions (number INTEGER PRIMARY KEY, provenance TEXT
 CREATE TABLE IF NOT EXISTS plan (number INTEGER PRIMARY KEY, key TEXT NOT NULL, row TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS runs (
     key TEXT PRIMARY KEY, status TEXT NOT NULL, reason TEXT NOT NULL, said_by TEXT NOT NULL, fragile INTEGER,
-    seconds REAL, measures TEXT, session INTEGER NOT NULL);
+    seconds REAL, measures TEXT, session INTEGER NOT NULL, compiling REAL, cpu TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS histories (key TEXT PRIMARY KEY, arrays BLOB NOT NULL);
-INSERT OR REPLACE INTO facts VALUES ('format', '"percuss-study-1"');
+INSERT OR REPLACE INTO facts VALUES ('format', '"percuss-study-2"');
 COMMIT;
 """
-LOST = "worker"  # who says so of a run that killed its worker: of such a run nothing is known, it is made again
+WORKER = "worker"  # who says so of a run that was lost with its worker
 
 
 class Store:
@@ -125,20 +126,37 @@ class Store:
                 one.seconds,
                 json.dumps(one.measures) if one.measures is not None else None,
                 self.session,
+                one.compiling,
+                one.cpu,
             )
             for one in records
         ]
         with self._open(write=True) as db:
-            db.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            db.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
             kept = [(one.key, one.histories) for one in records if one.histories]
             db.executemany("INSERT OR REPLACE INTO histories VALUES (?, ?)", kept)
 
     # ------------------------------------------------------------------------------------------- reading
 
-    def known(self) -> set[str]:
-        """Return the keys of the runs that need not be made."""
+    def known(self, again: Sequence[str] = ()) -> set[str]:
+        """Return the keys of the runs that need not be made: all but those lost, and those with a status in `again`."""
         with self._open() as db:
-            return {key for (key,) in db.execute("SELECT key FROM runs WHERE said_by != ?", (LOST,))}
+            found = db.execute("SELECT key, status FROM runs").fetchall()
+        return {key for key, status in found if status != LOST and status not in again}
+
+    def planned(self) -> set[str]:
+        """Return the keys of all rows of the plan."""
+        with self._open() as db:
+            return {key for (key,) in db.execute("SELECT key FROM plan")}
+
+    def processors(self) -> dict[str, int]:
+        """Return how many rows of the plan were made on each model of processor."""
+        with self._open() as db:
+            return dict(
+                db.execute(
+                    "SELECT cpu, COUNT(*) FROM plan JOIN runs ON runs.key = plan.key WHERE cpu != '' GROUP BY cpu"
+                )
+            )
 
     def fact(self, name: str) -> Any:
         """Return what `begin` was told; None where it was not."""

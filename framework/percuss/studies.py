@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import json
 import os
 import shlex
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
+from percuss.filelock import BusyError, locked
 from percuss.given import expect_files, expect_mapping_or_path
 from percuss.result import machine, replacing
 from percuss.store import Store
+from percuss.tasks import LOST
 
 if TYPE_CHECKING:
     import threading
@@ -23,10 +28,13 @@ if TYPE_CHECKING:
     from percuss.bench import Bench, Job
     from percuss.records import Record
     from percuss.studyspec import StudySpec
+    from percuss.tasks import Task
 
 __all__ = ["Study", "open_study", "study"]
 
 Progress = Callable[[int, int], None]
+AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again where that is asked for
+SECONDS = "wall time of the march alone, the least of its repeats; the processor is in the provenance"
 NAMES = ("case", "integrator", "contact")
 
 
@@ -54,13 +62,17 @@ class Study:
     @property
     def columns(self) -> dict[str, str]:
         """What each measured column is, in words: quantity, norm, averaging."""
-        return dict(self._store.fact("columns") or {})
+        return {**(self._store.fact("columns") or {}), "seconds": SECONDS}
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all."""
+        """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all.
+
+        ``processors`` says how many rows were made on each model of processor.
+        """
         sessions = self._store.sessions()
-        return {**(sessions[-1] if sessions else {}), "sessions": sessions}
+        last = sessions[-1] if sessions else {}
+        return {**last, "sessions": sessions, "processors": self._store.processors()}
 
     @property
     def title(self) -> str:
@@ -71,14 +83,15 @@ class Study:
     def table(self) -> pd.DataFrame:
         """A row a run, in the order of the study.
 
-        Columns are ``case``, ``integrator``, ``contact``, the varied paths, ``status`` (done, unstable, refused,
-        failed; waiting where the run is still to be made), ``reason``, ``said_by``, ``fragile``, what is measured,
-        ``seconds`` and ``key``.
+        Columns are ``case``, ``integrator``, ``contact``, the varied paths (nothing where the methods have no such
+        option), ``status`` (done, unstable, refused, failed; lost where the machine or percuss itself failed; waiting
+        where the run is still to be made), ``reason``, ``said_by``, ``fragile``, what is measured, ``node_steps``
+        (steps times nodes), ``seconds`` (of the march alone, the least of its repeats) and ``key``.
         """
         import pandas as pd
 
         rows = self.rows()
-        numbers = [name for name in (*self.columns, "seconds") if rows and name in rows[0]]
+        numbers = [name for name in self.columns if rows and name in rows[0]]
         table = pd.DataFrame(rows, columns=list(rows[0]) if rows else None)
         for name in numbers:  # a column of nothing but None is one of numbers too
             if table[name].isna().all():
@@ -101,7 +114,7 @@ class Study:
                     "reason": reason or "",
                     "said_by": said_by or "",
                     "fragile": bool(fragile) if fragile is not None else None,
-                    **{name: measured.get(name) for name in columns},
+                    **{name: measured.get(name) for name in columns if name != "seconds"},
                     "seconds": seconds,
                     "key": key,
                 }
@@ -115,8 +128,8 @@ class Study:
 
     @property
     def complete(self) -> bool:
-        """Whether every run was made."""
-        return "waiting" not in self.counts
+        """Whether every run was made, and none was lost to the machine."""
+        return not {"waiting", LOST} & set(self.counts)
 
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return what is kept of a run's histories (`keep`); None where nothing is.
@@ -190,6 +203,7 @@ def study(
     progress: Progress | None = None,
     *,
     plugins: Sequence[str | Path] = (),
+    again: Sequence[str] = (),
 ) -> Study:
     """Make the runs of a study that are not made yet.
 
@@ -198,8 +212,9 @@ def study(
     path
         Of a study file; or the same as a mapping.
     out
-        File of the rows; by default the study's name with the ending ``.sqlite``, in the current folder. Runs that
-        it holds and that nothing changed for are not made again.
+        File of the rows; by default the study's name with the ending ``.sqlite``, in the current folder, and with some
+        letters more where that holds another study. Runs that it holds and that nothing changed for are not made
+        again, but for those that were lost to the machine.
     workers
         Number of processes; by default one a core. With 1 the runs are made in this process.
     scheduler
@@ -208,6 +223,8 @@ def study(
         Called with (rows there, rows in all).
     plugins
         Single-file plug-ins beside those that the cases name.
+    again
+        Statuses, as ``failed``, whose runs are made again although nothing changed for them.
 
     Returns
     -------
@@ -217,7 +234,8 @@ def study(
     Raises
     ------
     InputError
-        If the study, a case or a varied path is wrong; nothing was run then.
+        If the study, a case or a varied path is wrong, or `out` holds another study or is being written by another
+        process; nothing was run then.
     PluginError
         If one of `plugins` cannot be used.
     """
@@ -227,28 +245,120 @@ def study(
     expect_files("percuss.study", plugins)
     if workers is not None and workers < 1:
         raise InputError([Problem("--workers", "", f"expected a number of at least 1, found {workers}")])
+    unknown = [status for status in again if status not in AGAIN]
+    if unknown:
+        message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
+        raise InputError([Problem("--again", "", message, "Runs that were lost are always made again.")])
     spec = read_study(path, [Path(one) for one in plugins])
     jobs, bench = _planned(spec)
-    file = Path(out) if out is not None else Path(f"{spec.name}.sqlite")
-    known = Store(file).known() if file.exists() and file.stat().st_size else _nothing_at(file)
-    missing = list({job.key: job for job in jobs if job.key not in known}.values())
-    if missing:
-        _rehearse(spec, missing)
-    store = Store(file, new=True)
-    _begin(store, spec, jobs, _command(path, plugins))
-    done = Study(store.path)
-    done.found = sum(job.key in known for job in jobs)
-    if missing:
-        _make(bench, missing, store, workers, scheduler, _counted(progress, jobs, known))
+    with _claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
+        known = Store(file).known(again) if _holds_something(file) else set()
+        missing = list({job.key: job for job in jobs if job.key not in known}.values())
+        if missing:
+            _rehearse(spec, missing)
+        store = Store(file, new=True)
+        _begin(store, spec, jobs, _command(path, plugins), identity)
+        done = Study(store.path)
+        done.found = sum(job.key in known for job in jobs)
+        if missing:
+            _make(bench, missing, store, workers, scheduler, _counted(progress, jobs, known), spec)
     return done
 
 
-def _nothing_at(path: Path) -> set[str]:
-    """Return the keys that a file holds which is still to be made, if it can be made."""
-    attempt = replacing(path, path.suffix)
-    attempt.__enter__()
-    attempt.__exit__(OSError, None, None)
-    return set()
+def _holds_something(path: Path) -> bool:
+    return path.exists() and path.stat().st_size > 0
+
+
+@contextmanager
+def _claimed(
+    out: str | os.PathLike[str] | None, given: str | Path | Mapping[str, Any], spec: StudySpec, keys: set[str]
+) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Hold the file of a study against all other processes, once it is known to hold no other study.
+
+    Raises
+    ------
+    InputError
+        If it does, or another process writes to it.
+    """
+    refused: InputError | None = None
+    for file in [Path(out)] if out is not None else _default_files(given, spec.name):
+        identity = _identity(given, spec, file)
+        _expect_writable(file)
+        try:
+            with locked(file, {"study": identity}):
+                other = _other_study(file, identity, keys)
+                if other is None:
+                    yield file, identity
+                    return
+                refused = other
+        except BusyError as error:
+            holder = error.holder.get("study")
+            if out is not None or not isinstance(holder, dict) or _is_same(holder, identity):
+                raise
+            refused = error
+    if refused is None:
+        raise AssertionError("a study has no file and nothing says why")
+    raise refused
+
+
+def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Path]:
+    """Return the files that the rows of a study may be kept in, the first that is free or its own.
+
+    Studies of one name in several folders each have a file of their own: the second is called by its place too.
+    """
+    if isinstance(given, Mapping):
+        return [Path(f"{name}.sqlite")]
+    place = hashlib.sha256(str(Path(given).resolve()).encode()).hexdigest()[:6]
+    first, second = Path(f"{name}.sqlite"), Path(f"{name}-{place}.sqlite")
+    return [second] if second.exists() else [first, second]
+
+
+def _identity(given: str | Path | Mapping[str, Any], spec: StudySpec, out: Path) -> dict[str, Any]:
+    """Return what a study is known by: its file, by its place and by that as seen from `out`; without one, its title.
+
+    A study whose plan changes stays the same study, and so does one that moves together with its rows.
+    """
+    told = {"title": str(spec.data.get("title", "")), "cases": _listed(spec.data.get("cases", ()))}
+    if isinstance(given, Mapping):
+        return {"file": None, "beside": None, **told}
+    file = Path(given).resolve()
+    try:
+        beside = os.path.relpath(file, out.resolve().parent)
+    except ValueError:  # on another drive
+        beside = None
+    return {"file": str(file), "beside": beside, **told}
+
+
+def _is_same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two identities are of one study."""
+    if one.get("file") is None or other.get("file") is None:
+        return all(one.get(name) == other.get(name) for name in ("file", "title", "cases"))
+    return any(one.get(name) is not None and one.get(name) == other.get(name) for name in ("file", "beside"))
+
+
+def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> InputError | None:
+    """Return what to say where a file holds another study; None where it does not."""
+    if not _holds_something(file):
+        return None
+    store = Store(file)
+    held = store.fact("study")
+    if held is None or _is_same(held, identity) or store.planned() == keys:
+        return None
+    message = f"holds another study: {_named(held)}; this is {_named(identity)}"
+    return InputError([Problem(str(file), "", message, "Name another file with -o, or remove this one.")])
+
+
+def _named(identity: Mapping[str, Any]) -> str:
+    title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
+    return f"{title} of {identity.get('file') or 'a mapping'}"
+
+
+def _expect_writable(path: Path) -> None:
+    """Raise InputError where a file is still to be made, and cannot be."""
+    if not _holds_something(path):
+        attempt = replacing(path, path.suffix)
+        attempt.__enter__()
+        attempt.__exit__(OSError, None, None)
 
 
 def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
@@ -261,7 +371,7 @@ def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
 
     points = combinations(spec.vary, spec.paired, spec.sample)
     check_points(spec, points)
-    keys = Keys(spec.columns, nudge=spec.nudge, histories=spec.histories)
+    keys = Keys(spec.columns, nudge=spec.nudge, histories=spec.histories, repeats=spec.repeats)
     jobs = []
     for label, case in spec.cases.items():
         for task in tasks(label, case, spec.integrators, spec.contacts, points, tied=spec.tied):
@@ -270,7 +380,9 @@ def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
                 jobs.append(Job(keys.of(label, case, task), task))
     if not jobs:
         raise InputError([spec.source.problem(("where",), "leaves no run to be made", "Loosen a condition.")])
-    return jobs, packed(spec.cases, spec.columns, nudge=spec.nudge, histories=spec.histories)
+    return jobs, packed(
+        spec.cases, spec.columns, keys, nudge=spec.nudge, histories=spec.histories, repeats=spec.repeats
+    )
 
 
 def _rehearse(spec: StudySpec, missing: Sequence[Job]) -> None:
@@ -293,7 +405,9 @@ def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path
     return shlex.join(["percuss", "study", str(given), *(word for one in plugins for word in ("--plugin", str(one)))])
 
 
-def _begin(store: Store, spec: StudySpec, jobs: Sequence[Job], command: str | None) -> None:
+def _begin(
+    store: Store, spec: StudySpec, jobs: Sequence[Job], command: str | None, identity: Mapping[str, Any]
+) -> None:
     """Write down what the study is and who runs it."""
     files = {
         str(path): source.version
@@ -302,7 +416,7 @@ def _begin(store: Store, spec: StudySpec, jobs: Sequence[Job], command: str | No
         for source in case.registry.sources.values()
         if source.file == str(path)
     }
-    facts = {"spec": _listed(spec.data), "columns": {one.name: one.what for one in spec.columns}}
+    facts = {"study": identity, "spec": _listed(spec.data), "columns": {one.name: one.what for one in spec.columns}}
     plan = (
         (
             job.key,
@@ -346,12 +460,16 @@ def _make(
     workers: int | None,
     scheduler: str | None,
     count: Callable[[Sequence[Record]], None],
+    spec: StudySpec,
 ) -> None:
     """Make runs and keep them batch by batch, until all are made or Ctrl-C."""
     from percuss.interrupt import interruptible
     from percuss.workers import run_here, run_local
 
+    tasks = {job.key: job.task for job in jobs}
+
     def keep(records: Sequence[Record]) -> None:
+        records = [_judged(record, tasks[record.key], spec) for record in records]
         if records:
             store.add(records)
             count(records)
@@ -369,6 +487,18 @@ def _make(
             run_here(bench, jobs, keep, stop)
         else:
             run_local(bench, jobs, number, keep, stop)
+
+
+def _judged(record: Record, task: Task, spec: StudySpec) -> Record:
+    """Return a record as it is to be kept: a case that can be read here and could not be there was lost, not wrong."""
+    if not record.unread:
+        return record
+    try:
+        spec.cases[task.case].with_overrides(task.changes)
+    except InputError:
+        return record
+    reason = f"the process that was to make the run cannot read the case: {record.reason}"
+    return dataclasses.replace(record, status=LOST, reason=reason)
 
 
 def _cores() -> int:

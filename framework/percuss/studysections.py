@@ -122,4 +122,8 @@ class StudySection:
     where: Annotated[Any, Items(Condition), Doc("conditions that every run meets")] = ()
     tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
     nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer hang on round-off?")] = False
+    repeats: (
+        Annotated[int, Ge(1), Le(1000), Unit("1"), Doc("how often each march is made, the least time counts; null: 5")]
+        | None
+    ) = None
     keep: Annotated[Any, Part(KeepSection), Doc("what is kept of each run beside its row")] = ()

@@ -31,6 +31,7 @@ from percuss.yamltext import KeyPath, flow
 __all__ = ["StudySpec", "read_study"]
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
+COST = "node_steps"
 WHO = ("case", "integrator", "contact")  # columns of every row, beside the varied paths
 
 
@@ -56,7 +57,7 @@ class StudySpec:
         What is measured.
     where
         Conditions that every run meets.
-    tied, nudge, histories
+    tied, nudge, histories, repeats
         As in the file.
     data
         The plain mapping behind it.
@@ -74,6 +75,7 @@ class StudySpec:
     tied: bool
     nudge: bool
     histories: int
+    repeats: int | None
     data: Mapping[str, Any]
     source: Source
 
@@ -153,6 +155,7 @@ class _StudyReader:
             tied=top.tied,
             nudge=top.nudge,
             histories=keep.histories if keep else 0,
+            repeats=top.repeats,
             data=data,
             source=self.source,
         )
@@ -334,7 +337,10 @@ class _StudyReader:
                 self.reader.wrong(("measure", i), f"the name '{made.name}' is taken by another measure", "Rename it.")
             elif made is not None:
                 out[made.name] = made
-        return tuple(out.values()) or tuple(named(name) for name in METRICS)
+        if not out:
+            return tuple(named(name) for name in METRICS)
+        # the one cost that does not depend on the machine belongs to every row
+        return tuple({**out, COST: named(COST)}.values())
 
     def column(self, at: KeyPath, one: Any, cases: dict[str, Case]) -> Column | None:
         """Return one column, or None where it is wrong."""

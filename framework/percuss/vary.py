@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
 from percuss.errors import InputError, Problem
+from percuss.tables import NOT_FINITE, NUMBER
 
+WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
 MOST = 1_000_000
 GRAMMAR = "write values as 1,2,5, a range as 0:1:11, a logarithmic range as 0.01:100:log:30"
 
@@ -70,12 +73,11 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
 
 
 def _number(text: str) -> Any:
-    for kind in (int, float):
-        try:
-            return kind(text.strip())
-        except ValueError:
-            continue
-    return text.strip()
+    """Return the number that a text is, as strictly as tables are read; any other text as it stands."""
+    text = text.strip()
+    if WHOLE.fullmatch(text):
+        return int(text)
+    return float(text) if NUMBER.fullmatch(text) or NOT_FINITE.fullmatch(text) else text
 
 
 def _wrong(place: str, message: str) -> InputError:

@@ -21,7 +21,8 @@ from typing import Any
 from percuss.bench import Bench, Interrupted, Job
 from percuss.errors import RunError
 from percuss.records import Record
-from percuss.store import LOST
+from percuss.store import WORKER
+from percuss.tasks import LOST
 
 __all__ = ["Batches", "run_here", "run_local"]
 
@@ -59,7 +60,7 @@ class Batches:
         """Learn from a batch, and have what it left over wait in front."""
         keys = {one.key for one in made}
         self.waiting.extendleft(job for job in reversed(jobs) if job.key not in keys)
-        times = [one.seconds for one in made if one.seconds is not None]
+        times = [one.wall for one in made if one.wall is not None]
         if times:
             mean = sum(times) / len(times)
             self.seconds = mean if self.seconds is None else 0.5 * (self.seconds + mean)
@@ -191,7 +192,7 @@ class _Lost:
                     reason = (
                         f"its worker process died {STRIKES} times; the next time the study is run it is tried again"
                     )
-                    given_up.append(Record(job.key, "failed", reason, LOST))
+                    given_up.append(Record(job.key, LOST, reason, WORKER))
         self.batches = []
         return given_up
 

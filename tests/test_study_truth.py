@@ -1,0 +1,548 @@
+"""A study never shows a number that is not that of its plan: keys, files, failures, costs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import percuss
+from percuss import bench as benches
+from percuss import tasks
+from percuss.errors import InputError
+from percuss.filelock import locked
+from percuss.tasks import blamed
+from strategies import hunek
+
+ROOT = Path(__file__).parent.parent
+
+# ------------------------------------------------------------------------------- what can change a number is in the key
+
+UTIL = "SOFT = {soft}\n"
+LAW = """\
+from dataclasses import dataclass
+from percuss import ContactLaw
+from percuss.contracts import Rows
+from {util} import SOFT
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    '''A law of mine.'''
+
+    name = "mine"
+    summary = "Mine"
+
+    def bind(self, points, dt):
+        return Rows("explicit", 1.0 / (SOFT * points.stiffness))
+"""
+LOAD = """\
+from dataclasses import dataclass
+from importlib.resources import files
+import numpy as np
+from percuss import Load
+
+
+@dataclass(frozen=True)
+class Push(Load):
+    '''A load that is as large as a file says.'''
+
+    name = "push"
+    summary = "Push"
+
+    def amplitude(self, t):
+        return np.full_like(t, float((files(__package__) / "size.txt").read_text()))
+"""
+SHAPE = """\
+from dataclasses import dataclass
+from typing import Annotated
+import numpy as np
+from percuss import Mesh, Region, Shape
+from percuss.contracts import Gt, Unit
+from importlib import import_module
+
+
+@dataclass(frozen=True)
+class Rod(Shape):
+    '''A bar of a length that a module says, which is imported by its name.'''
+
+    name = "rod"
+    summary = "Rod"
+    regions = ("left", "right")
+
+    elements: Annotated[int, Gt(0), Unit("1")] = 4
+
+    def dimension(self):
+        return None
+
+    def mesh(self, at, refine):
+        n = self.elements * refine
+        lengths = np.full(n, import_module("their_lengths").LENGTH / n)
+        direction = np.eye(at.size)[0]
+        x = np.append(0.0, np.cumsum(lengths))
+        x[-1] = 10.0
+        regions = {"left": Region((0,), -direction), "right": Region((n,), direction)}
+        return Mesh(nodes=at + x[:, None] * direction, lengths=lengths, direction=direction, regions=regions)
+"""
+HOOKS = """\
+from percuss import hookimpl
+from theirs.laws.mine import Mine
+from theirs.push import Push
+from theirs.rod import Rod
+
+
+@hookimpl
+def percuss_contacts():
+    return [Mine]
+
+
+@hookimpl
+def percuss_loads():
+    return [Push]
+
+
+@hookimpl
+def percuss_shapes():
+    return [Rod]
+"""
+RUN = """
+import json, sys, percuss
+study = percuss.study("study.yaml", "a.sqlite", workers=1)
+rows = study.rows()
+print(json.dumps([study.found, [row["status"] for row in rows], [row["impulse"] for row in rows]]))
+"""
+
+
+def editable(folder):
+    """Write a package outside the folders of installations, as an editable one is, and a study that uses it."""
+    package = folder / "src" / "theirs"
+    (package / "laws").mkdir(parents=True)
+    (package / "__init__.py").write_text(HOOKS)
+    (package / "laws" / "__init__.py").write_text("")
+    (package / "laws" / "mine.py").write_text(LAW.format(util="theirs.laws.util"))
+    (package / "laws" / "util.py").write_text("from theirs_elsewhere import SOFT\n")
+    (folder / "src" / "theirs_elsewhere.py").write_text(UTIL.format(soft=1.0))
+    (folder / "src" / "their_lengths.py").write_text("LENGTH = 10.0\n")
+    (package / "push.py").write_text(LOAD)
+    (package / "size.txt").write_text("0.001")
+    (package / "rod.py").write_text(SHAPE)
+    info = folder / "src" / "theirs-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[percuss]\nmethods = theirs\n")
+    case = hunek(4, contact="mine", integrator="central-difference", end=0.4)
+    (folder / "pulse.csv").write_text("0,0\n1,0.002\n")
+    case["loads"] = {
+        "push": {"push": {}, "on": "short.left"},
+        "pulse": {"table": {"file": "pulse.csv"}, "on": "short.left"},
+    }
+    case["bodies"]["short"]["rod"] = {"elements": 4}
+    del case["bodies"]["short"]["bar"]
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
+    study = {"percuss-study": 1, "cases": ["case.yaml"], "methods": {"contacts": ["mine", "lagrange"]}, "repeats": 1}
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    return package
+
+
+def run(folder, **environment):
+    """Run the study in a process of its own; return how many rows were there, their statuses, and their impulses."""
+    given = {**os.environ, "PYTHONPATH": str(folder / "src"), "NUMBA_DISABLE_JIT": "1", **environment}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], cwd=folder, capture_output=True, text=True, check=False, env=given
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_an_edit_of_whatever_a_number_hangs_on_makes_the_row_again(tmp_path):
+    package = editable(tmp_path)
+    found, statuses, first = run(tmp_path)
+    assert (found, statuses) == (0, ["done", "done"])
+    edits = [
+        (tmp_path / "src" / "theirs_elsewhere.py", UTIL.format(soft=0.5), 1),  # of the law alone, and two modules away
+        (package / "size.txt", "0.003", 0),  # data of the load
+        (tmp_path / "pulse.csv", "0,0\n1,0.005\n", 0),
+        (tmp_path / "src" / "their_lengths.py", "LENGTH = 9.9\n", 0),  # of the shape, imported when it is asked
+    ]
+    for file, text, left in edits:
+        file.write_text(text)
+        found, statuses, impulses = run(tmp_path)
+        assert (found, statuses) == (left, ["done", "done"]), file
+        assert impulses[0] != first[0]
+        first = impulses
+    assert run(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))[0] == 2  # changes no number
+    assert run(tmp_path, NUMBA_ENABLE_AVX="0")[0] == 0
+    (tmp_path / "a.sqlite").unlink()
+    assert run(tmp_path)[2] == first  # a fresh run says the same
+
+
+def test_a_module_that_is_edited_while_a_process_has_it_is_told(tmp_path):
+    """Python imports a module once: the row of the new source would get the numbers of the old one."""
+    editable(tmp_path)
+    edit = """
+import pathlib
+percuss.study("study.yaml", "a.sqlite", workers=1)
+file = pathlib.Path("src/theirs_elsewhere.py")
+file.write_text("SOFT = 0.5\\n")
+try:
+    percuss.study("study.yaml", "a.sqlite", workers=1)
+except percuss.InputError as error:
+    print(error)
+"""
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "src"), "NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, "-c", "import percuss\n" + edit]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, env=environment)
+    assert "theirs_elsewhere.py: was edited after this process imported it" in done.stdout
+    assert "Start Python anew" in done.stdout
+
+
+def test_a_data_file_that_a_single_file_reads_counts(tmp_path):
+    law = LAW.replace("from {util} import SOFT", "from pathlib import Path").replace("SOFT", "SIZE")
+    place = "\nSIZE = float(Path(__file__).with_name('size.txt').read_text())\n\n\n@dataclass"
+    (tmp_path / "mine.py").write_text(law.replace("\n\n@dataclass", place, 1))
+    (tmp_path / "size.txt").write_text("1.0")
+    study = {"percuss-study": 1, "cases": [str(write_case(tmp_path, contact="mine"))], "repeats": 1}
+    files = [tmp_path / "mine.py"]
+    first = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=files)
+    assert first.counts == {"done": 1}, first.table.reason[0]
+    peak = first.table.peak_force[0]
+    (tmp_path / "size.txt").write_text("0.5")
+    again = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=files)
+    assert again.found == 0
+    assert abs(again.table.peak_force[0] - peak) > 0.01
+
+
+def test_versions_and_own_sources_in_all_folders_count(monkeypatch):
+    from percuss import sourcedigest
+
+    folder = Path(sourcedigest.__file__).parent
+    read = []
+    real = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path) or real(path))
+    sourcedigest.own_digest()
+    assert {one for one in folder.rglob("*.py") if one.is_file()} <= set(read)
+    assert {"python", "numpy", "numba", "scipy"} <= set(sourcedigest.surroundings())
+
+
+def write_case(folder, name="case.yaml", contact=None, **more):
+    case = {**hunek(4, integrator="central-difference", contact=contact, end=0.4), **more}
+    if contact == "mine":
+        case["plugins"] = []
+    path = folder / name
+    path.write_text(yaml.safe_dump(case))
+    return path
+
+
+def given(folder, **more):
+    if not (folder / "case.yaml").exists():
+        write_case(folder)
+    return {"percuss-study": 1, "title": "small", "cases": [str(folder / "case.yaml")], "repeats": 1, **more}
+
+
+def written(folder, name="study.yaml", **more):
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(yaml.safe_dump(given(folder if folder.exists() else path.parent, **more)))
+    return path
+
+
+# ------------------------------------------------------------------------------------------- one file is of one study
+
+
+def test_a_file_of_another_study_is_refused_and_left_as_it_is(tmp_path):
+    one = written(tmp_path, "one.yaml", title="One", vary={"time.courant": [0.3, 0.4]})
+    other = written(tmp_path, "other.yaml", title="Other", vary={"time.courant": [0.5]})
+    out = tmp_path / "a.sqlite"
+    percuss.study(one, out, workers=1)
+    before = percuss.open_study(out).table
+    with pytest.raises(InputError, match=r"holds another study: 'One' of .*one\.yaml; this is 'Other' of") as caught:
+        percuss.study(other, out, workers=1)
+    assert "Name another file with -o, or remove this one." in str(caught.value)
+    assert percuss.open_study(out).table.equals(before)
+    assert not (tmp_path / "a.sqlite.lock").exists()
+    with pytest.raises(InputError, match="holds another study"):
+        percuss.study({**given(tmp_path), "title": "Mapping"}, out, workers=1)
+    # the same file with another plan goes on, also under another title
+    written(tmp_path, "one.yaml", title="One, longer", vary={"time.courant": [0.3, 0.4, 0.5]})
+    assert percuss.study(one, out, workers=1).found == 2
+
+
+def test_a_study_that_moves_together_with_its_rows_is_the_same(tmp_path):
+    (tmp_path / "here").mkdir()
+    one = written(tmp_path / "here", vary={"time.courant": [0.3, 0.4]})
+    percuss.study(one, tmp_path / "here" / "a.sqlite", workers=1)
+    (tmp_path / "here").rename(tmp_path / "there")
+    case = tmp_path / "there" / "case.yaml"
+    moved = written(tmp_path / "there", cases=[str(case)], vary={"time.courant": [0.3, 0.4, 0.5]})
+    assert percuss.study(moved, tmp_path / "there" / "a.sqlite", workers=1).found == 2
+
+
+def test_default_names_do_not_collide(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_case(tmp_path)
+    places = ["study.yaml", "study.yml", "a/study.yaml", "b/study.yaml"]
+    counts = {}
+    for n, place in enumerate(places, start=1):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        text = given(tmp_path, title=place, vary={"time.courant": [0.1 * k for k in range(1, n + 1)]})
+        (tmp_path / place).write_text(yaml.safe_dump(text))
+        counts[place] = percuss.study(place, workers=1).path
+    assert len(set(counts.values())) == len(places)
+    assert counts["study.yaml"] == Path("study.sqlite")
+    for n, place in enumerate(places, start=1):
+        again = percuss.study(place, workers=1)
+        assert (again.path, again.found, again.title) == (counts[place], n, place)
+
+
+def test_two_at_once_are_refused_and_a_dead_one_is_no_obstacle(tmp_path):
+    file, out = written(tmp_path), tmp_path / "a.sqlite"
+    holds = (
+        "import sys, time, pathlib\nfrom percuss.filelock import locked\n"
+        "with locked(pathlib.Path(sys.argv[1]), {}):\n    print('held', flush=True)\n    time.sleep(60)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", holds, str(out)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "held\n"
+    command = [sys.executable, "-m", "percuss", "study", str(file), "-o", str(out), "--workers", "1"]
+    refused = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert refused.returncode == 2
+    assert f"is being written by process {process.pid} on " in refused.stderr
+    assert "Traceback" not in refused.stderr
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    assert (tmp_path / "a.sqlite.lock").exists()
+    assert percuss.study(file, out, workers=1).counts == {"done": 1}
+    assert not (tmp_path / "a.sqlite.lock").exists()
+
+
+def test_of_many_threads_one_at_a_time_holds_a_lock(tmp_path):
+    inside, most, refused = [0], [0], [0]
+
+    def work():
+        for _ in range(50):
+            try:
+                with locked(tmp_path / "a", {}):
+                    inside[0] += 1
+                    most[0] = max(most[0], inside[0])
+                    time.sleep(0.0005)
+                    inside[0] -= 1
+            except InputError:
+                refused[0] += 1
+
+    threads = [threading.Thread(target=work) for _ in range(6)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert most == [1]
+    assert refused[0] > 0
+
+
+# ------------------------------------------------------------------------------------- failures that are not a method's
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError("no"), FileNotFoundError("gone"), ImportError("no module"), RuntimeError("of percuss")]
+)
+def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, error):
+    out = tmp_path / "a.sqlite"
+    study = given(tmp_path, vary={"time.courant": [0.3, 0.4]})
+    real = tasks.timed_run
+
+    def fails(case, **options):
+        if case.time.courant == 0.4:
+            raise error
+        return real(case, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(tasks, "timed_run", fails)
+        first = percuss.study(study, out, workers=1)
+    assert first.counts == {"done": 1, "lost": 1}
+    assert not first.complete
+    assert type(error).__name__ in first.table.reason[1]
+    again = percuss.study(study, out, workers=1)
+    assert (again.found, again.counts) == (1, {"done": 2})
+    assert again.complete
+
+
+def test_a_plug_ins_own_error_is_kept_and_made_again_when_asked_for(tmp_path):
+    law = LAW.replace("from {util} import SOFT\n", "SOFT = 1.0\n")
+    file = tmp_path / "mine.py"
+    file.write_text(law.replace("return Rows", "{}['nothing']\n        return Rows"))
+    study = given(tmp_path, methods={"contacts": ["mine", "penalty"]})
+    first = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file])
+    assert first.counts == {"failed": 1, "done": 1}
+    assert percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file]).found == 2
+    again = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file], again=["failed"])
+    assert (again.found, again.counts) == (1, {"failed": 1, "done": 1})
+    with pytest.raises(InputError, match="--again: expected one of failed, unstable, refused, done, found 'faild'"):
+        percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file], again=["faild"])
+
+
+def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apart(tmp_path, monkeypatch):
+    out = tmp_path / "a.sqlite"
+    study = given(tmp_path, methods={"contacts": ["penalty", "lagrange"]})
+    for what, said in (
+        ({"contacts/lagrange": "0" * 64}, "the sources of contacts/lagrange are others here"),
+        ({"contacts/theirs": "0" * 64}, "contacts/theirs is not installed here"),
+    ):
+        real = benches.packed
+
+        def packed(cases, columns, keys, real=real, what=what, **options):
+            keys.components["case"] = {**keys.components["case"], **what}
+            return real(cases, columns, keys, **options)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(benches, "packed", packed)
+            made = percuss.study(study, out, workers=1)
+        assert made.counts == {"lost": 2}
+        assert said in made.table.reason[0]
+    assert percuss.study(study, out, workers=1).counts == {"done": 2}
+
+
+def test_memory_that_another_machine_may_have_is_no_failure_of_a_method(tmp_path, monkeypatch):
+    from percuss import limits
+
+    study = given(tmp_path, vary={"time.end": [0.4, 4000.0]})
+    with monkeypatch.context() as patched:
+        patched.setattr(limits, "memory", lambda: 2**21)
+        made = percuss.study(study, tmp_path / "a.sqlite", workers=1)
+    assert list(made.table.status) == ["done", "lost"]
+    assert "expected records that fit into memory" in made.table.reason[1]
+
+
+def test_who_is_to_blame():
+    registry = percuss.load(hunek(4)).registry
+    law = registry.get("contacts", "penalty")
+    with pytest.raises(AttributeError) as caught:  # raised by the code of a plug-in
+        law().bind(None, 1.0)
+    assert blamed(caught.value, registry)[0] == "failed"
+    with pytest.raises(ZeroDivisionError) as caught:  # raised by no plug-in's
+        1 / 0  # noqa: B018
+    assert blamed(caught.value, registry)[0] == "lost"
+
+
+# -------------------------------------------------------------------------------------------------- what a row costs
+
+
+def test_the_cost_of_a_row_is_its_march(tmp_path):
+    study = given(tmp_path, vary={"refine": [1, 2]}, measure=["steps", "seconds.total"], repeats=3)
+    table = percuss.study(study, tmp_path / "a.sqlite", workers=1).table
+    assert list(table.node_steps) == [steps * n for steps, n in zip(table.steps, (14, 26), strict=True)]
+    assert (table.seconds < 0.5 * table["seconds.total"]).all()
+    processors = percuss.open_study(tmp_path / "a.sqlite").provenance["processors"]
+    assert list(processors.values()) == [2]
+
+
+def test_the_least_of_the_repeats_counts(monkeypatch):
+    from percuss import runner
+    from percuss.march import March
+
+    times = iter([0.5, 0.2, 0.3, 0.9])
+    real, made = March.run, []
+
+    def run(self, *args, **options):
+        outcome = real(self, *args, **options)
+        outcome.seconds["march"] = next(times)
+        made.append(outcome)
+        return outcome
+
+    monkeypatch.setattr(March, "run", run)
+    case = percuss.load(hunek(4, end=0.1))
+    result = runner.timed_run(case, repeats=4)
+    assert result.summary["seconds"]["march"] == 0.2
+    assert len(made) == 4
+    assert all(np.array_equal(one.record.gap, made[0].record.gap) for one in made)
+
+
+def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
+    from percuss import runner
+    from percuss.march import March
+
+    real, made = March.run, []
+
+    def run(self, *args, **options):
+        outcome = real(self, *args, **options)
+        made.append(outcome)
+        if len(made) == 2:
+            outcome.status = "interrupted"
+        return outcome
+
+    monkeypatch.setattr(March, "run", run)
+    assert runner.timed_run(percuss.load(hunek(4, end=0.1)), repeats=5).status == "interrupted"
+    assert len(made) == 2
+
+
+COMPILES = """
+import json, sys, percuss
+from percuss.tasks import perform, tasks
+case = percuss.load(json.loads(sys.argv[1]))
+(twin,) = [task for task in tasks("", case, {}, {}, [{}], tied=True) if task.tied]
+rows = [perform(case, twin)[0] for _ in range(2)]
+print(json.dumps([row.result.summary["seconds"] for row in rows]))
+"""
+
+
+def test_compiling_is_counted_wherever_it_happens(tmp_path):
+    """A tied twin compiles within its certificate."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    case = hunek(4, integrator="central-difference", end=0.3)
+    command = [sys.executable, "-c", COMPILES, json.dumps(case)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    cold, warm = json.loads(done.stdout)
+    assert cold["compile"] > 1.0
+    assert cold["compile"] > 0.5 * cold["total"]
+    assert warm["compile"] < 0.2 * cold["compile"]
+    for seconds in (cold, warm):
+        parts = sum(seconds[name] for name in ("build", "certificate", "march", "exact", "compile"))
+        assert parts <= seconds["total"] * 1.001
+    assert cold["certificate"] < 0.5 * cold["compile"]
+
+
+# -------------------------------------------------------------------------------- options that a method does not have
+
+
+def test_a_law_without_the_varied_option_runs_once(tmp_path):
+    study = given(
+        tmp_path,
+        methods={"contacts": ["penalty", "bipenalty", "lagrange"]},
+        vary={"method.contact.beta_s": [0.1, 0.2], "method.contact.ratio": [1, 2, 3], "refine": [1, 2]},
+        tied=True,
+    )
+    table = percuss.study(study, tmp_path / "a.sqlite", workers=1).table
+    assert set(table.status) == {"done"}
+    assert dict(table.contact.value_counts()) == {"bipenalty": 12, "penalty": 4, "lagrange": 2, "tied": 2}
+    lagrange, penalty = (table[table.contact == name] for name in ("lagrange", "penalty"))
+    assert lagrange["method.contact.beta_s"].isna().all()
+    assert penalty["method.contact.ratio"].isna().all()
+    assert sorted(zip(penalty["method.contact.beta_s"], penalty.refine, strict=True)) == [
+        (0.1, 1), (0.1, 2), (0.2, 1), (0.2, 2),
+    ]  # fmt: skip
+    assert len(set(table.key)) == len(table)
+
+
+def test_options_of_different_laws_are_varied_together(tmp_path):
+    """Penalty has no ratio, and lagrange has none of the two: no pair has all that is varied."""
+    methods = {"contacts": ["penalty", "lagrange"]}
+    study = given(tmp_path, methods=methods, vary={"method.contact.beta_s": [0.1, 0.2]})
+    assert len(percuss.study(study, tmp_path / "a.sqlite", workers=1).table) == 3
+    with pytest.raises(InputError, match="unknown key 'ratio'"):
+        percuss.study({**study, "vary": {"method.contact.ratio": [1, 2]}}, tmp_path / "b.sqlite", workers=1)
+
+
+def test_a_comparison_runs_such_a_law_once_too(tmp_path):
+    case = percuss.load(hunek(4, integrator="central-difference", end=0.3))
+    rows = percuss.compare(case, [], ["penalty", "lagrange"], {"method.contact.beta_s": [0.1, 0.2]})
+    assert [(row.contact, dict(row.varied), row.status) for row in rows] == [
+        ("penalty", {"method.contact.beta_s": 0.1}, "done"),
+        ("penalty", {"method.contact.beta_s": 0.2}, "done"),
+        ("lagrange", {}, "done"),
+    ]
+    with pytest.raises(InputError, match="unknown key 'ratoi'"):
+        percuss.compare(case, [], ["penalty", "lagrange"], {"method.contact.ratoi": [1]})

@@ -1,0 +1,92 @@
+"""Numbers from CSV files: what is no number is an error with its place, and no line is ever left out in silence."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from percuss import vary
+from percuss.tables import read_table
+from strategies import hunek
+
+VALUES = st.floats(allow_nan=False, allow_infinity=False)
+TABLES = st.integers(1, 3).flatmap(
+    lambda width: st.lists(st.lists(VALUES, min_size=width, max_size=width), min_size=1, max_size=5)
+)
+
+
+def written(folder, rows, separator=","):
+    (folder / "pulse.csv").write_text("\n".join(separator.join(map(repr, row)) for row in rows), encoding="utf-8")
+    return "pulse.csv"
+
+
+@given(rows=TABLES, separator=st.sampled_from([",", ";", ", ", " ;\t"]), header=st.sampled_from(["", "t [s]{0}f\n"]))
+def test_a_table_is_read_as_it_was_written(tmp_path_factory, rows, separator, header):
+    folder = tmp_path_factory.mktemp("table")
+    file = written(folder, rows, separator)
+    if header:
+        text = (folder / file).read_text(encoding="utf-8")
+        (folder / file).write_text(header.format(separator.strip()) + text, encoding="utf-8")
+    assert read_table(file, folder).table.T.tolist() == rows
+
+
+@given(data=st.data(), rows=TABLES)
+def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, rows):
+    """Also in the first line, which is no header as soon as one field of it begins as a number does."""
+    folder = tmp_path_factory.mktemp("table")
+    file = written(folder, rows)
+    lines = (folder / file).read_text(encoding="utf-8").split("\n")
+    line = data.draw(st.integers(0, len(lines) - 1))
+    fields = lines[line].split(",")
+    field = data.draw(st.integers(0, len(fields) - 1))
+    after = data.draw(st.integers(len(fields[field]) - len(fields[field].lstrip("-")) + 1, len(fields[field])))
+    wrong = data.draw(st.sampled_from(["_", "O", "l", " ", "\u0663", "'", "\x0c", "_0", "d1"]))
+    if wrong == " " and after == len(fields[field]):
+        wrong = "x"  # blanks at the end of a field are none of its number
+    fields[field] = fields[field][:after] + wrong + fields[field][after:]
+    lines[line] = ",".join(fields)
+    (folder / file).write_text("\n".join(lines), encoding="utf-8")
+    column = 1 + sum(len(one) + 1 for one in fields[:field])
+    with pytest.raises(ValueError, match=re.escape(f"pulse.csv:{line + 1}:{column}: expected a number")):
+        read_table(file, folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0,1O\n1,2\n", "pulse.csv:1:3: expected a number as 1.5 or 2e-3, found '1O'"),
+        ("time, 0\n1,2\n", "pulse.csv:1:1: expected a number as 1.5 or 2e-3, found 'time'"),
+        ("# seconds, newtons\ntime,force\n0,1_0\n", "pulse.csv:3:3: expected a number"),
+        ("nan,inf\n1,2\n", "pulse.csv:1:1: expected a finite number, found 'nan'"),
+        ("0,1\n1,1e999\n", "pulse.csv:2:3: expected a finite number, found '1e999', which is too large"),
+        ("0,5;1,0\n1;2\n", "pulse.csv:1:1: expected a number as 1.5 or 2e-3, found '0,5'"),
+        ("0,1\n1,\n", "pulse.csv:2:3: expected a number as 1.5 or 2e-3, found nothing"),
+        ("0,1\n1\n", "pulse.csv:2:1: expected 2 columns as above, found 1"),
+        ("time,force\ns,N\n0,1\n", "pulse.csv:2:1: expected a number as 1.5 or 2e-3, found 's'"),
+        ("time,force\n", "pulse.csv holds no numbers"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_told_with_its_place(text, said, tmp_path):
+    (tmp_path / "pulse.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_table("pulse.csv", tmp_path)
+
+
+def test_the_command_line_says_so(tmp_path):
+    (tmp_path / "pulse.csv").write_text("0,1O\n1,2\n2,3\n", encoding="utf-8")
+    case = {**hunek(4, end=0.1), "loads": {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case), encoding="utf-8")
+    command = [sys.executable, "-m", "percuss", "check", "case.yaml"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "pulse.csv:1:3: expected a number as 1.5 or 2e-3, found '1O'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("text", ["1_0", "\u0661", "1 0"])
+def test_varied_values_are_read_as_strictly(text):
+    assert vary.values(f"{text},2") == [text, 2]
