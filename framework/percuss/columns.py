@@ -35,6 +35,7 @@ METRICS = {
     "noise": "total variation of the force over that of the exact force, both averaged over each step" + _EXACT,
     "overshoot": "peak force over the exact peak, averaged over each step, less one" + _EXACT,
     "steps": "number of steps",
+    "node_steps": "number of steps times number of nodes; the stages of a step are not counted apart",
 }
 
 
@@ -229,6 +230,7 @@ _METRIC: dict[str, Callable[[Mapping[str, Any]], Any]] = {
     "ledger_error": lambda s: s["energy"]["ledger_error"],
     "energy_growth": lambda s: _growth(s["energy_growth"]),
     "steps": lambda s: s["steps"],
+    "node_steps": lambda s: s["steps"] * s["nodes"],
 }
 
 

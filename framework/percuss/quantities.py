@@ -45,6 +45,7 @@ SUMMARY = (
     "energy_growth",
     "exact",
     "momentum",
+    "nodes",
     "seconds",
     "steps",
 )
