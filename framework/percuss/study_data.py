@@ -279,7 +279,7 @@ def is_log(values: Any) -> bool:
     steps = distinct[1:] / distinct[:-1]
     few = distinct.size <= DISTINCT
     multiples = few and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
-    return multiples or bool(distinct[-1] >= (FAR_FEW if few else FAR_MANY) * distinct[0])
+    return multiples or bool(distinct[-1] / (FAR_FEW if few else FAR_MANY) >= distinct[0])
 
 
 def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:

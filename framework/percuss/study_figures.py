@@ -181,6 +181,9 @@ def varied_figure(title: str, table: Any, known: Columns, path: str) -> Figure:
     ]
     notes += [f"medians are over the runs of {cases} cases together"] if cases > 1 else []
     lost = int((table["status"] != "done").sum())
+    measured = [study_data.numbers(table[name].where(table["status"] == "done")) for name in names]
+    if any(study_data.is_log(values) and study_data.lowest(values) > np.nanmin(values) for values in measured):
+        notes.append("on a logarithmic axis values below 1e-10 of the largest are drawn at its lower edge")
     notes += [f"{lost} of {len(table)} runs were lost: they are in no median"] if lost else []
     with drawing():
         from matplotlib.figure import Figure

@@ -27,7 +27,7 @@ for (let row = 0; row < page.rows; row++) {
 }
 const isDone = (row) => textAt(column.status, row) === "done";
 const isMade = (row) => textAt(column.status, row) !== "waiting";
-/** Rows that were added to a random sample as nothing beats them: they are in no median, which they would improve. */
+/** Rows that were added to those drawn as nothing beats them: they are in no median, which they would improve. */
 const added = new Set(page.added);
 /** Whether no run of a method has a varied value: its runs are the same at each value of it. */
 const lacks = (method, one) => (page.lacking[one.name] || []).includes(page.methods[method]);
