@@ -35,7 +35,7 @@ METRICS = {
     "noise": "total variation of the force over that of the exact force, both averaged over each step" + _EXACT,
     "overshoot": "peak force over the exact peak, averaged over each step, less one" + _EXACT,
     "steps": "number of steps",
-    "node_steps": "number of steps times number of nodes; the stages of a step are not counted apart",
+    "node_steps": "number of steps times number of nodes: the cost, whatever the machine; stages are not counted",
 }
 
 

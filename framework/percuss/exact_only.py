@@ -63,6 +63,7 @@ def run_exact(case: Case) -> Result:
         "status": "interrupted" if reason else "done",
         "stop": None,
         "steps": None,
+        "nodes": None,
         "dt": None,
         "end": solution.reached,
         "courant": None,

@@ -127,7 +127,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
         "status": outcome.status,
         "stop": outcome.stop or None,
         "steps": outcome.done,
-        "nodes": len(model.nodes),
+        "nodes": model.n_nodes,
         "dt": model.dt,
         "end": outcome.done * model.dt,
         "courant": model.courant,

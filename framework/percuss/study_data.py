@@ -35,8 +35,9 @@ MEASURES = {
     "steps": "steps",
     "seconds": "seconds of the whole row, with loading, compiling, certificate and exact solution",
 }
-# What a run costs, the cost that no machine can blur first. The seconds of the whole row are not a cost of the method.
-COSTS = ("node_steps", "seconds.march", "steps")
+# What a run costs, the cost that no machine can blur first. `seconds` is one where the study says that it is the march's.
+COSTS = ("node_steps", "seconds", "seconds.march", "steps")
+SECONDS_OF_MARCH = "seconds of the march alone"
 LESS_IS_BETTER = ("penetration", "ledger_error", "energy_growth")  # beside all measures with "error" in their names
 TRUE_ERRORS = ("force_error_l1", "force_error_l2", "impulse_error", "displacement_error")
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
@@ -57,6 +58,7 @@ SEED = 0
 # varied paths that choose the pair itself, and so belong to no problem
 CHOICES = ("method.integrator", "method.integrator.name", "method.contact", "method.contact.name")
 WAITING = "waiting"  # a run that is still to be made
+PENDING = (WAITING, "lost")  # runs of which nothing is known, as they are still to be made or to be made again
 FAR_FEW, FAR_MANY = 8, 30  # times the smallest: spread so far, distinct numbers are on a logarithmic axis
 ROUND_OFF = 1e-10  # of the largest: a logarithmic axis does not reach lower
 
@@ -94,10 +96,13 @@ class Columns:
         Paths of the varied values.
     measures
         What was measured, with the words for it; columns without any number are left out.
+    costs
+        Those of the measures that are costs.
     """
 
     varied: tuple[str, ...]
     measures: dict[str, str]
+    costs: tuple[str, ...]
 
 
 def columns(study: StudyLike) -> Columns:
@@ -113,7 +118,11 @@ def columns(study: StudyLike) -> Columns:
     more = [name for name in others if name not in varied and name not in MEASURES]
     numeric = [name for name in (*known, *more) if numbers(study.table[name]) is not None]
     measured = [name for name in numeric if np.isfinite(_as_floats(study.table[name])).any()]
-    return Columns(tuple(varied), {name: MEASURES.get(name, name.replace("_", " ")) for name in measured})
+    labels = {name: MEASURES.get(name, name.replace("_", " ")) for name in measured}
+    costs = [name for name in COSTS if name in labels and (name != "seconds" or "seconds" in told)]
+    if "seconds" in costs:
+        labels["seconds"] = SECONDS_OF_MARCH + (", the least of its repeats" if "seconds.march" in labels else "")
+    return Columns(tuple(varied), labels, tuple(costs))
 
 
 def words(study: StudyLike) -> dict[str, str]:
@@ -227,7 +236,7 @@ def best_runs(table: Any, known: Columns) -> Any:
     A run without a number for a measure takes no part in the ranking by it.
     """
     done = (table["status"] == "done").to_numpy()
-    costs = [numbers(table[name]) for name in COSTS if name in known.measures]
+    costs = [numbers(table[name]) for name in known.costs]
     errors = [numbers(table[name]) for name in ranking(known)]
     best = np.zeros(len(table), dtype=bool)
     for rows in _by_case_and_method(table, done):
@@ -562,7 +571,7 @@ def profile(table: Any, name: str, asked: Problems) -> Profile:
     """
     status = table["status"].to_numpy()[asked.rows]
     values = numbers(table[name])[asked.rows]
-    cost = np.where((status == "done") | (status == WAITING), values, np.inf)
+    cost = np.where(np.isin(status, PENDING), np.nan, np.where(status == "done", values, np.inf))
     with np.errstate(invalid="ignore"):
         good = ~np.isnan(cost).any(axis=1) & np.isfinite(cost).any(axis=1) & (cost >= 0).all(axis=1)
     cost = cost[good]

@@ -29,7 +29,7 @@ from percuss.figures import (
     wrapped,
     write,
 )
-from percuss.study_data import COSTS, Columns, StudyLike
+from percuss.study_data import Columns, StudyLike
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,11 +85,10 @@ def figures(study: StudyLike) -> Iterator[tuple[str, Figure]]:
     table = study.table[study.table["status"] != study_data.WAITING]
     done = table[table["status"] == "done"]
     error = next((name for name in SHOWN if name in study_data.ranking(known)), "")
-    costs = [name for name in COSTS if name in known.measures]
     cases = list(dict.fromkeys(study_data.texts(done["case"])))
-    if len(cases) < 2 or not error or not costs:
-        yield "work-precision", work_figure(study.title, done, known, error, [(cost, "") for cost in costs])
-    for n, cost in enumerate(costs if len(cases) > 1 and error else []):
+    if len(cases) < 2 or not error or not known.costs:
+        yield "work-precision", work_figure(study.title, done, known, error, [(cost, "") for cost in known.costs])
+    for n, cost in enumerate(known.costs if len(cases) > 1 and error else []):
         name = "work-precision" if n == 0 else f"work-precision-{_file_name(cost)}"
         yield name, work_figure(study.title, done, known, error, [(cost, case) for case in cases])
     for path in known.varied:

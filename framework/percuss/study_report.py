@@ -19,7 +19,7 @@ from percuss import study_data
 from percuss.figures import COLOURS, MORE_COLOURS, number, one_line
 from percuss.result import replacing
 from percuss.runner import plain
-from percuss.study_data import COSTS, Columns, StudyLike
+from percuss.study_data import Columns, StudyLike
 
 if TYPE_CHECKING:
     from percuss.registry import Registry
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 AGAIN = "study.yaml"
 MOST_REASONS = 100
 MOST_VALUES = 12  # of a varied value that are told one by one
-STATUSES = ("done", "unstable", "refused", "failed", "interrupted")
+STATUSES = ("done", "unstable", "refused", "failed", "interrupted", "lost")
 DOI = re.compile(r"\bdoi:?\s*(10\.\d{4,9}/[^\s,;]+)", re.IGNORECASE)
 
 
@@ -113,7 +113,7 @@ def payload(study: StudyLike, known: Columns) -> dict[str, Any]:
         "methods": list(dict.fromkeys(every)),
         "colours": [*COLOURS, *MORE_COLOURS],
         "references": study_data.references(study.table),
-        "costs": [name for name in COSTS if name in known.measures],
+        "costs": list(known.costs),
         "ranked": study_data.ranking(known),
         "lacking": {path: sorted(study_data.lacking(study.table, path)) for path in known.varied},
         "added": np.flatnonzero(~carried.drawn).tolist(),

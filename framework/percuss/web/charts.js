@@ -510,7 +510,7 @@ const mixed = (share) => {
   return `rgb(${both.join(",")})`;
 };
 
-const LOST = ["unstable", "refused or failed"];
+const LOST = ["unstable", "refused, failed or lost"];
 
 /** The cells of a map for one method: its runs by what became of them, and the median over those that have the value. */
 function cellsOf(k, rows, x, y, value) {
@@ -694,7 +694,7 @@ function drawScale(words, ends, panels, roomy, value) {
   if (partial && roomy) made.push(entry(countOf(partial), `done ${value ? "and in the median" : ""} of all runs of the cell; some were lost`));
   else if (partial) made.push(entry("✕", `in a colour: some runs of the cell were lost, ${what}`));
   if (cells.some((cell) => !hasValue(cell) && cell.counts.unstable)) made.push(entry("✕", "unstable: no run of the cell has a number"));
-  if (cells.some((cell) => !hasValue(cell) && !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "refused or failed, all runs of the cell"));
+  if (cells.some((cell) => !hasValue(cell) && !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "refused, failed or lost, all runs of the cell"));
   if (cells.some((cell) => !hasValue(cell) && cell.counts.done && !cell.counts.unstable)) made.push(entry("○", "done, without this number"));
   if (panels.some(({ cells: own, bins }) => own.length < bins[0].places.length * bins[1].places.length)) made.push(element("span", "blank: no run"));
   $("map-scale").replaceChildren(...made);
