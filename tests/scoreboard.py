@@ -128,9 +128,9 @@ def findings(table):
         "integrator. Where bodies stay pressed together the overlap of a penalty costs "
         f"{span(found.overlap)} times their error.",
         "**What an impact costs in energy depends on the pair.** One impact costs Wu's predictor-corrector with "
-        f"penalty or bipenalty {span(springs)} % of the energy and Lagrange multipliers {span(lost[WU, 'lagrange'])} %; with "
-        f"central difference a penalty changes it by {change:.1g} % at most, and bipenalty adds "
-        f"{span([-value for value in lost[CD, 'bipenalty']])} %. The two bounces of doyen-bounce cost Wu's "
+        f"penalty or bipenalty {span(springs)} % of the energy and Lagrange multipliers "
+        f"{span(lost[WU, 'lagrange'])} %; with central difference a penalty changes it by {change:.1g} % at "
+        f"most, and bipenalty adds {span([-value for value in lost[CD, 'bipenalty']])} %. The two bounces of doyen-bounce cost Wu's "
         f"predictor-corrector {bounce[WU, 'penalty']:.2g} % with a penalty and Lagrange multipliers "
         f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
         f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "

@@ -35,7 +35,7 @@ MEASURES = {
     "steps": "steps",
     "seconds": "seconds of the whole row, with loading, compiling, certificate and exact solution",
 }
-# What a run costs, the cost that no machine can blur first. `seconds` is one where the study says that it is the march's.
+# What a run costs, the cost that no machine can blur first; `seconds` where the study says that it is the march's.
 COSTS = ("node_steps", "seconds", "seconds.march", "steps")
 SECONDS_OF_MARCH = "seconds of the march alone"
 LESS_IS_BETTER = ("penetration", "ledger_error", "energy_growth")  # beside all measures with "error" in their names
