@@ -112,6 +112,7 @@ def findings(table):
     }
     bounce = {pair: 100 * (1 - kept[("doyen-bounce", *pair)]) for pair in lost}
     springs = lost[WU, "penalty"] + lost[WU, "bipenalty"]
+    added = span([-value for value in lost[CD, "bipenalty"]])
     change = max(abs(value) for value in lost[CD, "penalty"])
     assert min(springs) > 0
     assert min(lost[CD, "lagrange"] + lost[WU, "lagrange"]) > 0
@@ -130,7 +131,7 @@ def findings(table):
         "**What an impact costs in energy depends on the pair.** One impact costs Wu's predictor-corrector with "
         f"penalty or bipenalty {span(springs)} % of the energy and Lagrange multipliers "
         f"{span(lost[WU, 'lagrange'])} %; with central difference a penalty changes it by {change:.1g} % at "
-        f"most, and bipenalty adds {span([-value for value in lost[CD, 'bipenalty']])} %. The two bounces of doyen-bounce cost Wu's "
+        f"most, and bipenalty adds {added} %. The two bounces of doyen-bounce cost Wu's "
         f"predictor-corrector {bounce[WU, 'penalty']:.2g} % with a penalty and Lagrange multipliers "
         f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
         f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "
