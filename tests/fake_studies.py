@@ -73,7 +73,9 @@ def run_study(varied=VARIED, integrators=INTEGRATORS, contacts=CONTACTS, **given
         line |= {name: value for name, value in known.items() if name not in {"impulse", "ledger_error"}}
         line |= {name: worst(summary.get("exact"), name) for name in ("noise", "overshoot")}
         if "seconds" in line:
-            line["seconds"] = line["steps"] * 1e-7 * (1 + number % 7)  # a clock would make no two reports alike
+            del line["seconds"]
+            line["node_steps"] = line["steps"] * summary["nodes"]
+            line["seconds.march"] = line["steps"] * 1e-7 * (1 + number % 7)  # a clock would make no two reports alike
         lines.append(line | {"key": f"r{number:04d}"})
         if row.result is not None and row.result.summary["steps"]:
             arrays = row.result.arrays
@@ -83,6 +85,47 @@ def run_study(varied=VARIED, integrators=INTEGRATORS, contacts=CONTACTS, **given
                 if name in arrays
             }
     return FakeStudy(pd.DataFrame(lines), kept, **given)
+
+
+def several_cases(seed=2):
+    """Return a study of four cases, whose numbers are drawn: each pair at each value that it has, some runs lost."""
+    rng = np.random.default_rng(seed)
+    lines = []
+    scales = {"hunek": 1.0, "carpenter": 3.0, "doyen-impact": 0.2, "cradle": 1.5}
+    pairs = itertools.product(INTEGRATORS, (*CONTACTS, "tied"))
+    for (case, scale), (integrator, contact) in itertools.product(scales.items(), list(pairs)):
+        stiff = contact in {"lagrange", "tied"}  # without a stiffness to vary
+        for beta, refine in itertools.product((None,) if stiff else (0.1, 0.3, 1.0, 3.0), (1, 2, 4)):
+            error = scale * (0.1 / refine + 0.02 * (beta or 0.2) + 0.005 / (beta or 0.4)) * 10 ** rng.normal(0, 0.08)
+            status = "done"
+            if (integrator, contact) == ("central-difference", "penalty") and (beta > 2 or (beta == 1 and refine == 4)):
+                status = "unstable"
+            if (case, integrator, contact) == ("cradle", "wu-predictor-corrector", "bipenalty"):
+                status = "refused"
+            measured = {
+                "force_error_l1": 0.6 * error if contact == "tied" else error,
+                "noise": 2 * error,
+                "penetration": 0.0 if stiff else 0.01 / beta,
+                "node_steps": 400 * refine * (60 * refine + 2),
+                "seconds.march": 4e-4 * refine**2 * 10 ** rng.normal(0, 0.1),
+            }
+            lines.append(
+                {
+                    "case": case,
+                    "integrator": integrator,
+                    "contact": contact,
+                    "method.contact.beta_s": beta,
+                    "refine": refine,
+                    "status": status,
+                    "reason": "" if status == "done" else "a reason",
+                    "said_by": "",
+                    "fragile": None,
+                    **{name: value if status == "done" else None for name, value in measured.items()},
+                    "key": f"s{len(lines):04d}",
+                }
+            )
+    varied = {"method.contact.beta_s": [0.1, 0.3, 1.0, 3.0], "refine": [1, 2, 4]}
+    return FakeStudy(pd.DataFrame(lines), title="Several cases", vary=varied)
 
 
 def drawn_study(count, seed=1):
@@ -106,7 +149,8 @@ def drawn_study(count, seed=1):
         "energy_max": 1 + 0.001 * rng.random(count),
         "courant_critical": 2 / np.sqrt(1 + 0.4 * beta),
         "steps": np.round(400 * refine / courant),
-        "seconds": 1e-6 * 400 * refine**2 / courant * 10 ** rng.normal(0, 0.1, count),
+        "node_steps": np.round(400 * refine / courant) * (60 * refine + 2),
+        "seconds.march": 1e-6 * 400 * refine**2 / courant * 10 ** rng.normal(0, 0.1, count),
     }
     measured = {name: np.where(unstable, np.nan, values) for name, values in measured.items()}
     step = rng.integers(3, 900, count)

@@ -9,7 +9,12 @@ import percuss
 ROOT = Path(__file__).parent.parent
 STUDY = ROOT / "cases" / "studies" / "scoreboard.yaml"
 BEGIN, END = "<!-- scoreboard -->\n", "<!-- end of scoreboard -->\n"
-FLOOR = "tied"
+FINDINGS, END_OF_FINDINGS = "<!-- findings -->\n", "<!-- end of findings -->\n"
+REFERENCE = "tied"
+CD, WU = "central-difference", "wu-predictor-corrector"
+LAWS = ("penalty", "bipenalty", "lagrange")
+PRESSED = ("preloaded", "smooth-pulse")  # the bodies stay pressed together
+ONE_IMPACT = ("hunek", "unlike", "carpenter", "doyen-impact", "sdnv100")
 
 
 def rows(folder):
@@ -30,7 +35,7 @@ def scoreboard(table):
     """Return the table in Markdown: a row a pair, a column a case."""
     cases = list(dict.fromkeys(table["case"]))
     pairs = list(dict.fromkeys(zip(table["integrator"], table["contact"], strict=True)))
-    pairs.sort(key=lambda pair: (pair[1] == FLOOR, pair))
+    pairs.sort(key=lambda pair: (pair[1] == REFERENCE, pair))
     lines = [f"| pair | {' | '.join(cases)} |", f"| --- |{' --- |' * len(cases)}"]
     for integrator, contact in pairs:
         mine = table[(table["integrator"] == integrator) & (table["contact"] == contact)]
@@ -39,15 +44,119 @@ def scoreboard(table):
     return "\n".join(lines) + "\n"
 
 
+def values(table, name):
+    """Return one measure by case, integrator and law."""
+    keys = zip(table["case"], table["integrator"], table["contact"], strict=True)
+    return dict(zip(keys, table[name].astype(float), strict=True))
+
+
+class Ratios:
+    """The ratios of errors that the findings name, each as a list over cases."""
+
+    def __init__(self, error):
+        cases = list(dict.fromkeys(case for case, *_ in error))
+        apart = [case for case in cases if case not in PRESSED]
+        twin = {case: error[case, WU, REFERENCE] for case in cases}
+        self.late = [error[case, CD, "penalty"] / error[case, WU, "penalty"] for case in cases]
+        self.penalty_apart = [error[case, WU, "penalty"] / twin[case] for case in apart]
+        self.penalty_pressed = [error[case, WU, "penalty"] / twin[case] for case in PRESSED]
+        self.lagrange = [error[case, WU, "lagrange"] / twin[case] for case in cases]
+        self.integrators = [error[case, CD, "lagrange"] / error[case, WU, "lagrange"] for case in cases]
+        self.overlap = [
+            error[case, integrator, law] / error[case, integrator, "lagrange"]
+            for case in PRESSED
+            for integrator in (CD, WU)
+            for law in ("penalty", "bipenalty")
+        ]
+        pairs = [(integrator, law) for integrator in (CD, WU) for law in LAWS]
+        self.below = [case for case in cases if min(error[(case, *pair)] for pair in pairs) < twin[case]]
+        # equal errors of both integrators are one winner: the law
+        self.best = {case: min(pairs, key=lambda pair, case=case: error[(case, *pair)]) for case in cases}
+
+
+def span(numbers, digits=2):
+    """Return the smallest and the largest of some numbers as ``a to b``."""
+    # all digits that are meant are there: 1.0 and not 1
+    low, high = (f"{value:#.{digits}g}".rstrip(".") for value in (min(numbers), max(numbers)))
+    return low if low == high else f"{low} to {high}"
+
+
+def findings(table):
+    """Return what the scoreboard shows, as a list in Markdown: every number is made from the rows of the study.
+
+    Raises
+    ------
+    AssertionError
+        If a sentence is no longer true, whatever its numbers.
+    """
+    error, kept, noise = (values(table, name) for name in ("force_error_l1", "energy_kept", "noise"))
+    found = Ratios(error)
+    cases = list(found.best)
+    hits = [case for case in cases if case not in PRESSED]
+    rings, calm = ([noise[case, integrator, "penalty"] for case in hits] for integrator in (CD, WU))
+    assert min(found.late) > 1
+    assert min(rings) > max(calm)
+    for case, late in zip(cases, found.late, strict=True):
+        of_laws = [error[case, WU, law] for law in LAWS]
+        assert (late > max(of_laws) / min(of_laws)) == (case in hits)
+    assert all(abs(ratio - 1) < 1e-6 for ratio in found.integrators)
+    winners = {law: [case for case, pair in found.best.items() if pair[1] == law] for law in LAWS}
+    assert not winners["bipenalty"]
+    assert winners["lagrange"]
+    assert winners["penalty"]
+    assert all(found.best[case] == (WU, "penalty") for case in winners["penalty"])
+    lost = {
+        (integrator, law): [100 * (1 - kept[case, integrator, law]) for case in ONE_IMPACT]
+        for integrator in (CD, WU)
+        for law in LAWS
+    }
+    bounce = {pair: 100 * (1 - kept[("doyen-bounce", *pair)]) for pair in lost}
+    springs = lost[WU, "penalty"] + lost[WU, "bipenalty"]
+    added = span([-value for value in lost[CD, "bipenalty"]])
+    change = max(abs(value) for value in lost[CD, "penalty"])
+    assert min(springs) > 0
+    assert min(lost[CD, "lagrange"] + lost[WU, "lagrange"]) > 0
+    assert max(lost[CD, "bipenalty"]) < 0
+    assert change < 0.1 * min(springs)
+    assert bounce[CD, "bipenalty"] < 0 < bounce[WU, "lagrange"] < bounce[WU, "penalty"]
+    lines = [
+        "**Where bodies hit, it matters more where contact is judged than by which law.** The same penalty spring errs "
+        f"{span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies hit, "
+        f"it rings: the total variation of its force is {span(rings)} times that of the exact one, with Wu "
+        f"{span(calm)} times. With Wu its error is {span(found.penalty_apart)} times that of the tied twin, and "
+        f"{span(found.penalty_pressed)} times where bodies stay pressed together ({', '.join(PRESSED)}).",
+        f"**Lagrange multipliers err {span(found.lagrange)} times as much as the tied twin**, the same with either "
+        "integrator. Where bodies stay pressed together the overlap of a penalty costs "
+        f"{span(found.overlap)} times their error.",
+        "**What an impact costs in energy depends on the pair.** One impact costs Wu's predictor-corrector with "
+        f"penalty or bipenalty {span(springs)} % of the energy and Lagrange multipliers "
+        f"{span(lost[WU, 'lagrange'])} %; with central difference a penalty changes it by {change:.1g} % at "
+        f"most, and bipenalty adds {added} %. The two bounces of doyen-bounce cost Wu's "
+        f"predictor-corrector {bounce[WU, 'penalty']:.2g} % with a penalty and Lagrange multipliers "
+        f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
+        f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "
+        f"{len(cases)} cases, Wu's predictor-corrector with a penalty on {len(winners['penalty'])} "
+        f"({', '.join(winners['penalty'])}). The tied twin is a reference and no bound: on {len(found.below)} of "
+        f"{len(cases)} cases some pair errs less.",
+    ]
+    return "".join(f"- {line}\n" for line in lines)
+
+
+def between(text, begin, end, new):
+    """Return a text with what stands between two marks replaced."""
+    before, _, rest = text.partition(begin)
+    return f"{before}{begin}{new}{end}{rest.partition(end)[2]}"
+
+
 def main():
-    """Write the scoreboard into the README."""
+    """Write the scoreboard and its findings into the README."""
     with tempfile.TemporaryDirectory() as folder:
-        made = scoreboard(rows(folder))
+        table = rows(folder)
+    made, told = scoreboard(table), findings(table)
     readme = ROOT / "README.md"
-    before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
-    readme.write_text(f"{before}{BEGIN}{made}{END}{after}", encoding="utf-8")
-    sys.stdout.write(made)
+    text = between(readme.read_text(encoding="utf-8"), BEGIN, END, made)
+    readme.write_text(between(text, FINDINGS, END_OF_FINDINGS, told), encoding="utf-8")
+    sys.stdout.write(made + told)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Stability maps, waves at an interface and the step that chooses itself, in Python and on the command line."""
 
 import csv
+import itertools
 import json
 import math
 import subprocess
@@ -14,6 +15,7 @@ from hypothesis import assume, event, given
 import percuss
 from percuss.certificate import SAFETY, certificate, settled
 from percuss.model import Model
+from percuss.stability_plot import stability_figure
 from percuss.waves import waves
 from strategies import INTEGRATORS, LAWS, LEAPFROG, hunek, pair_id, rows, with_pair
 from test_blackbox import CD, ROW_PAIRS, WU, wall
@@ -66,6 +68,31 @@ def test_what_cannot_be_judged_is_a_row_with_its_reason():
     assert [row["courant_critical"] is None for row in found] == [True, True, False]
     assert "tied" in found[0]["reason"]
     assert "tied" in found[1]["reason"]
+
+
+def test_a_picture_of_a_map_says_what_it_leaves_out():
+    pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
+    vary = {"method.contact.beta_s": [0.1, 1.0, 10.0], "time.courant": [0.2, 0.5, 0.9]}
+    curves = {"method.contact.ratio": [0.5, 1.0, 2.0, 4.0, 8.0]}
+    names = (*vary, *curves)
+    found = [
+        {**dict(zip(names, values, strict=True)), "courant_critical": 0.5, "by": "pencil", "reason": "", "margin": 0.9}
+        for values in itertools.product(*vary.values(), *curves.values())
+    ]
+    found[0] |= {"courant_critical": None, "margin": None, "reason": "the step is no line"}
+    found[1] |= {"courant_critical": 0.0, "margin": INF, "reason": "no step is stable"}
+    figure = stability_figure(found, vary, curves, "A map", "methods")
+    words = " ".join(text.get_text() for text in figure.texts)
+    assert "1 of 45 points have no number and are left blank: the step is no line" in words
+    assert "the first 4 of 5 curves have a map" in words
+    # where no step is stable the picture has a colour, beyond its largest value
+    second = figure.axes[1].collections[0].get_array()
+    assert second.reshape(3, 3)[0, 0] > 2.0
+    assert not np.ma.getmaskarray(second).any()
+    curve = [{**row, "method.contact.beta_s": beta} for row, beta in zip(found[:3], (0.1, 1.0, 10.0), strict=True)]
+    one = {"method.contact.beta_s": [0.1, 1.0, 10.0]}
+    words = " ".join(text.get_text() for text in stability_figure(curve, one, {}, "Curves", "methods").texts)
+    assert "1 of 3 points have no number" in words
 
 
 def test_a_value_that_is_wrong_is_a_row_unless_all_are():

@@ -1,5 +1,6 @@
 """A study as one page: it loads nothing, runs no text of the study, tells the same twice, and works in a browser."""
 
+import base64
 import copy
 import hashlib
 import json
@@ -11,12 +12,17 @@ from importlib import resources
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from fake_studies import FakeStudy, drawn_study, run_study
+import percuss
+from fake_studies import TWO_BARS, FakeStudy, drawn_study, run_study, several_cases
 from percuss import study_data
 from percuss.cli import app
 from percuss.cli_report import written
+from percuss.columns import metric
+from percuss.study_figures import figures
 from percuss.study_report import report_html, study_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -138,8 +144,9 @@ def test_a_table_larger_than_a_page_is_sampled_and_says_so(large, tmp_path):
     assert len(pd.read_csv(paths[1])) == 20_000
     html = paths[0].read_text(encoding="utf-8")
     data = data_of(html)
-    assert (data["rows"], data["total"], data["seed"]) == (study_data.MOST_ROWS, 20_000, 0)
-    assert "5,000 of the 20,000 rows: a random sample" in html
+    assert (data["total"], data["seed"]) == (20_000, 0)
+    assert data["rows"] - len(data["added"]) == study_data.MOST_ROWS
+    assert f"{data['rows']:,} of the 20,000 rows: a random sample of 5,000 (seed 0), and all" in html
     assert "large.csv" in html
     assert len(html) < 3_500_000
     lost = sum(group["count"] for group in study_data.lost(large.table))
@@ -201,22 +208,25 @@ def test_a_logarithmic_axis_is_for_multiples_and_for_what_is_spread_far(values, 
 def test_the_line_of_the_best_has_no_run_that_another_beats():
     rng = np.random.default_rng(3)
     cost, error = rng.random(200), rng.random(200)
-    cost[:3], error[3:6] = np.nan, 0.0
+    cost[:3], error[3:6] = np.nan, np.nan
     found = study_data.front(cost, error)
     assert np.all(np.diff(found[0]) > 0)
     assert np.all(np.diff(found[1]) < 0)
-    good = (error > 0) & np.isfinite(cost)
+    good = np.isfinite(error) & np.isfinite(cost)
     for x, y in found.T:
         assert not ((cost[good] < x) & (error[good] <= y)).any()
 
 
 def test_bands_are_quantiles_of_all_done_runs(large):
     table = large.table
-    found = {(m, n): band for m, n, band in study_data.bands(table, ["noise", "seconds"], "refine")}
+    found = {(m, n): band for m, n, band in study_data.bands(table, ["noise", "steps"], "refine")}
     method = "central-difference + penalty"
     assert found[method, "noise"][0].tolist() == [1, 2, 4, 8, 16, 32]
     own = table[(table["status"] == "done") & (np.array(study_data.methods(table)) == method) & (table["refine"] == 4)]
-    assert found[method, "noise"][1:, 2] == pytest.approx(own["noise"].quantile([0.1, 0.5, 0.9]).to_numpy())
+    assert found[method, "noise"][1:4, 2] == pytest.approx(own["noise"].quantile([0.1, 0.5, 0.9]).to_numpy())
+    made = table[(np.array(study_data.methods(table)) == method) & (table["refine"] == 4)]
+    assert found[method, "noise"][4:, 2].tolist() == [len(own), len(made)]
+    assert len(own) < len(made)
 
 
 def test_maps_count_every_run_once(large):
@@ -292,6 +302,226 @@ def test_pictures_for_print(small, tmp_path):
     assert not (tmp_path / "s.html").exists()
 
 
+# ------------------------------------------------------------------------------------------- what is ranked, and how
+
+
+@pytest.fixture(scope="module")
+def several():
+    return several_cases()
+
+
+def beaten(cost, error):
+    """Return which runs another one beats: cheaper or as cheap, better or as good, and not equal in both."""
+    cheaper, better = cost[:, None] >= cost[None, :], error[:, None] >= error[None, :]
+    equal = (cost[:, None] == cost[None, :]) & (error[:, None] == error[None, :])
+    return (cheaper & better & ~equal).any(axis=1)
+
+
+def test_the_best_runs_are_always_in_the_page(large):
+    data = data_of(report_html(large))
+    keys = next(one for one in data["columns"] if one["name"] == "key")
+    kept = {keys["levels"][code] for code in np.frombuffer(base64.b64decode(keys["data"]), "<u2")}
+    done = large.table[large.table["status"] == "done"]
+    for _, own in done.groupby(["case", "integrator", "contact"]):
+        for error in ("force_error_l1", "impulse_error", "penetration"):
+            assert own["key"][own[error].idxmin()] in kept
+            for cost in ("node_steps", "seconds.march"):
+                front = own["key"][~beaten(own[cost].to_numpy(), own[error].to_numpy())]
+                assert set(front) <= kept
+
+
+def test_the_sample_of_a_page_stays_random(large):
+    known = study_data.columns(large)
+    carried = study_data.carried(large.table, known)
+    drawn = np.random.default_rng(study_data.SEED).choice(20_000, study_data.MOST_ROWS, replace=False)
+    assert carried.table["key"][carried.drawn].tolist() == large.table["key"].iloc[np.sort(drawn)].tolist()
+
+
+COSTS_AND_ERRORS = st.lists(
+    st.tuples(
+        st.sampled_from(["a", "b"]),
+        st.sampled_from(["i", "j"]),
+        st.sampled_from(["done", "done", "done", "unstable", "failed"]),
+        st.none() | st.sampled_from([0.0, 0.5, 1.0, 2.0]),
+        st.sampled_from([1.0, 2.0, 3.0]),
+    ),
+    min_size=1,
+    max_size=30,
+)
+
+
+def drawn_table(lines):
+    names = ("case", "integrator", "status", "force_error_l1", "node_steps")
+    table = pd.DataFrame([dict(zip(names, line, strict=True)) for line in lines])
+    table["force_error_l1"] = table["force_error_l1"].astype(float)
+    lost = table["status"] != "done"
+    table.loc[lost, ["force_error_l1", "node_steps"]] = np.nan
+    return table.assign(contact="c", reason="", said_by="", fragile=None, key=[str(n) for n in range(len(table))])
+
+
+@given(COSTS_AND_ERRORS)
+def test_a_run_without_a_true_error_is_never_ranked(lines):
+    table = drawn_table(lines)
+    study = FakeStudy(table)
+    known = study_data.columns(study)
+    best = study_data.best_runs(table, known)
+    assert table.loc[best, "status"].eq("done").all()
+    assert table.loc[best, "force_error_l1"].notna().all()
+    for _, own in table[table["force_error_l1"].notna()].groupby(["case", "integrator"]):
+        front = ~beaten(own["node_steps"].to_numpy(), own["force_error_l1"].to_numpy())
+        wanted = set(zip(own["node_steps"][front], own["force_error_l1"][front], strict=True))
+        found = own.loc[best[own.index]]
+        # of runs that are equal in both one is enough
+        assert wanted <= set(zip(found["node_steps"], found["force_error_l1"], strict=True))
+    if "force_error_l1" in known.measures:
+        for row in study_data.overview(table, "force_error_l1").values():
+            for cell in row.values():
+                assert cell.made == cell.known + sum(cell.lost.values())
+
+
+@given(
+    st.lists(
+        st.lists(st.sampled_from([0.5, 1.0, 1.5, 4.0, None, "unstable", "refused"]), min_size=3, max_size=3), min_size=1
+    )
+)
+def test_a_performance_profile_is_that_of_its_definition(problems):
+    """Fraction of problems on which the ratio of a solver to the best one is at most tau; infinite where it failed."""
+    lines = []
+    for case, values in enumerate(problems):
+        for solver, value in enumerate(values):
+            status = value if isinstance(value, str) else "done"
+            error = value if isinstance(value, float) else np.nan
+            lines.append(
+                {"case": f"case {case}", "integrator": "i", "contact": f"c{solver}", "status": status, "e": error}
+            )
+    # the references are no solvers, however small their errors are
+    lines += [{**line, "contact": "tied", "status": "done", "e": 1e-9} for line in lines if line["contact"] == "c0"]
+    table = pd.DataFrame(lines)
+    found = study_data.profile(table, "e", study_data.problems(table, ()))
+    judged = [values for values in problems if None not in values and any(isinstance(v, float) for v in values)]
+    assert found.counted == len(judged)
+    assert found.unknown == len(problems) - len(judged)
+    assert set(found.ratios) == {"i + c0", "i + c1", "i + c2"}
+    for solver in range(3):
+        for tau in (1.0, 1.5, 2.0, 3.0, 8.0, 100.0):
+            within = 0
+            for values in judged:
+                best = min(value for value in values if isinstance(value, float))
+                own = values[solver]
+                within += isinstance(own, float) and own / best <= tau
+            assert np.count_nonzero(found.ratios[f"i + c{solver}"] <= tau) == within
+
+
+def test_a_law_without_the_varied_value_is_a_solver_at_each_value_of_it(several):
+    asked = study_data.problems(several.table, ("method.contact.beta_s", "refine"))
+    assert asked.rows.shape == (4 * 4 * 3, 6)
+    assert asked.left_out == 0
+    table = several.table
+    for rows in asked.rows:
+        own = table.iloc[rows]
+        assert own["case"].nunique() == 1
+        assert own["refine"].nunique() == 1
+        assert own["method.contact.beta_s"].dropna().nunique() == 1
+        assert own["method.contact.beta_s"].isna().eq(own["contact"] == "lagrange").all()
+    less = table.drop(index=table.index[5])
+    assert study_data.problems(less.reset_index(drop=True), ("method.contact.beta_s", "refine")).left_out == 1
+
+
+def test_the_table_of_pairs_and_cases_says_how_many_runs_were_lost(several):
+    words = " ".join(" ".join(Tags(report_html(several)).words).split())
+    assert "median of 8 of 12 runs: 4 unstable" in words
+    assert "0 of 12 runs: 12 refused" in words
+    cell = study_data.overview(several.table, "force_error_l1")["central-difference + penalty"]["hunek"]
+    own = several.table.query("case == 'hunek' and integrator == 'central-difference' and contact == 'penalty'")
+    assert cell.median == own["force_error_l1"].median()
+    assert (cell.known, cell.made) == (8, 12)
+
+
+def test_a_median_without_a_lost_run_is_best_and_a_reference_is_none(several):
+    cells = study_data.overview(several.table, "force_error_l1")
+    best = study_data.least_medians(cells, set(study_data.references(several.table)))
+    for case, least in best.items():
+        own = {method: row[case] for method, row in cells.items() if "tied" not in method}
+        assert least == min(cell.median for cell in own.values() if cell.known == cell.made)
+
+
+def test_cost_is_that_of_the_method_alone(small):
+    data = data_of(report_html(small))
+    assert data["costs"] == ["node_steps", "seconds.march", "steps"]
+    study = copy.deepcopy(small)
+    study.table["seconds"] = 1.0
+    assert "seconds" not in data_of(report_html(study))["costs"]  # nobody knows of what: of the whole row
+    assert "compiling" in study_data.columns(study).measures["seconds"]
+    study.columns = dict.fromkeys(("node_steps", "seconds", "force_error_l1"), "what it is")
+    known = study_data.columns(study)
+    assert known.costs == ("node_steps", "seconds")
+    assert known.measures["seconds"] == "seconds of the march alone"
+    result = percuss.run(percuss.case.load(TWO_BARS))
+    assert metric(result, "node_steps") == result.summary["steps"] * (20 + 1 + 40 + 1)
+
+
+def test_maps_say_how_many_runs_have_a_number(several):
+    table = several.table.copy()
+    table.loc[(table["case"] == "hunek") & (table["refine"] == 2), "noise"] = np.nan
+    paths = ["method.contact.beta_s", "refine"]
+    (_, _, one), *rest = study_data.maps(table, ["noise", "force_error_l1"], paths)
+    assert not rest
+    told = one["methods"]["wu-predictor-corrector + penalty"]
+    assert told["done"].tolist() == [4] * 12
+    assert told["noise|known"].tolist() == [4] * 4 + [3] * 4 + [4] * 4
+    assert "force_error_l1|known" not in told
+    assert one["methods"]["wu-predictor-corrector + bipenalty"]["other"].tolist() == [1] * 12
+    lagrange = one["methods"]["central-difference + lagrange"]  # it has no stiffness: one cell along that side
+    own = table[(table["integrator"] == "central-difference") & (table["contact"] == "lagrange")]
+    assert lagrange["force_error_l1"] == pytest.approx(own.groupby("refine")["force_error_l1"].median().to_numpy())
+
+
+def test_a_method_without_the_varied_value_has_its_median_beside_the_axis(several):
+    found = {(m, n): band for m, n, band in study_data.bands(several.table, ["noise"], "method.contact.beta_s")}
+    band = found["central-difference + lagrange", "noise"]
+    assert band.shape == (6, 1)
+    assert np.isnan(band[0, 0])
+    assert band[4:, 0].tolist() == [12, 12]
+    lost = found["central-difference + penalty", "noise"]
+    assert lost[4:].tolist() == [[12, 12, 8, 0], [12, 12, 12, 12]]
+    assert np.isnan(lost[1:4, 3]).all()
+
+
+def test_numbers_among_words_keep_all_their_digits():
+    value = 0.1 + 0.2
+    column = pd.Series([value, "matched", 2.0], dtype=object)
+    assert [text for text in study_data.texts(column) if text != "matched"] == [repr(value), "2"]
+    assert study_data.as_label(repr(value)) == "0.3"
+    assert study_data.as_label("matched") == "matched"
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False) | st.sampled_from([0.0, 1.0, 9.0, 1e4]), min_size=1))
+@example([0.0, 1.0, 9.0])
+def test_an_axis_is_logarithmic_only_where_every_number_is_above_zero(values):
+    assert not study_data.is_log(np.array(values)) or min(values) > 0
+
+
+def test_pictures_of_several_cases_join_no_runs_of_different_cases(several):
+    pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
+    made = dict(figures(several))
+    assert {"work-precision", "work-precision-seconds-march", "pairs-and-cases", "performance-profile"} <= set(made)
+    done = several.table[several.table["status"] == "done"]
+    panels = [axes for axes in made["work-precision"].axes if axes.get_title(loc="left")]
+    assert [axes.get_title(loc="left") for axes in panels] == ["hunek", "carpenter", "doyen-impact", "cradle"]
+    for axes in panels:
+        own = done[done["case"] == axes.get_title(loc="left")]
+        there = set(zip(own["node_steps"].astype(float), own["force_error_l1"].astype(float), strict=True))
+        for line in axes.get_lines():
+            assert set(zip(*map(np.asarray, line.get_data()), strict=True)) <= there
+        assert len(axes.get_lines()) >= 8
+    texts = [text.get_text() for axes in made["pairs-and-cases"].axes for text in axes.texts]
+    assert any("8 of 12" in text for text in texts)
+    level = [text.get_text() for axes in made["against-method-contact-beta_s"].axes for text in axes.texts]
+    assert "no beta_s" in level
+    words = " ".join(text.get_text() for text in made["against-method-contact-beta_s"].texts)
+    assert "28 of 240 runs were lost" in words
+
+
 # --------------------------------------------------------------------------------------------------- a browser
 
 
@@ -307,11 +537,32 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def pages(small, large, tmp_path_factory):
+def pages(small, large, several, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
-    for name, study in {"small": small, "large": large, "hostile": hostile()}.items():
+    for name, study in {
+        "small": small,
+        "large": large,
+        "hostile": hostile(),
+        "several": several,
+        "odd": odd(several),
+    }.items():
         study_report(study, folder / f"{name}.html")
     return folder
+
+
+def odd(several):
+    """Return a study of several cases with words among its varied numbers, digits to the last, and errors unknown."""
+    study = copy.deepcopy(several)
+    table = study.table
+    table["method.contact.ratio"] = [("matched", 0.1 + 0.2, 1 / 3)[k % 3] for k in range(len(table))]
+    table["note, with \r a return"] = 1.0 / np.arange(1, len(table) + 1)
+    table.loc[table["case"] == "cradle", "force_error_l1"] = None  # its exact solution ends early
+    first = table.index[(table["case"] == "hunek") & (table["status"] == "done")][0]
+    table.loc[first, ["force_error_l1", "node_steps"]] = [None, 1.0]
+    line = {"time": np.linspace(0, 1, 9), "contact_force": np.arange(9.0), "contact_force_exact": np.arange(9.0)}
+    study.kept = dict.fromkeys(table["key"][::2], line)
+    study.table = table
+    return study
 
 
 class Opened:
@@ -427,8 +678,6 @@ def test_every_choice_is_drawn(browser, pages):
             for value in page.evaluate(f'[...document.querySelectorAll("#{choice} option")].map((one) => one.value)'):
                 page.select_option(f"#{choice}", value)
                 assert opened.colours(chart)[0] > 2000, (choice, value)
-        page.uncheck("#vary-log")
-        page.uncheck("#work-log")
         page.click("#legend button >> nth=0")
         assert page.get_attribute("#legend button >> nth=0", "aria-pressed") == "false"
         assert opened.complaints == []
@@ -490,7 +739,7 @@ def test_observed_orders_are_told_over_the_mesh(browser, pages, small):
 def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):
     with Opened(browser, pages / "large.html") as opened:
         assert "of all 20,000 rows" in opened.page.inner_text("#vary-note")
-        assert opened.page.inner_text("#count") == "5,000 rows sampled from 20,000"
+        assert opened.page.inner_text("#count").endswith("rows of the 20,000 of the study: a sample and the best")
         opened.filter("case", "hunek")
         assert "of the sample" in opened.page.inner_text("#vary-note")
         assert "of the sample" in opened.page.inner_text("#map-note")
@@ -523,3 +772,237 @@ def test_the_page_prints_with_its_charts(browser, pages, tmp_path):
         assert page.locator("#work canvas").count() == 1
         assert page.locator("details[open]").count() == 0
         assert opened.complaints == []
+
+
+def test_no_line_joins_runs_of_different_cases(browser, pages, several):
+    done = several.table[several.table["status"] == "done"]
+    with Opened(browser, pages / "several.html") as opened:
+        assert opened.page.input_value("#work-x") == "node_steps"
+        option = opened.page.evaluate(
+            """() => {
+              const { title, series } = charts.work.chart.getOption();
+              const lines = series.filter((one) => one.type === "line").map((one) => [one.xAxisIndex, one.data]);
+              const dots = series.filter((one) => one.type === "scatter");
+              const points = dots.flatMap((one) => one.data.map((at) => [one.xAxisIndex, at[2]]));
+              return { titles: title.map((one) => one.text), lines, points };
+            }"""
+        )
+        assert sorted(option["titles"]) == sorted(set(several.table["case"]))
+        assert len(option["points"]) == len(done)
+        for panel, row in option["points"]:
+            assert several.table["case"].iloc[row] == option["titles"][panel]
+        drawn = {case: [] for case in option["titles"]}
+        for panel, data in option["lines"]:
+            drawn[option["titles"][panel]].append(np.array(data))
+        for case, lines in drawn.items():
+            of_case = done[done["case"] == case]
+            fronts = [own for _, own in of_case.groupby(["integrator", "contact"], sort=False)]
+            fronts.append(of_case[of_case["contact"] != "tied"])  # the broad line: all that compete
+            wanted = []
+            for own in fronts:
+                cost, error = own["node_steps"].to_numpy(dtype=float), own["force_error_l1"].to_numpy(dtype=float)
+                wanted.append(
+                    np.log10(np.array(sorted(zip(cost, error, strict=True)))[~beaten(*zip_sorted(cost, error))])
+                )
+            found = [line for line in lines if len(line)]
+            assert sorted(map(len, found)) == sorted(map(len, wanted))
+            for one in wanted:
+                assert any(line.shape == one.shape and np.allclose(line, one) for line in found)
+        assert opened.complaints == []
+
+
+def zip_sorted(cost, error):
+    """Return cost and error in the order of their pairs."""
+    return np.array(sorted(zip(cost, error, strict=True))).T
+
+
+def test_the_csv_of_the_page_has_every_digit(browser, pages, several):
+    table = odd(several).table
+    with Opened(browser, pages / "odd.html") as opened:
+        with opened.page.expect_download() as download:
+            opened.page.click("#csv")
+        found = pd.read_csv(download.value.path(), keep_default_na=False, dtype=str)
+    assert found["key"].tolist() == table["key"].tolist()
+    for name in table.columns:
+        if name in {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key"}:
+            continue
+        for text, value in zip(found[name], table[name], strict=True):
+            if value is None or value != value:
+                assert text == ""
+            elif isinstance(value, str):
+                assert text == value
+            else:
+                assert float(text) == value  # to the last bit
+                assert len(text) <= len(repr(float(value)))  # and with no digit more than it takes
+
+
+def axes_of(page, chart):
+    """Return for the axes of a chart whether its box is ticked, can be ticked, and what the axis is by its numbers."""
+    return page.evaluate(
+        """(chart) => {
+          const { series } = charts[chart].chart.getOption();
+          const names = { x: $(`${chart}-x`).value, y: $(`${chart}-y`).value };
+          return ["x", "y"].map((which, side) => {
+            const box = $(`${chart}-log${which}`);
+            const one = column[names[which]];
+            const dots = series.filter((s) => s.type === "scatter").flatMap((s) => s.data);
+            const points = dots.filter((at) => Number.isInteger(at[2]));
+            const raw = (at) => (one.values ? one.values[at[2]] : NaN);
+            const as = (at, f) => Math.abs(at[side] - f(raw(at))) <= 1e-9 * (1 + Math.abs(f(raw(at))));
+            const linear = points.length > 0 && points.every((at) => as(at, (v) => v));
+            const log = points.length > 0 && points.every((at) => as(at, Math.log10));
+            const why = $(`${chart}-log${which}-why`).textContent;
+            return { ticked: box.checked, off: box.disabled, why, linear, log };
+          });
+        }""",
+        chart,
+    )
+
+
+@pytest.mark.parametrize("name", ["several", "odd"])
+def test_a_box_is_what_its_axis_is(browser, pages, name):
+    seen = set()
+    with Opened(browser, pages / f"{name}.html") as opened:
+        page = opened.page
+        for chart in ("work", "vary"):
+            for y in page.evaluate(f'[...document.querySelectorAll("#{chart}-y option")].map((one) => one.value)'):
+                page.select_option(f"#{chart}-y", y)
+                for x in page.evaluate(f'[...document.querySelectorAll("#{chart}-x option")].map((one) => one.value)'):
+                    page.select_option(f"#{chart}-x", x)
+                    for which in range(2):
+                        box = f"#{chart}-log{'xy'[which]}"
+                        before = axes_of(page, chart)[which]
+                        assert bool(before["why"]) == before["off"]
+                        words = which == 0 and x in {"case", "integrator", "contact", "method.contact.ratio"}
+                        assert before["off"] == (words or (which == 1 and y == "penetration"))
+                        if before["off"]:
+                            assert not before["ticked"]
+                            assert "words" in before["why"] if words else "zero or less" in before["why"]
+                            assert before["linear"] or words
+                            seen.add("forbidden")
+                            continue
+                        assert before["log"] == before["ticked"]
+                        page.set_checked(box, not before["ticked"])
+                        after = axes_of(page, chart)[which]
+                        assert after["ticked"] == (not before["ticked"])
+                        assert after["linear"] == (not after["ticked"])
+                        page.set_checked(box, before["ticked"])
+                        seen.add(before["ticked"])
+        assert opened.complaints == []
+    assert seen >= {"forbidden", True}
+
+
+def test_a_click_never_leads_to_an_empty_chart(browser, pages, several):
+    kept = set(odd(several).kept)
+    for name in ("several", "odd"):  # one that kept no history, and one that kept those of every other run
+        with Opened(browser, pages / f"{name}.html") as opened:
+            page = opened.page
+            page.click("#unpick", force=True) if name == "odd" else None
+            points = page.evaluate(
+                """() => charts.work.chart.getOption().series.filter((one) => one.type === "scatter")
+                     .flatMap((one) => one.data.map((at) => at[2]))"""
+            )
+            keys = several.table["key"]
+            bare = next(row for row in points if name == "several" or keys[row] not in kept)
+            page.evaluate("(row) => pick(row, true)", bare)
+            page.wait_for_function('document.querySelectorAll("#table .tabulator-row.picked").length === 1')
+            row = page.locator("#table .tabulator-row.picked")
+            assert keys[bare] in row.inner_text()
+            assert f"({keys[bare]})" in page.inner_text("#force-note")
+            assert "a click shows its row" in page.evaluate("(row) => tipOfRun(row)", bare)
+            if name == "odd":
+                full = next(row for row in points if keys[row] in kept)
+                page.evaluate("(row) => pick(row, true)", full)
+                page.evaluate("(row) => pick(row, true)", bare)
+                # the force that was there stays
+                assert page.evaluate("charts.force.chart.getOption().series.length") == 2
+                assert "A click shows its force" in page.evaluate("(row) => tipOfRun(row)", full)
+            assert opened.complaints == []
+
+
+def test_a_run_without_a_true_error_is_in_no_line_and_not_shown_first(browser, pages, several):
+    table = odd(several).table
+    cheapest = int(table["node_steps"].astype(float).idxmin())
+    with Opened(browser, pages / "odd.html") as opened:
+        titles, rows, picked = opened.page.evaluate(
+            """() => {
+              const { title, series } = charts.work.chart.getOption();
+              const dots = series.filter((one) => one.type === "scatter");
+              return [title.map((one) => one.text), dots.flatMap((one) => one.data.map((at) => at[2])), picked];
+            }"""
+        )
+        assert "cradle" not in titles
+        assert cheapest not in rows
+        assert table["force_error_l1"].iloc[picked].notna().all()
+        lacking = int((table["status"].eq("done") & table["force_error_l1"].isna()).sum())
+        note = opened.page.inner_text("#work-note")
+        assert f"{lacking} runs that are done lack one of the two values, and are neither drawn nor ranked" in note
+        assert opened.complaints == []
+
+
+def test_lost_runs_are_told_in_cell_legend_and_tooltip(browser, pages):
+    with Opened(browser, pages / "several.html") as opened:
+        page = opened.page
+        labels, tips = page.evaluate(
+            """() => {
+              const { series, tooltip } = charts.map.chart.getOption();
+              const labels = series.flatMap((one) => one.data.filter((at) => at.label).map((at) => at.label.formatter));
+              const tipsOf = (one, seriesIndex) => one.data.map((data) => tooltip[0].formatter({ data, seriesIndex }));
+              const tips = series.flatMap(tipsOf);
+              return [labels, tips];
+            }"""
+        )
+        assert labels == ["3/4"] * 12
+        assert sum("(of 3 of 4 runs)" in tip and "1 refused, failed or lost" in tip for tip in tips) == 12
+        assert "3/4 done and in the median of all runs of the cell" in page.inner_text("#map-scale")
+        assert "28 of the 240 runs on the map have no such number, and are in no median" in page.inner_text("#map-note")
+        rings = page.evaluate(
+            """() => charts.vary.chart.getOption().series.filter((one) => one.name === "ring")
+                 .flatMap((one) => one.data.map((at) => at.tip))"""
+        )
+        assert sum("median of 8 of 12 runs, the others lost" in tip for tip in rings) == 1
+        assert sum("median of 9 of 12 runs, the others lost" in tip for tip in rings) == 4
+        assert "28 of 240 runs were lost or have no such number" in page.inner_text("#vary-note")
+
+
+def test_a_law_without_the_varied_value_is_shown_at_every_value_of_it(browser, pages, several):
+    with Opened(browser, pages / "several.html") as opened:
+        page = opened.page
+        levels = """() => charts.vary.chart.getOption().series.filter((one) => one.name === "level")
+            .map((one) => [one.data[0].label.formatter, one.data[0].value[1]])"""
+        found = page.evaluate(levels)
+        assert [words for words, _ in found] == ["no beta_s"] * 4
+        done = several.table[several.table["contact"] == "lagrange"]
+        medians = done.groupby("integrator")["force_error_l1"].median()
+        heights = [height for _, height in found]
+        for median in medians:
+            assert min(abs(np.array(heights) - np.log10(median))) < 1e-6
+        categories = page.evaluate("charts.map.chart.getOption().xAxis.map((one) => one.data)")
+        assert categories.count(["no beta_s"]) == 4
+        opened.filter("method.contact.beta_s", "0.3")
+        assert "lagrange" in opened.cells("contact")
+        assert set(opened.cells("method.contact.beta_s")) == {"0.3", "no beta_s"}
+        assert len(page.evaluate(levels)) == 4
+        assert opened.complaints == []
+
+
+def test_pairs_cases_and_profile_follow_their_choice(browser, pages):
+    with Opened(browser, pages / "several.html") as opened:
+        page = opened.page
+        assert page.locator(".overview:visible").count() == 1
+        assert opened.colours("profile")[0] > 5000
+        assert "48 problems" in page.inner_text("#profile-note")
+        page.select_option("#pairs-v", "penetration")
+        assert page.locator(".overview:visible").get_attribute("data-measure") == "penetration"
+        page.select_option("#profile-v", "penetration")
+        shares = page.evaluate(
+            """() => {
+              const { series } = charts.profile.chart.getOption();
+              return Object.fromEntries(series.map((one) => [one.name, one.data[0][1]]));
+            }"""
+        )
+        assert shares["central-difference + lagrange"] == 1.0  # nothing overlaps less than nothing
+        assert shares["central-difference + penalty"] == 0.0
+        assert opened.complaints == []
+    with Opened(browser, pages / "small.html") as opened:
+        assert opened.page.locator("#pairs:visible, #profiles:visible").count() == 0

@@ -5,8 +5,11 @@ import re
 import pytest
 
 import scoreboard
+from percuss.certificate import SAFETY
+from percuss.registry import Registry
 
 README = (scoreboard.ROOT / "README.md").read_text(encoding="utf-8")
+NUMBER = r"\d+(?:\.\d+)?"
 
 
 @pytest.fixture(scope="module")
@@ -19,11 +22,22 @@ def cells(text):
     return [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in text.strip().splitlines()]
 
 
+def shown(begin, end):
+    """Return what the README has between two marks."""
+    assert begin in README
+    assert end in README
+    return README.partition(begin)[2].partition(end)[0]
+
+
+def numbers(text):
+    return [float(number) for number in re.findall(NUMBER, text)]
+
+
 def test_the_readme_has_the_scoreboard_of_today(table):
-    shown = cells(README.partition(scoreboard.BEGIN)[2].partition(scoreboard.END)[0])
+    there = cells(shown(scoreboard.BEGIN, scoreboard.END))
     made = cells(scoreboard.scoreboard(table))
-    assert len(shown) == len(made)
-    for line, other in zip(shown, made, strict=True):
+    assert len(there) == len(made)
+    for line, other in zip(there, made, strict=True):
         for one, two in zip(line, other, strict=True):
             if re.fullmatch(r"[\d.]+", two):
                 # two digits are shown, and the second may turn on another machine
@@ -32,49 +46,62 @@ def test_the_readme_has_the_scoreboard_of_today(table):
                 assert one == two
 
 
+def test_the_findings_of_the_readme_are_those_of_the_data(table):
+    there, made = shown(scoreboard.FINDINGS, scoreboard.END_OF_FINDINGS), scoreboard.findings(table)
+    assert re.sub(NUMBER, "#", there) == re.sub(NUMBER, "#", made)
+    assert numbers(there) == pytest.approx(numbers(made), rel=0.06)
+
+
+def test_the_findings_are_those_of_the_table_above_them():
+    head, _, *lines = cells(shown(scoreboard.BEGIN, scoreboard.END))
+    error = {}
+    for pair, *line in lines:
+        integrator, law = pair.split(" + ")
+        for case, text in zip(head[1:], line, strict=True):
+            error[case, integrator, law] = float(text.rstrip("*"))
+    ratios = scoreboard.Ratios(error)
+    late, lagrange, _, wins = shown(scoreboard.FINDINGS, scoreboard.END_OF_FINDINGS).strip().split("\n")
+    ends = [
+        end for part in (ratios.late, ratios.penalty_apart, ratios.penalty_pressed) for end in (min(part), max(part))
+    ]
+    # the ratio of two numbers of two digits each; the four numbers between are of the noise, which the table has not
+    assert numbers(late)[:2] + numbers(late)[-4:] == pytest.approx(ends, rel=0.1)
+    ends = [end for part in (ratios.lagrange, ratios.overlap) for end in (min(part), max(part))]
+    assert numbers(lagrange) == pytest.approx(ends, rel=0.1)
+    least, cases, of_penalty, below, again = numbers(wins)
+    assert cases == again == len(head) - 1 == least + of_penalty
+    assert below >= len(ratios.below)  # errors that are equal in two digits may differ
+
+
+def test_the_reference_is_never_called_a_bound():
+    section = README.partition("## The scoreboard")[2].partition("\n## ")[0]
+    study = scoreboard.STUDY.read_text(encoding="utf-8")
+    for text in (section, study):
+        assert not re.search(r"\bfloor\b|no contact law can", text)
+    assert "reference" in section
+
+
+def test_limits_in_the_prose_are_those_of_the_code():
+    integrator = Registry.load().get("integrators", "noh-bathe")
+    row = next(line for line in README.splitlines() if line.startswith("| `noh-bathe`"))
+    assert f"without contact up to a Courant number of {integrator.critical_courant:.3g} |" in row
+    assert f"takes {SAFETY:g} of the critical step" in README
+
+
 def value(table, case, pair, name):
-    integrator, contact = pair
-    one = table[(table["case"] == case) & (table["integrator"] == integrator) & (table["contact"] == contact)]
-    return float(one[name].iloc[0])
+    return scoreboard.values(table, name)[(case, *pair)]
 
 
-CD, WU = "central-difference", "wu-predictor-corrector"
-PAIRS = [(integrator, law) for integrator in (CD, WU) for law in ("penalty", "bipenalty", "lagrange")]
+CD, WU = scoreboard.CD, scoreboard.WU
 
 
-@pytest.mark.parametrize("case", ["hunek", "unlike", "carpenter", "doyen-impact", "cradle"])
-def test_a_spring_judged_late_is_at_the_floor(table, case):
-    ringing = value(table, case, (CD, "penalty"), "force_error_l1")
-    calm = value(table, case, (WU, "penalty"), "force_error_l1")
-    floor = value(table, case, (WU, "tied"), "force_error_l1")
-    assert 1.5 < ringing / calm < 11.5
-    assert calm < 1.5 * floor
-
-
-def test_multipliers_are_at_the_floor(table):
+def test_the_twin_is_the_same_for_both_integrators(table):
     for case in dict.fromkeys(table["case"]):
-        floor = value(table, case, (CD, "tied"), "force_error_l1")
-        one, other = (value(table, case, (integrator, "lagrange"), "force_error_l1") for integrator in (CD, WU))
+        one, other = (value(table, case, (integrator, "tied"), "force_error_l1") for integrator in (CD, WU))
         assert one == pytest.approx(other, rel=1e-6)
-        assert one < 1.1 * floor
-    for case in ("preloaded", "smooth-pulse"):
-        best = value(table, case, (WU, "lagrange"), "force_error_l1")
-        worse = [value(table, case, (i, law), "force_error_l1") for i in (CD, WU) for law in ("penalty", "bipenalty")]
-        assert 8 < min(worse) / best < max(worse) / best < 95
 
 
-@pytest.mark.parametrize("case", ["hunek", "unlike", "carpenter", "doyen-impact", "sdnv100"])
-def test_who_is_calm_pays_in_energy(table, case):
-    kept = {pair: value(table, case, pair, "energy_kept") for pair in PAIRS}
-    assert all(0.992 < kept[WU, law] < 0.9985 for law in ("penalty", "bipenalty"))
-    assert all(0.9945 < kept[integrator, "lagrange"] < 0.9975 for integrator in (CD, WU))
-    assert abs(kept[CD, "penalty"] - 1) < 2e-4
-
-
-def test_two_bounces(table):
-    kept = {pair: value(table, "doyen-bounce", pair, "energy_kept") for pair in PAIRS}
-    assert kept[WU, "bipenalty"] == pytest.approx(0.985, abs=1e-3)
-    assert kept[WU, "penalty"] == pytest.approx(0.986, abs=1e-3)
-    assert kept[CD, "lagrange"] == pytest.approx(0.995, abs=1e-3)
-    assert kept[CD, "penalty"] == pytest.approx(1, abs=3e-4)
-    assert kept[CD, "bipenalty"] == pytest.approx(1.001, abs=3e-4)
+def test_every_run_of_the_scoreboard_has_a_true_error_that_does_not_hang_on_round_off(table):
+    assert table["status"].eq("done").all()
+    assert table["force_error_l1"].notna().all()
+    assert not table["fragile"].any()

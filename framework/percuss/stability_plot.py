@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from percuss.waves import Waves
 
 Axis = Mapping[str, Sequence[Any]]
+MOST_MAPS = 4
 MARKS = ("o", "s", "^", "D", "v", "P")
 WORDS = {
     "courant_critical": "critical Courant number",
@@ -42,9 +44,8 @@ def stability_figure(rows: list[dict[str, Any]], vary: Axis, curves: Axis, title
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(9.6, 6.4), facecolor="white", layout="constrained")
-        header(
-            figure, title, [methods, "stability of the closed linear step, in the worst combination of contacts"], []
-        )
+        about = "stability of the closed linear step, in the worst combination of contacts"
+        header(figure, title, [methods, about, *_left_out(rows, vary, curves)], [])
         if not any(row["courant_critical"] is not None for row in rows):
             say(figure.subplots(), f"nothing to draw: {rows[0]['reason']}")
         elif len(vary) == 2:
@@ -52,6 +53,25 @@ def stability_figure(rows: list[dict[str, Any]], vary: Axis, curves: Axis, title
         else:
             _curves(figure, rows, vary, curves)
         return settle(figure)
+
+
+def _left_out(rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> list[str]:
+    """Return what the picture does not show: points without a number, with the most frequent reason, and panels."""
+    quantity = _quantity(rows, vary)
+    lost = [row for row in rows if row.get(quantity) is None]
+    words = []
+    if lost:
+        reason, count = Counter(row["reason"] or "no reason given" for row in lost).most_common(1)[0]
+        often = f" ({count} of them)" if count < len(lost) else ""
+        words.append(f"{len(lost)} of {len(rows)} points have no number and are left blank: {reason}{often}")
+    groups, ways = (
+        list(dict.fromkeys(found)) for found in ((_group(r, curves) for r in rows), (r["by"] for r in rows))
+    )
+    if len(vary) == 2 and len(groups) > MOST_MAPS:
+        words.append(f"the first {MOST_MAPS} of {len(groups)} curves have a map")
+    if len(vary) == 2 and len(ways) > 1:
+        words.append(f"the maps are those of the {ways[0]}; not drawn: {', '.join(ways[1:])}")
+    return words
 
 
 def _curves(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> None:
@@ -81,7 +101,7 @@ def _curves(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis
 
 def _maps(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> None:
     first, second = vary
-    groups = list(dict.fromkeys(_group(row, curves) for row in rows))[:4]
+    groups = list(dict.fromkeys(_group(row, curves) for row in rows))[:MOST_MAPS]
     way = rows[0]["by"]
     quantity = _quantity(rows, vary)
     panels = figure.subplots(1, len(groups), sharey=True, squeeze=False)[0]
@@ -94,10 +114,12 @@ def _maps(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) 
     finite = np.concatenate([g[np.isfinite(g)] for g in grids])
     low, high = (0.0, 2.0) if boundary else (0.0, float(finite.max()))
     for axes, grid, group in zip(panels, grids, groups, strict=True):
+        # where no step is stable the step is infinitely many times the critical one: that is a colour, and no blank
+        shown = np.ma.masked_invalid(np.where(grid == np.inf, 10 * high, grid))
         drawn = axes.pcolormesh(
             x,
             y,
-            grid,
+            shown,
             cmap="RdBu_r" if boundary else "viridis",
             vmin=low,
             vmax=high,
@@ -105,8 +127,8 @@ def _maps(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) 
             rasterized=True,
         )
         levels = [1.0] if boundary else [level for level in np.linspace(0.1, 1.0, 10) if low < level < high]
-        if min(grid.shape) > 1 and np.isfinite(grid).all():
-            lines = axes.contour(x, y, grid, levels=levels, colors=INK, linewidths=1.6 if boundary else 0.7)
+        if min(grid.shape) > 1 and shown.count():
+            lines = axes.contour(x, y, shown, levels=levels, colors=INK, linewidths=1.6 if boundary else 0.7)
             axes.clabel(lines, fmt="%.3g", fontsize=9)
         _scale(axes, vary, first, "x")
         axes.set_title(group, loc="left", size=11, parse_math=False)

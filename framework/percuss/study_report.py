@@ -19,7 +19,7 @@ from percuss import study_data
 from percuss.figures import COLOURS, MORE_COLOURS, number, one_line
 from percuss.result import replacing
 from percuss.runner import plain
-from percuss.study_data import COSTS, Columns, StudyLike
+from percuss.study_data import Columns, StudyLike
 
 if TYPE_CHECKING:
     from percuss.registry import Registry
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 AGAIN = "study.yaml"
 MOST_REASONS = 100
 MOST_VALUES = 12  # of a varied value that are told one by one
-STATUSES = ("done", "unstable", "refused", "failed", "interrupted")
+STATUSES = ("done", "unstable", "refused", "failed", "interrupted", "lost")
 DOI = re.compile(r"\bdoi:?\s*(10\.\d{4,9}/[^\s,;]+)", re.IGNORECASE)
 
 
@@ -68,10 +68,13 @@ def report_html(study: StudyLike, beside: str = "") -> str:
     """
     known = study_data.columns(study)
     data = payload(study, known)
+    overview = _overview(study, known)
     parts = {
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question(study, data),
         "sampled": _sampled(data, beside),
+        "stacked": " stacked" if overview else "",
+        "overview": overview,
         "varied": _varied(study, known),
         "measured": _measured(study, known),
         "lost": _lost(study.table),
@@ -95,8 +98,9 @@ def report_html(study: StudyLike, beside: str = "") -> str:
 
 def payload(study: StudyLike, known: Columns) -> dict[str, Any]:
     """Return what the page's scripts draw, in the terms of JSON; numbers as base64."""
-    table = study_data.shown(study.table)
-    sampled = len(table) < len(study.table)
+    carried = study_data.carried(study.table, known)
+    table = carried.table
+    sampled = len(study.table) > study_data.MOST_ROWS
     roles = {name: "about" for name in ("case", "integrator", "contact") if name in table}
     roles |= dict.fromkeys(known.varied, "varied")
     roles |= {"status": "about"} | dict.fromkeys(known.measures, "measure")
@@ -108,11 +112,16 @@ def payload(study: StudyLike, known: Columns) -> dict[str, Any]:
         "seed": study_data.SEED if sampled else None,
         "methods": list(dict.fromkeys(every)),
         "colours": [*COLOURS, *MORE_COLOURS],
-        "costs": [name for name in COSTS if name in known.measures],
+        "references": study_data.references(study.table),
+        "costs": list(known.costs),
+        "ranked": study_data.ranking(known),
+        "lacking": {path: sorted(study_data.lacking(study.table, path)) for path in known.varied},
+        "added": np.flatnonzero(~carried.drawn).tolist(),
+        "best": carried.best,
         "columns": [_column(table, name, role, known.measures.get(name, name)) for name, role in roles.items()],
-        "bands": _bands(study.table, known) if sampled else {},
+        "bands": _bands(study.table, known) if sampled else {},  # of all rows, where the page has not all
         "maps": _maps(study.table, known) if sampled else {},
-        "fronts": _fronts(study.table, known, every) if sampled else {},
+        "profiles": _profiles(study.table, known) if _several_cases(study.table) else {},
         "histories": study_data.kept_histories(study, table),
     }
 
@@ -121,9 +130,8 @@ def _column(table: Any, name: str, role: str, words: str) -> dict[str, Any]:
     values = study_data.numbers(table[name]) if role != "about" else None
     column = {"name": name, "label": words.replace("_", " ") if role == "about" else words, "role": role}
     if values is not None:
-        # what was varied is read back digit by digit, what was measured is only drawn
-        kind = "<f8" if role == "varied" else "<f4"
-        return column | {"kind": kind, "data": study_data.packed(values, kind), "log": study_data.is_log(values)}
+        # in double precision: the page's csv holds the numbers that the study has
+        return column | {"kind": "<f8", "data": study_data.packed(values, "<f8"), "log": study_data.is_log(values)}
     told = study_data.texts(table[name])
     levels = study_data.in_order(told)
     codes = {level: k for k, level in enumerate(levels)}
@@ -152,15 +160,18 @@ def _maps(table: Any, known: Columns) -> dict[str, Any]:
     }
 
 
-def _fronts(table: Any, known: Columns, every: list[str]) -> dict[str, dict[str, str]]:
-    done, of_row = (table["status"] == "done").to_numpy(), np.array(every)
-    values = {name: study_data.numbers(table[name]) for name in known.measures}
-    picks = {method: done & (of_row == method) for method in dict.fromkeys(every)}
-    out: dict[str, dict[str, str]] = {}
-    for cost in COSTS:
-        for measure in known.measures if cost in known.measures else ():
-            lines = {m: study_data.front(values[cost][pick], values[measure][pick]) for m, pick in picks.items()}
-            out[f"{measure}|{cost}"] = {method: study_data.packed(line) for method, line in lines.items()}
+def _several_cases(table: Any) -> bool:
+    return int(table["case"].nunique()) > 1
+
+
+def _profiles(table: Any, known: Columns) -> dict[str, Any]:
+    """Return the performance profile of each measure by which runs can be ranked."""
+    asked = study_data.problems(table, known.varied)
+    out = {}
+    for name in study_data.ranking(known):
+        found = study_data.profile(table, name, asked)
+        ratios = {method: study_data.packed(values, "<f8") for method, values in found.ratios.items()}
+        out[name] = {"counted": found.counted, "unknown": found.unknown, "left": asked.left_out, "ratios": ratios}
     return out
 
 
@@ -198,10 +209,14 @@ def _sampled(data: dict[str, Any], beside: str) -> str:
         return ""
     where = f" Every row is in <code>{escape(beside)}</code>, beside this page." if beside else ""
     return (
-        f'<p class="notice">This page carries {data["rows"]:,} of the {data["total"]:,} rows: a random sample '
-        f"(seed {data['seed']}). Table and single points show the sample. Medians, bands, lines of the best, maps, "
-        "the counts above and the reasons below are those of all rows; with a filter set they are the sample's. "
-        f"Each chart says of which it is.{where}</p>"
+        f'<p class="notice">This page carries {data["rows"]:,} of the {data["total"]:,} rows: a random sample of '
+        f"{data['rows'] - len(data['added']):,} (seed {data['seed']}), and all {data['best']:,} best runs, of which "
+        f"the sample lacked {len(data['added']):,}. The best are those that no other run of their case and pair of "
+        "methods beats: the least of each error, and the least error at each cost. Medians, bands, maps, the table of "
+        "pairs and cases, the profile, the counts above and the reasons below are those of all rows; with a filter "
+        "set, medians, bands and maps are those of the sample, without the best that were added. Each chart says of "
+        f"which it is."
+        f"{where}</p>"
     )
 
 
@@ -209,16 +224,67 @@ def _varied(study: StudyLike, known: Columns) -> str:
     lines = []
     for path in known.varied:
         values = study_data.in_order([text for text in study_data.texts(study.table[path]) if text != ""])
+        values = [study_data.as_label(text) for text in values]
         if len(values) > MOST_VALUES:
             told = f"{study.table[path].nunique():,} values from {values[0]} to {values[-1]}"
         else:
             told = ", ".join(values) or "none"
-        lines.append([f"<code>{escape(path)}</code>", escape(told)])
+        without = sorted(study_data.lacking(study.table, path))
+        lacking = f"; not a value of {', '.join(without)}" if without and values else ""
+        lines.append([f"<code>{escape(path)}</code>", escape(told + lacking)])
     for name in ("case", "integrator", "contact"):
         names = [text for text in dict.fromkeys(study_data.texts(study.table[name])) if text]
         shown = [*names[:MOST_VALUES], f"and {len(names) - MOST_VALUES} more"] if len(names) > MOST_VALUES else names
         lines.append([name, escape(", ".join(shown))])
     return _table(["what", "values"], lines)
+
+
+# ----------------------------------------------------------------------------------------- pairs and cases
+
+
+def _overview(study: StudyLike, known: Columns) -> str:
+    """Return a coloured table of pairs and cases for each measure that ranks runs; nothing for a single case."""
+    names = study_data.ranking(known)
+    if not _several_cases(study.table) or not names:
+        return ""
+    tables = [
+        f'<div class="scroll overview" data-measure="{escape(name)}"{" hidden" if k else ""}>'
+        f"{_pairs_and_cases(study.table, name)}</div>"
+        for k, name in enumerate(names)
+    ]
+    return "".join(tables)
+
+
+def _pairs_and_cases(table: Any, name: str) -> str:
+    """Return the medians of one measure, a row a pair of methods and a column a case."""
+    cells = study_data.overview(table, name)
+    cases = list(dict.fromkeys(case for row in cells.values() for case in row))
+    best = study_data.least_medians(cells, set(study_data.references(table)))
+    largest = study_data.largest_factor(cells, best)
+    lines = "".join(
+        f"<tr><th>{escape(method)}</th>{''.join(_cell(row.get(case), best.get(case), largest) for case in cases)}</tr>"
+        for method, row in cells.items()
+    )
+    top = "".join(f"<th>{escape(case)}</th>" for case in cases)
+    scale = f"Colour: from the least median of the case, in bold, to {number(largest, 3)} times that or more."
+    return f'<table class="plain cells"><tr><th></th>{top}</tr>{lines}</table><p class="note">{scale}</p>'
+
+
+def _cell(cell: study_data.Cell | None, best: float | None, largest: float) -> str:
+    if cell is None:
+        return '<td class="soft">no run</td>'
+    words = study_data.counted(cell)
+    small = f'<span class="few">{escape(words)}</span>' if words else ""
+    if not cell.known:
+        return f"<td>{small}</td>"
+    shade = study_data.shade(cell, best, largest)
+    text = number(cell.median, 3)
+    # a median over what is left of lost runs is no winner
+    strong = f"<b>{text}</b>" if cell.median == best and cell.known == cell.made else text
+    return f'<td class="cell" style="background:{shade}">{strong}{small}</td>'
+
+
+# ---------------------------------------------------------------------------------------- further sections
 
 
 def _measured(study: StudyLike, known: Columns) -> str:
@@ -227,7 +293,7 @@ def _measured(study: StudyLike, known: Columns) -> str:
         [
             escape(label),
             f"<code>{escape(name)}</code>",
-            escape(own.get(name, "time that the run took" if name == "seconds" else "")),
+            escape(own.get(name, "")),
         ]
         for name, label in known.measures.items()
     ]

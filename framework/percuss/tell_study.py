@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +67,8 @@ def _tell_ranked(console: Any, done: list[dict[str, Any]], by: str, shown: list[
     cases = ["case"] if len({row["case"] for row in done}) > 1 else []
     heads = [*cases, "integrator", "contact", *varied, *shown]
     table = Table(*(escape(head) for head in heads), title=f"smallest {by}" if by else "first runs")
-    ranked = sorted(done, key=lambda row: row[by] if _is_number(row[by]) else math.inf) if by else done
+    # a run without the number is in no ranking by it
+    ranked = sorted((row for row in done if _is_number(row[by])), key=lambda row: row[by]) if by else done
     for row in ranked[:BEST]:
         cells = [row[key] for key in heads]
         table.add_row(*(_number(cell, 3 if key in shown else 5) for key, cell in zip(heads, cells, strict=True)))

@@ -143,9 +143,9 @@ function show(id, option, { height = null } = {}) {
 
 const coarse = matchMedia("(pointer: coarse)").matches;
 
-function tools(id) {
+function tools(id, zooms = true) {
   if (printing) return { show: false };
-  const zoom = coarse ? {} : { dataZoom: { title: { zoom: "zoom into a box", back: "back" }, filterMode: "none" }, restore: { title: "whole" } };
+  const zoom = coarse || !zooms ? {} : { dataZoom: { title: { zoom: "zoom into a box", back: "back" }, filterMode: "none" }, restore: { title: "whole" } };
   return {
     right: 4, top: 0, itemSize: 14, iconStyle: { borderColor: looks().soft },
     feature: { ...zoom, saveAsImage: { title: "save as png", name: id, backgroundColor: looks().paper, pixelRatio: 3 } },
@@ -178,63 +178,113 @@ function line(k, data, extra = {}) {
   };
 }
 
+/** What a click on the point of a run does. */
+const clickWords = (row) => (page.histories[row] ? "A click shows its force." : "No force was kept of it; a click shows its row.");
+
 function tipOfRun(row, ...pairs) {
-  const lines = [nameOf(row), ...pairs.map(([words, value]) => `${words}: ${told(value)}`)];
+  const lines = [nameOf(row), ...pairs.map(([words, value]) => `${words}: ${told(value)}`), clickWords(row)];
   return lines.map(escaped).join("<br>");
 }
 
-/** How many runs are not drawn and why, in words. */
-function missing(gone, zero) {
-  const parts = [];
-  if (zero) parts.push(`${zero.toLocaleString("en")} runs at zero (or below 10⁻¹⁰ of the largest) have no place on a logarithmic axis.`);
-  if (gone) parts.push(`${gone.toLocaleString("en")} runs lack one of the two values.`);
-  return parts.join(" ");
+const counted = (many, what) => `${many.toLocaleString("en")} ${what}${many === 1 ? "" : "s"}`;
+
+const wishes = {}; // for each box and column, what the user chose
+
+/** Set a box to what its axis is, and return it: a logarithmic axis has no place for words, nor for zero or less. */
+function logBox(id, one, values, byDefault) {
+  const finite = values.filter(Number.isFinite);
+  const low = finite.filter((value) => value <= 0).length;
+  const why = one.kind === "text" ? "words have no logarithm" : !finite.length ? "there are no values" : low ? `${low.toLocaleString("en")} of ${counted(finite.length, "value")} ${low === 1 ? "is" : "are"} zero or less` : "";
+  $(id).disabled = why !== "";
+  $(id).checked = !why && (wishes[`${id} ${one.name}`] ?? byDefault);
+  $(id).dataset.column = one.name;
+  $(`${id}-why`).textContent = why ? `(no: ${why})` : "";
+  return $(id).checked;
 }
 
-/** What is not above this is zero but for round-off. */
-const floorOf = (values) => ROUND_OFF * Math.max(0, extentOf(values.filter(Number.isFinite))[1]);
+/** Where an axis begins: a logarithmic one no lower than 10⁻¹⁰ of the largest value, as what is lower is round-off. */
+const edgeOf = (values, log) => (log ? ROUND_OFF * extentOf(values.filter(Number.isFinite))[1] : -Infinity);
 
-/** Split rows into those with a place on the axes, and counts of the rest. */
-function placed(rows, xOf, yOf, logX, logY) {
-  let [gone, zero] = [0, 0];
+/** The place of a value on an axis; what is below the edge is drawn at it. */
+const onAxisOf = (value, log, edge) => (log ? Math.log10(Math.max(value, edge)) : value);
+
+/** How many values are drawn at the edge of a logarithmic axis. */
+function atEdge(values, edge) {
+  const many = values.filter((value) => value < edge).length;
+  return many ? `${counted(many, "run")} below 10⁻¹⁰ of the largest ${many === 1 ? "is" : "are"} drawn at the lower edge.` : "";
+}
+
+/** Split rows by method into points with a place on the axes, and tell of the others. */
+function placed(rows, xOf, yOf, logX, logY, edge = -Infinity) {
+  let gone = 0;
   const data = page.methods.map(() => []);
-  const [lowX, lowY] = [logX ? floorOf(rows.map(xOf)) : -Infinity, logY ? floorOf(rows.map(yOf)) : -Infinity];
   for (const row of rows) {
     const [x, y] = [xOf(row), yOf(row)];
     if (!Number.isFinite(x) || !Number.isFinite(y)) gone += 1;
-    else if (x <= lowX || y <= lowY) zero += 1;
-    else data[methodOf[row]].push([logX ? Math.log10(x) : x, logY ? Math.log10(y) : y, row]);
+    else data[methodOf[row]].push([logX ? Math.log10(x) : x, onAxisOf(y, logY, edge), row]);
   }
-  return { data, words: missing(gone, zero) };
+  return { data, words: gone ? `${counted(gone, "run")} that ${gone === 1 ? "is" : "are"} done ${gone === 1 ? "lacks" : "lack"} one of the two values, and ${gone === 1 ? "is" : "are"} neither drawn nor ranked.` : "" };
+}
+
+/** The grids of some panels beside and below each other in a chart. */
+function gridOfPanels(id, number, { least = 330, most = 4, left = 64, right = 14, top = 34, bottom = 56, high = 300, widest = Infinity } = {}) {
+  const width = printing ? PAPER_WIDTH : $(id).clientWidth;
+  const across = Math.max(1, Math.min(number, most, Math.floor(width / least)));
+  const each = width / across;
+  const inside = Math.min(each - left - right, widest);
+  const panels = Array.from({ length: number }, (_, n) => ({ left: (n % across) * each + left, top: Math.floor(n / across) * high + top, width: inside, height: high - top - bottom }));
+  return { panels, across, inside, up: high - top - bottom, tall: Math.ceil(number / across) * high };
 }
 
 function drawWork() {
   const [y, x] = [column[$("work-y").value], column[$("work-x").value]];
-  if (!x || !y) return say("work", "No cost was recorded.");
-  const log = $("work-log").checked;
-  const { data, words } = placed(visible(active).filter(isDone), (row) => x.values[row], (row) => y.values[row], log, log);
-  const stored = whole() && page.fronts[`${y.name}|${x.name}`];
-  const fronts = page.methods.map((method, k) => {
-    if (hidden.has(k)) return [];
-    if (!stored || !stored[method]) return frontOf(data[k]);
-    const both = unpacked(stored[method], "<f4");
-    const half = both.length / 2;
-    return Array.from({ length: half }, (_, j) => [both[j], both[j + half]].map((v) => (log ? Math.log10(v) : v)));
-  });
-  const all = [...data.flat(), ...fronts.flat()];
-  if (!all.length) {
-    $("work-note").textContent = words;
-    return say("work", "No run with both values passes the filters.");
+  if (!x || !y) {
+    for (const id of ["work-logx", "work-logy"]) $(id).disabled = true;
+    return say("work", x ? "No measure was recorded." : "No cost was recorded: measure node_steps, seconds.march or steps.");
   }
-  const series = page.methods.flatMap((method, k) => [points(k, data[k], method), line(k, fronts[k])]);
+  const rows = visible(active).filter(isDone);
+  const both = rows.filter((row) => Number.isFinite(x.values[row]) && Number.isFinite(y.values[row]));
+  const log = [logBox("work-logx", x, both.map((row) => x.values[row]), true), logBox("work-logy", y, both.map((row) => y.values[row]), true)];
+  const cases = [...new Set(both.map((row) => column.case.codes[row]))].sort((a, b) => a - b);
+  const { words } = placed(rows, (row) => x.values[row], (row) => y.values[row]);
+  if (!cases.length) {
+    $("work-note").textContent = words;
+    return say("work", "No run with both values passes the filters.", { height: 380 });
+  }
+  const ranked = page.ranked.includes(y.name);
+  const heights = both.map((row) => y.values[row]);
+  const edge = edgeOf(heights, log[1]);
+  const drawn = cases.slice(0, MOST_PANELS).map((code) => workPanel(both.filter((row) => column.case.codes[row] === code), x, y, log, edge, ranked));
+  const alone = column.case.levels.length === 1;
+  const { panels, across, tall } = gridOfPanels("work", drawn.length);
+  const option = drawn.length === 1 ? { grid: { ...grid, top: alone ? grid.top : 40 } } : { grid: panels };
+  const tip = ({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]], [x.label, x.values[row]]);
   const chart = show("work", {
-    grid, toolbox: tools("work-precision"), series,
-    xAxis: axis(x.label, extentOf(all.map((one) => one[0])), { log, gap: 30 }),
-    yAxis: axis(y.label, extentOf(all.map((one) => one[1])), { log, gap: 48 }),
-    tooltip: tooltip(({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]], [x.label, x.values[row]])),
-  });
-  followZoom(chart, { xAxis: log, yAxis: log });
-  $("work-note").textContent = `${scope(Boolean(stored), "Lines")} ${words}`;
+    ...option, toolbox: { ...tools("work-precision", drawn.length === 1) }, tooltip: tooltip(tip),
+    title: alone ? [] : drawn.map((_, n) => titleOf(column.case.levels[cases[n]], drawn.length === 1 ? { left: grid.left, top: 10, width: 400 } : { ...panels[n], top: panels[n].top - 4 })),
+    series: drawn.flatMap(({ series }, n) => series.map((one) => ({ ...one, xAxisIndex: n, yAxisIndex: n }))),
+    xAxis: drawn.map(({ all }, n) => ({ ...axis(x.label, extentOf(all.map((one) => one[0])), { log: log[0], gap: 30 }), gridIndex: n })),
+    yAxis: drawn.map(({ all }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(all.map((one) => one[1])), { log: log[1], gap: 48 }), gridIndex: n })),
+  }, { height: drawn.length === 1 ? 380 : tall });
+  if (drawn.length === 1) followZoom(chart, { xAxis: log[0], yAxis: log[1] });
+  else chart.off("datazoom");
+  const left = cases.length > drawn.length ? `The first ${drawn.length} of ${cases.length} cases are drawn; choose one above. ` : "";
+  const unranked = ranked ? "" : `No lines: less ${y.label} is not better. `;
+  $("work-note").textContent = `${left}${unranked}${scopeOfBest()} ${atEdge(heights, edge)} ${words}`;
+}
+
+/** The points of one case and the lines of the best, of each method and of all that are no references. */
+function workPanel(rows, x, y, log, edge, ranked) {
+  const { data } = placed(rows, (row) => x.values[row], (row) => y.values[row], ...log, edge);
+  const compete = data.filter((_, k) => !page.references.includes(page.methods[k])).flat();
+  const raw = (points) => frontOf(points.map(([, , row]) => [x.values[row], y.values[row]])).map(([a, b]) => [log[0] ? Math.log10(a) : a, onAxisOf(b, log[1], edge)]);
+  const best = { type: "line", data: raw(compete), symbol: "none", silent: true, z: 1, lineStyle: { color: looks().exact, width: 8, opacity: 0.35 } };
+  const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...(ranked ? [line(k, raw(data[k]))] : [])]);
+  return { all: data.flat(), series: ranked ? [best, ...series] : series };
+}
+
+function titleOf(text, { left, top, width }) {
+  return { text, left: left - 4, top: top - 24, textStyle: { color: looks().ink, fontSize: 13, fontWeight: "bold", width, overflow: "truncate" } };
 }
 
 function tooltip(formatter) {
@@ -248,7 +298,14 @@ function tooltip(formatter) {
 /** Of a sampled study: whether what is drawn is that of all rows or of the sample. */
 function scope(all, what) {
   if (page.seed === null) return "";
-  return all ? `Points are the sample, ${what.toLowerCase()} are of all ${page.total.toLocaleString("en")} rows.` : `Points and ${what.toLowerCase()} are of the sample.`;
+  return all ? `Points are the sample and the best runs, ${what.toLowerCase()} are of all ${page.total.toLocaleString("en")} rows.` : `Points are the sample and the best runs that pass the filters, ${what.toLowerCase()} are of the sample.`;
+}
+
+/** The lines of the best need no other rows than those of the page, which has all that could be on them. */
+function scopeOfBest() {
+  if (page.seed === null) return "";
+  const all = page.total.toLocaleString("en");
+  return active.length === page.rows ? `Points are the sample and the best runs, lines are of all ${all} rows.` : "Points and lines are of the rows of this page that pass the filters.";
 }
 
 function frontOf(data) {
@@ -262,45 +319,77 @@ function frontOf(data) {
 
 function drawVaried() {
   const [y, x] = [column[$("vary-y").value], column[$("vary-x").value]];
-  if (!x || !y) return say("vary", "Nothing was varied.");
+  if (!x || !y) {
+    for (const id of ["vary-logx", "vary-logy"]) $(id).disabled = true;
+    return say("vary", "Nothing was varied.");
+  }
   const words = x.kind === "text";
-  const wanted = $("vary-log").checked;
-  const [logX, logY] = [wanted && !words && Boolean(x.log || x.name === "refine"), wanted && Boolean(y.log)];
-  const rows = visible(active).filter(isDone);
+  const made = visible(active).filter(isMade);
+  const rows = made.filter(isDone);
+  const level = page.methods.map((_, k) => !words && lacks(k, x));
+  const known = rows.filter((row) => Number.isFinite(y.values[row]));
+  const logX = logBox("vary-logx", x, words ? [] : known.map((row) => x.values[row]), Boolean(x.log || x.name === "refine"));
+  const heights = known.filter((row) => words || level[methodOf[row]] || Number.isFinite(x.values[row])).map((row) => y.values[row]);
+  const logY = logBox("vary-logy", y, heights, Boolean(y.log));
+  const edge = edgeOf(heights, logY);
   const present = page.methods.map((_, k) => k).filter((k) => !hidden.has(k));
   // methods stand beside each other where the axis holds words
   const beside = (k) => (words ? (0.64 * (present.indexOf(k) - (present.length - 1) / 2)) / Math.max(present.length, 1) : 0);
   const xOf = (row) => (words ? x.codes[row] + beside(methodOf[row]) : x.values[row]);
-  const level = words ? [] : levels(x, y, rows, logY);
-  const across = rows.filter((row) => !level[methodOf[row]]);
-  const { data, words: missed } = placed(across, xOf, (row) => y.values[row], logX, logY);
-  const said = level.some(Boolean) ? `A method without this value is a level line at its median. ${missed}` : missed;
+  const { data, words: missed } = placed(rows.filter((row) => !level[methodOf[row]]), xOf, (row) => y.values[row], logX, logY, edge);
   const stored = whole() && page.bands[`${y.name}|${x.name}`];
-  const lowest = floorOf(rows.map((row) => y.values[row]));
-  const put = ([place, ...values]) => [logX ? Math.log10(place) : place, ...values.map((v) => (logY ? Math.log10(Math.max(v, lowest)) : v))];
+  const drawn = made.filter((row) => !added.has(row));
   const bands = page.methods.map((method, k) => {
     if (hidden.has(k)) return [];
-    const found = stored ? storedBand(stored[method]) : bandOf(x, y, data[k].map((one) => one[2]), logX, beside(k));
-    return found.filter(([place, , middle]) => Number.isFinite(middle) && (!logX || place > 0) && (!logY || middle > lowest)).map(put);
+    if (stored) return storedBand(stored[method]);
+    return bandOf(x, y, drawn.filter((row) => methodOf[row] === k), logX, beside(k), level[k]);
   });
-  const all = data.flat();
-  if (!all.length) {
-    $("vary-note").textContent = said;
+  const put = ([place, low, middle, high, ...many]) => [logX ? Math.log10(place) : place, ...[low, middle, high].map((v) => onAxisOf(v, logY, edge)), ...many, middle];
+  const full = bands.map((band) => band.filter((one) => one[4] > 0));
+  const onAxis = full.map((band) => band.filter(([place]) => Number.isFinite(place)).map(put));
+  const levels = full.map((band) => band.filter(([place]) => !Number.isFinite(place)).map(put)[0]);
+  const leveled = present.filter((k) => levels[k]);
+  // their names stand beside each other, as the lines may lie on each other
+  const middle = (k) => spread[0] + ((leveled.indexOf(k) + 1) / (leveled.length + 1)) * (spread[1] - spread[0]);
+  const all = [...data.flat(), ...onAxis.flat().map(([place, , middle]) => [place, middle])];
+  if (!all.length && !levels.some(Boolean)) {
+    $("vary-note").textContent = missed;
     return say("vary", "No run with both values passes the filters.");
   }
   const values = words ? [] : distinct(x, rows);
   const ticks = values.length && values.length <= 8 ? values.map((value) => (logX ? Math.log10(value) : value)).filter(Number.isFinite) : null;
   const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((one) => one[0]));
-  const flat = (k) => (level[k] ? [line(k, spread.map((place) => [place, level[k][0]]))] : []);
-  const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...bandSeries(k, bands[k], words), ...flat(k)]);
+  const labels = words ? x.levels.map((level) => labelOf(level) || `no ${shortName(x)}`) : null;
+  const counts = ([, , , , have, of]) => (have < of ? `median of ${have} of ${of} runs, the others lost` : `median of ${counted(of, "run")}`);
+  const tipOfMedian = (k, one, where) => [page.methods[k], where, `${y.label}: ${told(one[6])}`, counts(one)].map(escaped).join("<br>");
+  const series = page.methods.flatMap((method, k) => [
+    points(k, data[k], method), ...bandSeries(k, onAxis[k], words),
+    ...rings(k, onAxis[k].filter((one) => one[4] < one[5]), (one) => tipOfMedian(k, one, words ? "" : `${x.label}: ${told(logX ? 10 ** one[0] : one[0])}`)),
+    ...(levels[k] ? levelSeries(k, levels[k], spread, middle(k), `no ${shortName(x)}`, tipOfMedian(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
+  ]);
+  const ends = [...all.map((one) => one[1]), ...levels.filter(Boolean).flatMap((one) => [one[1], one[2], one[3]])];
   const chart = show("vary", {
     grid: words ? { ...grid, bottom: 76 } : grid, toolbox: tools("varied"), series,
-    xAxis: axis(x.label, spread, { log: logX, labels: words ? x.levels.map((level) => level || "none") : null, gap: words ? 54 : 30, horizontal: true, ticks }),
-    yAxis: axis(y.label, extentOf([...all.map((one) => one[1]), ...level.filter(Boolean).flat()]), { log: logY, gap: 48 }),
-    tooltip: tooltip(({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]])),
+    xAxis: axis(x.label, spread, { log: logX, labels, gap: words ? 54 : 30, horizontal: true, ticks }),
+    yAxis: axis(y.label, extentOf(ends), { log: logY, gap: 48 }),
+    tooltip: tooltip(({ data: point }) => point.tip || tipOfRun(point[2], [y.label, y.values[point[2]]])),
   });
   followZoom(chart, { xAxis: logX, yAxis: logY });
-  $("vary-note").textContent = `${scope(Boolean(stored), "Medians and bands")} ${said} ${x.name === "refine" && logX && logY ? ordersOf(bands) : ""}`;
+  const cases = new Set(made.map((row) => column.case.codes[row])).size;
+  const said = [
+    scope(Boolean(stored), "Medians and bands"),
+    levels.some(Boolean) ? `A method that has no ${shortName(x)} is a level line at its median.` : "",
+    cases > 1 ? `Medians are over the runs of ${cases} cases together; choose one above.` : "",
+    lostWords(bands.flat()), atEdge(heights, edge), missed,
+    cases === 1 && x.name === "refine" && logX && logY ? ordersOf(onAxis) : "",
+  ];
+  $("vary-note").textContent = said.filter(Boolean).join(" ");
+}
+
+/** How many of the runs behind some medians have no part in them. */
+function lostWords(band) {
+  const [have, of] = [4, 5].map((place) => band.reduce((sum, one) => sum + one[place], 0));
+  return of > have ? `${(of - have).toLocaleString("en")} of ${counted(of, "run")} were lost or have no such number, and are in no median; at a ring some were.` : "";
 }
 
 /** Over the mesh the slope of a line through the medians of each method is its observed order. */
@@ -315,32 +404,47 @@ function ordersOf(bands) {
   return known.length ? `Observed orders, fitted to the medians: ${known.join("; ")}.` : "";
 }
 
-/** The median of each method none of whose runs has the varied value: [median], or nothing. */
-function levels(x, y, rows, log) {
-  return page.methods.map((_, k) => {
-    const own = rows.filter((row) => methodOf[row] === k);
-    if (!own.length || own.some((row) => Number.isFinite(x.values[row]))) return null;
-    const known = own.map((row) => y.values[row]).filter((v) => Number.isFinite(v) && (!log || v > 0)).sort((a, b) => a - b);
-    return known.length ? [log ? Math.log10(quantile(known, 0.5)) : quantile(known, 0.5)] : null;
-  });
-}
-
 function storedBand(text) {
   if (!text) return [];
   const all = unpacked(text, "<f4");
-  const n = all.length / 4;
-  return Array.from({ length: n }, (_, j) => [all[j], all[j + n], all[j + 2 * n], all[j + 3 * n]]);
+  const n = all.length / 6;
+  return Array.from({ length: n }, (_, j) => Array.from({ length: 6 }, (_, part) => all[j + part * n]));
 }
 
-function bandOf(x, y, rows, log, offset) {
-  const bins = binned(x, rows, log);
-  const groups = bins.places.map(() => []);
-  for (const row of rows) if (bins.of(row) >= 0) groups[bins.of(row)].push(y.values[row]);
-  return groups.flatMap((group, j) => {
-    if (!group.length) return [];
-    group.sort((a, b) => a - b);
-    return [[bins.places[j] + offset, quantile(group, 0.1), quantile(group, 0.5), quantile(group, 0.9)]];
+/** Place, quantiles, number of values and number of runs of each bin; one bin without place for a method that lacks x. */
+function bandOf(x, y, rows, log, offset, level) {
+  const bins = level ? { places: [NaN], of: () => 0 } : binned(x, rows, log);
+  const groups = bins.places.map(() => ({ values: [], of: 0 }));
+  for (const row of rows) {
+    const group = groups[bins.of(row)];
+    if (!group) continue;
+    group.of += 1;
+    if (isDone(row) && Number.isFinite(y.values[row])) group.values.push(y.values[row]);
+  }
+  return groups.flatMap(({ values, of }, j) => {
+    if (!of) return [];
+    values.sort((a, b) => a - b);
+    return [[bins.places[j] + offset, quantile(values, 0.1), quantile(values, 0.5), quantile(values, 0.9), values.length, of]];
   });
+}
+
+/** Rings around the medians over fewer runs than were made. */
+function rings(k, band, tip) {
+  const { colour } = style(k);
+  const data = band.map((one) => ({ value: [one[0], one[2]], tip: tip(one) }));
+  return [{ type: "scatter", name: "ring", data, symbol: "circle", symbolSize: 13, z: 5, itemStyle: { color: "transparent", borderColor: colour, borderWidth: 2 } }];
+}
+
+/** A level line for a method that has no such option, and what it lacks at one place of it. */
+function levelSeries(k, [, low, middle, high], [from, to], place, words, tip) {
+  const { colour, symbol } = style(k);
+  const mark = { value: [place, middle], tip, label: { show: true, position: "top", formatter: words, color: looks().ink, fontSize: 12 } };
+  const edge = (height) => line(k, [[from, height], [to, height]], { lineStyle: { color: colour, width: 1, opacity: 0.5 } });
+  return [
+    ...(high > low ? [edge(low), edge(high)] : []),
+    line(k, [[from, middle], [to, middle]]),
+    { type: "scatter", name: "level", data: [mark], symbol, symbolSize: 9, z: 5, itemStyle: { color: colour } },
+  ];
 }
 
 function bandSeries(k, band, words) {
@@ -363,6 +467,39 @@ function bandSeries(k, band, words) {
   return [...area, line(k, band.map(([x, , middle]) => [x, middle]), { symbol: band.length > 1 ? "none" : symbol })];
 }
 
+// ---------------------------------------------------------------------------------------------- profile
+
+function drawProfile() {
+  const value = column[$("profile-v").value];
+  const found = value && page.profiles[value.name];
+  if (!found) return;
+  const apart = page.references.length ? " The tied twins take no part: they are references, which need the exact solution." : "";
+  const left = [
+    found.left ? `${counted(found.left, "problem")} that not every pair was set once` : "",
+    found.unknown ? `${counted(found.unknown, "problem")} in which no run is done, or a run is still to be made or has no such number` : "",
+  ].filter(Boolean).join(", and ");
+  $("profile-note").textContent = `${counted(found.counted, "problem")}: a case with one value of all that is varied. ${left ? `Left out: ${left}.` : ""} Of all rows, whatever the filters; the best is that of all pairs.${apart}`;
+  if (!found.counted) return say("profile", "There is no problem that every pair was set and that could be judged.", { height: 120 });
+  const lines = page.methods.flatMap((method, k) => (hidden.has(k) || !found.ratios[method] ? [] : [{ k, method, ratios: unpacked(found.ratios[method], "<f8") }]));
+  const end = Math.max(Math.log10(1.5), ...lines.flatMap(({ ratios }) => [...ratios].filter(Number.isFinite)).map((ratio) => 1.05 * Math.log10(ratio)));
+  const series = lines.map(({ k, method, ratios }) => {
+    const steps = [[0, ratios.filter((ratio) => ratio <= 1).length / ratios.length]];
+    ratios.forEach((ratio, n) => Number.isFinite(ratio) && steps.push([Math.log10(ratio), (n + 1) / ratios.length]));
+    return line(k, [...steps, [end, steps[steps.length - 1][1]]], { name: method, step: "end" });
+  });
+  show("profile", {
+    grid, toolbox: tools("performance-profile", false), series,
+    xAxis: axis(`${value.label} over that of the best pair`, [0, end], { log: true }),
+    yAxis: axis("share of problems", [0, 1], { gap: 48 }),
+    tooltip: { ...tooltip(tipOfProfile), trigger: "axis" },
+  }, { height: 340 });
+}
+
+function tipOfProfile(items) {
+  const last = new Map(items.map(({ seriesName, data }) => [seriesName, data]));
+  return [`within ${escaped(told(10 ** items[0].axisValue, 3))} times the best`, ...[...last].map(([name, data]) => `${escaped(name)}: <b>${escaped(told(data[1], 3))}</b>`)].join("<br>");
+}
+
 // ---------------------------------------------------------------------------------------------- map
 
 const mixed = (share) => {
@@ -373,6 +510,9 @@ const mixed = (share) => {
   return `rgb(${both.join(",")})`;
 };
 
+const LOST = ["unstable", "refused, failed or lost"];
+
+/** The cells of a map for one method: its runs by what became of them, and the median over those that have the value. */
 function cellsOf(k, rows, x, y, value) {
   const cells = new Map();
   for (const row of rows) {
@@ -383,47 +523,68 @@ function cellsOf(k, rows, x, y, value) {
     if (!cells.has(key)) cells.set(key, { i, j, values: [], counts: {}, row });
     const cell = cells.get(key);
     const status = textAt(column.status, row);
-    cell.counts[status] = (cell.counts[status] || 0) + 1;
+    const kind = status === "done" || status === "unstable" ? status : LOST[1];
+    cell.counts[kind] = (cell.counts[kind] || 0) + 1;
     if (status === "done") {
       if (value && Number.isFinite(value.values[row])) cell.values.push(value.values[row]);
-      cell.row = row;
+      // a click shows a run that is done, and one whose force was kept rather than another
+      if (!isDone(cell.row) || (page.histories[row] && !page.histories[cell.row])) cell.row = row;
     }
   }
   for (const cell of cells.values()) {
-    const { done = 0, unstable = 0 } = cell.counts;
     cell.values.sort((a, b) => a - b);
-    cell.value = value ? quantile(cell.values, 0.5) : done / (done + unstable);
+    finishCell(cell, value, value ? quantile(cell.values, 0.5) : NaN, value ? cell.values.length : null);
   }
   return [...cells.values()];
 }
 
+/** Give a cell its value, and of how many of its runs that is. */
+function finishCell(cell, value, median, known) {
+  const { done = 0, unstable = 0 } = cell.counts;
+  cell.made = Object.values(cell.counts).reduce((sum, many) => sum + many, 0);
+  cell.known = value ? known : done + unstable;
+  cell.value = value ? median : done / (done + unstable);
+  return cell;
+}
+
+const NO_OPTION = (one) => ({ places: [0], labels: [`no ${shortName(one)}`], of: () => 0 });
+
 function drawMap() {
   const [x, y] = [column[$("map-x").value], column[$("map-y").value]];
   const value = column[$("map-v").value];
-  const rows = visible(active);
-  const shown = page.methods.map((_, k) => k).filter((k) => rows.some((row) => methodOf[row] === k)).slice(0, MOST_PANELS);
+  const rows = visible(active).filter(isMade).filter((row) => !added.has(row));
+  const present = page.methods.map((_, k) => k).filter((k) => rows.some((row) => methodOf[row] === k));
+  const shown = present.slice(0, MOST_PANELS);
   if (!x || !y || x === y || !shown.length) {
     $("map-scale").replaceChildren();
     return say("map", x && y && x !== y ? "No run passes the filters." : "A map needs two different varied values.", { height: 120 });
   }
   const stored = whole() ? storedMap(x, y) : null;
   const few = page.seed === null ? [DISTINCT, BINS] : [MAP_DISTINCT, MAP_BINS];
-  const bins = stored ? stored.bins : [binned(x, rows, x.log, ...few), binned(y, rows, y.log, ...few)];
-  const every = shown.map((k) => ({ k, cells: stored ? stored.cells(k, value) : cellsOf(k, rows, ...bins, value) }));
+  const common = stored ? stored.bins : [x, y].map((one) => binned(one, rows, one.log, ...few));
+  const every = shown.map((k) => {
+    const bins = [x, y].map((one, side) => (lacks(k, one) ? NO_OPTION(one) : common[side]));
+    return { k, bins, cells: stored ? stored.cells(k, value) : cellsOf(k, rows, ...bins, value) };
+  });
   const panels = every.filter(({ cells }) => cells.length);
   if (!panels.length) return say("map", "No run has both values.", { height: 120 });
-  const log = Boolean(value && value.log);
-  const known = panels.flatMap(({ cells }) => cells.map((cell) => cell.value)).filter((v) => Number.isFinite(v) && (!log || v > 0));
-  const ends = value ? extentOf(known) : [0, 1];
+  const drawn = panels.flatMap(({ cells }) => cells.map((cell) => cell.value)).filter(Number.isFinite);
+  const log = Boolean(value && value.log) && drawn.every((v) => v > 0);
+  const ends = value ? extentOf(drawn) : [0, 1];
   const scale = (v) => (log ? Math.log10(v) : v);
-  const share = (v) => (ends[1] > ends[0] ? (scale(Math.max(v, ends[0])) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
+  const share = (v) => (ends[1] > ends[0] ? (scale(v) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
   const words = value ? `median ${value.label}` : STAYED;
-  drawMapPanels(panels, x, y, bins, share, words);
-  drawScale(words, known.length ? ends : null, panels, bins[0].places.length * bins[1].places.length);
+  const roomy = drawMapPanels(panels, x, y, share, words, value);
+  drawScale(words + (log ? " (logarithmic)" : ""), drawn.length ? ends : null, panels, roomy, value);
   const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
-  const lacking = bare.length ? `Without these two values, and not on the map: ${bare.join(", ")}. ` : "";
-  const left = shown.length === MOST_PANELS && page.methods.length > MOST_PANELS ? `The first ${MOST_PANELS} methods are shown. ` : "";
-  $("map-note").textContent = lacking + left + (page.seed === null ? "" : stored ? `The map is of all ${page.total.toLocaleString("en")} rows.` : "The map is of the sample.");
+  const lacking = bare.length ? `No run with both values: ${bare.join(", ")}. ` : "";
+  const left = present.length > MOST_PANELS ? `The first ${MOST_PANELS} of ${present.length} methods are shown. ` : "";
+  const lost = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made - (value ? cell.known : cell.counts.done || 0), 0);
+  const made = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made, 0);
+  const partial = lost ? `${lost.toLocaleString("en")} of the ${counted(made, "run")} on the map ${value ? "have no such number, and are in no median" : "are not done"}. ` : "";
+  const cases = new Set(rows.map((row) => column.case.codes[row])).size;
+  const together = value && cases > 1 && x.name !== "case" && y.name !== "case" ? `Medians are over the runs of ${cases} cases together; choose one above. ` : "";
+  $("map-note").textContent = lacking + left + partial + together + (page.seed === null ? "" : stored ? `The map is of all ${page.total.toLocaleString("en")} rows.` : "The map is of the sample.");
 }
 
 /** Of a sampled study the map of all its rows over two varied values, whichever of them lies across. */
@@ -435,75 +596,85 @@ function storedMap(x, y) {
   const bins = places.map((one) => ({ places: [...one], labels: Array.from(one, (place) => told(place, 2)) }));
   const cells = (k, value) => {
     const method = found.methods[page.methods[k]];
-    const [done, unstable, other] = [method.done, method.unstable, method.other].map((text) => unpacked(text, "<f4"));
-    const medians = value && method[value.name] ? unpacked(method[value.name], "<f4") : null;
+    if (!method) return [];
+    const part = (name) => (method[name] ? unpacked(method[name], "<f4") : null);
+    const [done, unstable, other] = ["done", "unstable", "other"].map(part);
+    const [medians, known] = value ? [part(value.name), part(`${value.name}|known`)] : [null, null];
+    const wide = lacks(k, turned ? y : x) ? 1 : places[0].length;
     return Array.from(done, (_, at) => at).flatMap((at) => {
-      const counts = { done: done[at], unstable: unstable[at], "refused or failed": other[at] };
+      const counts = { done: done[at], unstable: unstable[at], [LOST[1]]: other[at] };
       for (const [kind, many] of Object.entries(counts)) if (!many) delete counts[kind];
       if (!Object.keys(counts).length) return [];
-      const [i, j] = [at % places[0].length, Math.floor(at / places[0].length)];
-      const share = done[at] / (done[at] + unstable[at]);
-      return [{ i: turned ? j : i, j: turned ? i : j, counts, value: value ? (medians ? medians[at] : NaN) : share }];
+      const [i, j] = [at % wide, Math.floor(at / wide)];
+      const cell = { i: turned ? j : i, j: turned ? i : j, counts };
+      return [finishCell(cell, value, medians ? medians[at] : NaN, medians ? (known ? known[at] : done[at]) : 0)];
     });
   };
   return { bins: turned ? bins.reverse() : bins, cells };
 }
 
-function drawMapPanels(panels, x, y, bins, share, words) {
+/** Draw the panels, and return whether there was room for the counts of runs in the cells. */
+function drawMapPanels(panels, x, y, share, words, value) {
   const look = looks();
-  const width = printing ? PAPER_WIDTH : $("map").clientWidth;
-  const across = Math.max(1, Math.min(panels.length, 4, Math.floor(width / 290)));
-  const [left, right, top, bottom, high] = [64, 14, 46, 62, 330];
-  const tall = Math.ceil(panels.length / across) * high;
-  const each = width / across;
-  const [inside, up] = [Math.min(each - left - right, 520), high - top - bottom];
-  const size = [inside / bins[0].places.length, up / bins[1].places.length];
-  const option = { grid: [], xAxis: [], yAxis: [], series: [], title: [] };
-  panels.forEach(({ k, cells }, n) => {
-    const [gx, gy] = [(n % across) * each + left, Math.floor(n / across) * high + top];
-    option.grid.push({ left: gx, top: gy, width: inside, height: up });
+  const { panels: grids, across, inside, up, tall } = gridOfPanels("map", panels.length, { least: 290, top: 46, bottom: 62, high: 330, widest: 520 });
+  const option = { grid: grids, xAxis: [], yAxis: [], series: [], title: [] };
+  let roomy = false;
+  panels.forEach(({ k, bins, cells }, n) => {
     option.title.push({
-      text: page.methods[k].replace(" + ", "\n+ "), left: gx - 4, top: gy - 42,
+      text: page.methods[k].replace(" + ", "\n+ "), left: grids[n].left - 4, top: grids[n].top - 42,
       textStyle: { color: look.ink, fontSize: 13, lineHeight: 16, fontWeight: "bold", width: inside, overflow: "truncate" },
     });
     const category = { type: "category", axisTick: { show: false }, axisLine: { lineStyle: { color: look.soft } }, splitLine: { show: false }, nameLocation: "middle", nameTextStyle: { color: look.ink, fontSize: 12 } };
     const label = { color: look.soft, fontSize: 11, hideOverlap: true, width: 90, overflow: "truncate" };
     option.xAxis.push({ ...category, gridIndex: n, data: bins[0].labels, name: x.label, nameGap: 34, axisLabel: label });
     option.yAxis.push({ ...category, gridIndex: n, data: bins[1].labels, name: n % across ? "" : y.label, nameGap: 48, axisLabel: { ...label, width: 44 } });
-    option.series.push(...mapSeries(cells, n, size, share, look));
+    const size = [inside / bins[0].places.length, up / bins[1].places.length];
+    const fits = size[0] >= 30 && size[1] >= 14;
+    roomy ||= fits && cells.some(isPartial);
+    option.series.push(...mapSeries(cells, n, size, share, look, fits));
   });
-  const tell = ({ data: { cell } }) => {
+  const tip = ({ data: { cell }, seriesIndex }) => {
+    const { bins } = panels[option.series[seriesIndex].xAxisIndex];
     const counts = Object.entries(cell.counts).map(([status, many]) => `${many} ${status}`).join(", ");
-    const value = Number.isFinite(cell.value) ? [`${words}: ${told(cell.value)}`] : [];
-    return [`${x.label}: ${bins[0].labels[cell.i]}`, `${y.label}: ${bins[1].labels[cell.j]}`, ...value, counts].map(escaped).join("<br>");
+    const over = cell.known < cell.made ? ` (of ${cell.known} of ${cell.made} runs)` : ` (of ${counted(cell.made, "run")})`;
+    const told_ = Number.isFinite(cell.value) ? [`${words}: ${told(cell.value)}${over}`] : cell.counts.done ? [`${words}: no number of ${counted(cell.made, "run")}`] : [];
+    const click = Number.isInteger(cell.row) ? [cell.made > 1 ? `A click shows one run of the cell. ${clickWords(cell.row)}` : clickWords(cell.row)] : [];
+    return [`${x.label}: ${bins[0].labels[cell.i]}`, `${y.label}: ${bins[1].labels[cell.j]}`, ...told_, counts, ...click].map(escaped).join("<br>");
   };
-  show("map", { ...option, tooltip: tooltip(tell), toolbox: { show: false } }, { height: tall });
+  show("map", { ...option, tooltip: tooltip(tip), toolbox: { show: false } }, { height: tall });
+  return roomy;
 }
 
-function mapSeries(cells, n, [wide, high], share, look) {
+const hasValue = (cell) => Number.isFinite(cell.value);
+/** Whether the value of a cell is that of some of its runs only. */
+const isPartial = (cell) => hasValue(cell) && (cell.known < cell.made || cell.counts.done < cell.made || !cell.counts.done);
+const countOf = (cell) => `${Math.min(cell.known, cell.counts.done || 0)}/${cell.made}`;
+
+function mapSeries(cells, n, [wide, high], share, look, fits) {
   const at = (cell) => ({ value: [cell.i, cell.j], row: cell.row, cell });
-  const shared = { type: "scatter", xAxisIndex: n, yAxisIndex: n, cursor: "pointer" };
-  const filled = cells.filter((cell) => Number.isFinite(cell.value));
+  const shared = { type: "scatter", xAxisIndex: n, yAxisIndex: n, cursor: cells.some((cell) => Number.isInteger(cell.row)) ? "pointer" : "default" };
   const small = Math.max(5, 0.5 * Math.min(wide, high, 30));
-  const cross = cells.filter((cell) => cell.counts.unstable);
-  const bar = cells.filter((cell) => !cell.counts.done && !cell.counts.unstable);
+  const bare = cells.filter((cell) => !hasValue(cell));
+  const onColour = { color: "#ffffff", borderColor: "#000000", borderWidth: 0.7, opacity: 1 };
+  const label = (cell) => ({ show: true, formatter: countOf(cell), fontSize: 11, color: share(cell.value) > 0.55 ? "#000000" : "#ffffff" });
   return [
     {
       ...shared, symbol: "rect", symbolSize: [Math.max(wide - 1, 1), Math.max(high - 1, 1)], z: 2,
-      data: filled.map((cell) => ({ ...at(cell), itemStyle: { color: mixed(share(cell.value)), opacity: 1 } })),
+      data: cells.filter(hasValue).map((cell) => ({ ...at(cell), itemStyle: { color: mixed(share(cell.value)), opacity: 1 }, ...(fits && isPartial(cell) ? { label: label(cell) } : {}) })),
     },
     {
       ...shared, symbol: CROSS, symbolSize: small, z: 3,
-      data: cross.map((cell) => ({
-        ...at(cell),
-        itemStyle: Number.isFinite(cell.value) ? { color: "#ffffff", borderColor: "#000000", borderWidth: 0.7, opacity: 1 } : { color: look.alarm, opacity: 1 },
-      })),
+      data: [
+        ...bare.filter((cell) => cell.counts.unstable).map((cell) => ({ ...at(cell), itemStyle: { color: look.alarm, opacity: 1 } })),
+        ...(fits ? [] : cells.filter(isPartial)).map((cell) => ({ ...at(cell), itemStyle: onColour })),
+      ],
     },
-    { ...shared, symbol: BAR, symbolSize: [small, small / 4], z: 3, itemStyle: { color: look.soft }, data: bar.map(at) },
+    { ...shared, symbol: BAR, symbolSize: [small, small / 4], z: 3, itemStyle: { color: look.soft, opacity: 1 }, data: bare.filter((cell) => !cell.counts.done && !cell.counts.unstable).map(at) },
+    { ...shared, symbol: "emptyCircle", symbolSize: small, z: 3, itemStyle: { color: look.soft, borderColor: look.soft, opacity: 1 }, data: bare.filter((cell) => cell.counts.done && !cell.counts.unstable).map(at) },
   ];
 }
 
-function drawScale(words, ends, panels, filled) {
+function drawScale(words, ends, panels, roomy, value) {
   const made = [element("span", words)];
   if (ends) {
     const ramp = element("span", "", { class: "ramp" });
@@ -518,15 +689,30 @@ function drawScale(words, ends, panels, filled) {
     both.append(element("b", mark), ` ${text}`);
     return both;
   };
-  if (cells.some((cell) => cell.counts.unstable)) made.push(entry("✕", "unstable, at least one run"));
-  if (cells.some((cell) => !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "refused or failed"));
-  if (panels.some((panel) => panel.cells.length < filled)) made.push(element("span", "blank: no run"));
+  const partial = cells.find(isPartial);
+  const what = value ? "the median is that of the others" : "they are not done";
+  if (partial && roomy) made.push(entry(countOf(partial), `done ${value ? "and in the median" : ""} of all runs of the cell; some were lost`));
+  else if (partial) made.push(entry("✕", `in a colour: some runs of the cell were lost, ${what}`));
+  if (cells.some((cell) => !hasValue(cell) && cell.counts.unstable)) made.push(entry("✕", "unstable: no run of the cell has a number"));
+  if (cells.some((cell) => !hasValue(cell) && !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "refused, failed or lost, all runs of the cell"));
+  if (cells.some((cell) => !hasValue(cell) && cell.counts.done && !cell.counts.unstable)) made.push(entry("○", "done, without this number"));
+  if (panels.some(({ cells: own, bins }) => own.length < bins[0].places.length * bins[1].places.length)) made.push(element("span", "blank: no run"));
   $("map-scale").replaceChildren(...made);
 }
 
 // ---------------------------------------------------------------------------------------------- forces
 
+/** Show a run: its force, or where none was kept its row in the table, which says all that is known of it. */
 function pick(row, from = false) {
+  const before = marked;
+  marked = page.histories[row] ? null : row;
+  if (before !== null) reformat(before);
+  if (marked !== null) {
+    reformat(row);
+    drawForce();
+    if (from) showRow(row);
+    return;
+  }
   const at = picked.indexOf(row);
   if (at >= 0 && !from) picked.splice(at, 1);
   else if (at < 0) picked.push(row);
@@ -534,6 +720,11 @@ function pick(row, from = false) {
   reformat(row);
   drawForce();
   if (from) $("force").closest("figure").scrollIntoView({ behavior: "smooth", block: "nearest" });
+}
+
+function showRow(row) {
+  $("table").scrollIntoView({ block: "center" });
+  table.scrollToRow(row, "center", true).catch(() => {}); // a row that a filter hides is not there
 }
 
 function reformat(row) {
@@ -548,16 +739,14 @@ function pairs([time, force]) {
 
 function drawForce() {
   if (!Object.keys(page.histories).length) {
-    $("force-note").textContent = "This study kept no histories.";
+    $("force-note").textContent = `This study kept no histories.${markedWords()}`;
     for (const id of ["force", "force-legend", "unpick"]) $(id).hidden = true;
     return;
   }
   const [series, entries] = [[], []];
   const exact = new Set();
-  const bare = picked.filter((row) => !page.histories[row]);
   picked.forEach((row, n) => {
     const history = page.histories[row];
-    if (!history) return;
     const { colour, dash } = style(n);
     const words = nameOf(row) + (isDone(row) ? "" : ` (${textAt(column.status, row)})`);
     const what = textAt(column.case, row);
@@ -583,8 +772,8 @@ function drawForce() {
       return entry;
     }),
   );
-  $("force-note").textContent = forceNote(bare);
-  if (!series.length) return say("force", bare.length ? "No history of this run is in the page." : "No run is chosen.", { height: 90 });
+  $("force-note").textContent = forceNote();
+  if (!series.length) return say("force", "No run is chosen.", { height: 90 });
   const all = series.flatMap((one) => one.data);
   show("force", {
     grid: { left: 74, right: 18, top: 30, bottom: 48 }, toolbox: tools("force"), series,
@@ -605,22 +794,32 @@ function tipOfTime(items) {
   return [`time ${escaped(told(items[0].axisValue))}`, ...lines].join("<br>");
 }
 
-function forceNote(bare) {
-  const kept = Object.keys(page.histories).length;
-  if (!bare.length) return `The page has the histories of ${kept} runs; it begins with the least force error of each method, and shows ${MOST_PICKED} at most.`;
-  const keys = column.key ? ` (${bare.map((row) => textAt(column.key, row)).join(", ")})` : "";
-  return `No history in the page of ${bare.length === 1 ? "one chosen run" : `${bare.length} chosen runs`}${keys}; it has those of ${kept} runs.`;
+/** What is said of a run that was asked for and has no history to show. */
+function markedWords() {
+  if (marked === null) return "";
+  const key = column.key ? ` (${textAt(column.key, marked)})` : "";
+  return ` No history is in the page of the run asked for last${key}: ${nameOf(marked)}. Its row is marked in the table.`;
 }
+
+function forceNote() {
+  const kept = Object.keys(page.histories).length;
+  return `The page has the histories of ${counted(kept, "run")}; ${firstWords} ${MOST_PICKED} at most are shown.${markedWords()}`;
+}
+
+let firstWords = "";
 
 /** The run of least error of each method in one case, so that something is seen before anything is chosen. */
 function pickFirst() {
-  const rows = Object.keys(page.histories).map(Number);
+  const rows = Object.keys(page.histories).map(Number).filter(isDone);
   const error = column.force_error_l1;
+  const known = rows.filter((row) => error && Number.isFinite(error.values[row]));
+  firstWords = known.length ? "it begins with the least force error of each method in one case." : rows.length ? "no force error is known, and it begins with the first run of each method." : "";
   const best = new Map();
-  for (const row of rows) {
+  // a run without a true error is not ranked among those that have one
+  for (const row of known.length ? known : rows) {
     const method = methodOf[row];
-    if (!isDone(row) || column.case.codes[row] !== column.case.codes[rows[0]]) continue;
-    if (!best.has(method) || (error && error.values[row] < error.values[best.get(method)])) best.set(method, row);
+    if (column.case.codes[row] !== column.case.codes[(known.length ? known : rows)[0]]) continue;
+    if (!best.has(method) || (known.length && error.values[row] < error.values[best.get(method)])) best.set(method, row);
   }
   picked.push(...[...best.values()].slice(0, 4));
 }
@@ -631,6 +830,7 @@ function drawStudy() {
   drawWork();
   drawVaried();
   drawMap();
+  drawProfile();
 }
 
 function fill(id, choices, chosen) {
@@ -641,11 +841,17 @@ function fill(id, choices, chosen) {
   $(id).addEventListener("change", drawStudy);
 }
 
+/** Show the table of pairs and cases of the chosen measure. */
+function showPairs() {
+  for (const one of document.querySelectorAll(".overview")) one.hidden = one.dataset.measure !== $("pairs-v").value;
+}
+
 function start() {
   const named = (ones) => ones.map((one) => [one.name, one.label]);
-  const results = measures.filter((one) => !page.costs.includes(one.name));
+  const results = measures.filter((one) => !page.costs.includes(one.name) && one.name !== "seconds");
+  const ranked = named(page.ranked.map((name) => column[name]));
   fill("work-y", named(results), "force_error_l1");
-  fill("work-x", page.costs.map((name) => [name, column[name].label]), "seconds");
+  fill("work-x", page.costs.map((name) => [name, column[name].label]), page.costs[0]);
   fill("vary-y", named(measures), "force_error_l1");
   fill("vary-x", named([...varying, ...sorts]));
   const places = named([...varying, ...sorts.filter((one) => one.name === "case")]);
@@ -653,8 +859,22 @@ function start() {
   fill("map-x", places);
   fill("map-y", places, (places[1] || [""])[0]);
   $("map").closest("figure").hidden = places.length < 2;
-  for (const id of ["work-log", "vary-log"]) $(id).addEventListener("change", drawStudy);
+  fill("pairs-v", ranked, "force_error_l1");
+  fill("profile-v", ranked, "force_error_l1");
+  $("pairs").hidden = !document.querySelector(".overview");
+  $("profiles").hidden = !Object.keys(page.profiles).length;
+  $("pairs-v").addEventListener("change", showPairs);
+  showPairs();
+  for (const id of ["work-logx", "work-logy", "vary-logx", "vary-logy"]) {
+    $(id).addEventListener("change", () => {
+      wishes[`${id} ${$(id).dataset.column}`] = $(id).checked;
+      drawStudy();
+    });
+  }
   $("unpick").addEventListener("click", () => {
+    const before = marked;
+    marked = null;
+    if (before !== null) reformat(before);
     for (const row of picked.splice(0)) reformat(row);
     drawForce();
   });

@@ -26,10 +26,17 @@ for (let row = 0; row < page.rows; row++) {
   methodOf[row] = page.methods.indexOf(`${textAt(column.integrator, row)} + ${textAt(column.contact, row)}`);
 }
 const isDone = (row) => textAt(column.status, row) === "done";
+const isMade = (row) => textAt(column.status, row) !== "waiting";
+/** Rows that were added to those drawn as nothing beats them: they are in no median, which they would improve. */
+const added = new Set(page.added);
+/** Whether no run of a method has a varied value: its runs are the same at each value of it. */
+const lacks = (method, one) => (page.lacking[one.name] || []).includes(page.methods[method]);
+const shortName = (one) => one.label.split(".").pop();
 
 let active = Array.from({ length: page.rows }, (_, row) => row);
 const hidden = new Set();
 const picked = [];
+let marked = null; // the row that was asked for last and has no history to show
 
 // ---------------------------------------------------------------------------------------------- words
 
@@ -57,12 +64,17 @@ function element(tag, text = "", attributes = {}) {
   return made;
 }
 
+/** A text of the table as it is read: a number among words is rounded as any other number. */
+function labelOf(text) {
+  return text !== "" && Number.isFinite(Number(text)) ? told(Number(text)) : text;
+}
+
 /** What tells a run from the others: case, method, varied values. */
 function nameOf(row) {
   const cases = column.case.levels.length > 1 ? [textAt(column.case, row)] : [];
   const values = columns
     .filter((one) => one.role === "varied" && textAt(one, row) !== "")
-    .map((one) => `${one.name.split(".").pop()} = ${textAt(one, row)}`);
+    .map((one) => `${shortName(one)} = ${labelOf(textAt(one, row))}`);
   return [page.methods[methodOf[row]], ...cases, ...values].join(", ");
 }
 
@@ -138,13 +150,14 @@ function tableColumn(one, k) {
   const sample = numeric ? 9 : Math.max(...one.levels.map((level) => level.length));
   const shared = {
     title: escaped(one.label).replace(/[._]/g, "$&<wbr>"), field: `c${k}`, headerFilter: "input", headerFilterPlaceholder: numeric ? "> < .." : "contains",
-    headerFilterFunc: (wanted, value) => passes(String(wanted), value, numeric),
+    headerFilterFunc: (wanted, value, line) => (one.role === "varied" && lacks(methodOf[line.i], one)) || passes(String(wanted), value, numeric),
     width: Math.min(Math.max(8 * sample + 28, numeric ? 112 : 100, Math.min(5 * one.label.length + 44, 170)), 330),
   };
-  if (!numeric) return one.name === "status" ? { ...shared, formatter: statusCell } : shared;
+  const none = (cell) => (one.role === "varied" && lacks(methodOf[cell.getRow().getData().i], one) ? `no ${shortName(one)}` : "");
+  if (!numeric) return { ...shared, formatter: one.name === "status" ? statusCell : (cell) => escaped(one.role === "varied" ? labelOf(cell.getValue()) || none(cell) : cell.getValue()) };
   return {
     ...shared, hozAlign: "right", sorter: "number", sorterParams: { alignEmptyValues: "bottom" },
-    formatter: (cell) => escaped(told(cell.getValue())),
+    formatter: (cell) => escaped(told(cell.getValue()) || none(cell)),
   };
 }
 
@@ -173,7 +186,7 @@ const table = new Tabulator("#table", {
   data: tableRows(), index: "i", height: 440, layout: "fitDataFill", nestedFieldSeparator: false,
   columnDefaults: { headerWordWrap: true },
   columns: toldColumns.map(([one, k]) => tableColumn(one, k)), placeholder: "No run passes these filters",
-  rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().i)),
+  rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().i) || row.getData().i === marked),
 });
 table.on("rowClick", (_, row) => pick(row.getData().i));
 table.on("dataFiltered", (_, rows) => {
@@ -189,7 +202,7 @@ table.on("tableBuilt", () => {
 
 function count() {
   const all = page.rows.toLocaleString("en");
-  const of = page.seed === null ? "" : ` sampled from ${page.total.toLocaleString("en")}`;
+  const of = page.seed === null ? "" : ` of the ${page.total.toLocaleString("en")} of the study: a sample and the best`;
   $("count").textContent = active.length < page.rows ? `${active.length.toLocaleString("en")} of ${all} rows${of}` : `${all} rows${of}`;
 }
 
@@ -199,7 +212,7 @@ $("clear").addEventListener("click", () => {
 });
 
 $("csv").addEventListener("click", () => {
-  const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
   const raw = (one, row) => (one.kind === "text" ? textAt(one, row) : Number.isNaN(one.values[row]) ? "" : String(one.values[row]));
   const lines = table.getRows("active").map((row) => columns.map((one) => quoted(raw(one, row.getData().i))).join(","));
   const text = [columns.map((one) => quoted(one.name)).join(","), ...lines, ""].join("\n");
@@ -228,7 +241,7 @@ function drawFilters() {
 
 /** On paper the first rows, as sorted and filtered, in the columns that tell most. */
 function drawPrinted() {
-  const wanted = ["force_error_l1", "noise", "penetration", "peak_force", "energy_max", "seconds"];
+  const wanted = ["force_error_l1", "noise", "penetration", "peak_force", "energy_max", "node_steps"];
   const chosen = toldColumns
     .map(([one]) => one)
     .filter((one) => ["integrator", "contact", "status"].includes(one.name) || one.role === "varied" || wanted.includes(one.name)
