@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.bodies import tangent_as_declared
 from percuss.contact import SWEEPS
 from percuss.errors import InputError
 from percuss.judges import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, BlackBoxJudge, Closed, Finding, RowsJudge, closed
@@ -34,13 +35,18 @@ def settled(case: Case) -> Model:
     model = Model(case)
     if case.time.courant != "auto":
         return model
+    if model.why_not_linear:
+        message = f"expected linear bodies, found that {model.why_not_linear}"
+        advice = "The highest frequency changes with the strain, so that no step is known to be stable: give one."
+        raise InputError([case.problem(("time", "courant"), message, advice)])
     limit = np.inf
     while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
         judge = judge_of(model, closed(model, model.dt))
         critical = judge.critical()
         # growth so slow that a single tiny step does not show it is no stability
         if not LEAST * judge.free < critical < np.inf or not judge.judge(SAFETY * critical).known:
-            message, advice = "expected methods of which some step is stable", "Give a step, or take another law."
+            message = "expected methods of which some step is known to be stable"
+            advice = f"{_capital(_no_step(model, judge.free))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - EDGE):
             return model
@@ -67,9 +73,12 @@ def certificate(model: Model) -> dict[str, Any]:
         ``stable`` (yes, marginal, no, unknown; of the closed linear step), ``energy`` (what the pair guarantees over
         switching) and ``energy_why``, ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over
         the critical one), ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or
-        black-box), ``why``, ``cure``.
+        black-box), ``why``, ``cure``. Of bodies that are not linear the critical steps are None: they change with the
+        strain.
     """
     said = closed(model, model.dt)
+    if model.why_not_linear:
+        return _of_bodies_not_linear(model, said)
     judge = judge_of(model, said)
     free, critical = judge.free, judge.critical()
     found = judge.judge(model.dt)
@@ -100,8 +109,51 @@ def certificate(model: Model) -> dict[str, Any]:
     }
 
 
+def _of_bodies_not_linear(model: Model, said: Closed) -> dict[str, Any]:
+    """Return the certificate of a run with bodies that are not linear.
+
+    Their highest frequency changes with the strain, so that no step is known to be stable. A step that is unstable for
+    small motions about rest is known to be unstable, where the bodies about rest are as stiff as they declare.
+    """
+    out: dict[str, Any] = {
+        "stable": "unknown",
+        "energy": said.energy,
+        "energy_why": said.why,
+        **dict.fromkeys(("dt_critical", "dt_critical_free", "courant_critical", "margin")),
+        "worst": [],
+        "theta": None,
+        "by": "none",
+        "why": f"{model.why_not_linear}, and its highest frequency changes with the strain",
+        "cure": "",
+    }
+    if said.unknown or not tangent_as_declared(model):
+        return out
+    judge = RowsJudge(model)
+    found, critical = judge.judge(model.dt), judge.critical()
+    margin = model.dt / critical if critical > 0 else np.inf
+    about_rest, why = _verdict(model, found, judge.free, critical, margin)
+    if about_rest == "no":
+        lower = f"lower the step below {_down(critical)}, the critical step of small motions about rest"
+        out |= {"stable": "no", "by": judge.by, "why": f"for small motions about rest {why}"}
+        out["cure"] = lower if critical > 0 else _no_step(model, judge.free)
+        out["worst"], out["theta"] = [model.meetings[p].name for p in found.worst], found.theta
+    else:
+        out["why"] += f"; for small motions about rest {why}"
+    return out
+
+
+def _no_step(model: Model, free: float) -> str:
+    """Return the cure where no step is stable: of the integrator, if it is unstable without contact too."""
+    name = model.case.method.integrator.name
+    if free == 0.0:
+        return f"take another integrator: {name} is unstable at any step, without contact too"
+    return "take another law: with this one no step is stable"
+
+
 def _verdict(model: Model, found: Finding, free: float, critical: float, margin: float) -> tuple[str, str]:
     """Return the verdict on the closed linear step, and the reason in words."""
+    if free == 0.0:
+        return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
     if model.dt > free * (1.0 + EDGE):
         courant = f"Courant number {model.courant:.6g}"
         return "no", f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow without contact"
@@ -134,7 +186,11 @@ def _cure(judge: RowsJudge | BlackBoxJudge, critical: float) -> str:
                 found = _option_at_most(judge, law, option, value)
                 if found is not None:
                     cures.append(f"set {option} of {law.name} to at most {_down(found)}")
-    return ", or ".join(cures) or "take another law: with this one no step is stable"
+    return ", or ".join(cures) or _no_step(model, judge.free)
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
 
 
 def _down(value: float) -> str:

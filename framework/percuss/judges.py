@@ -33,6 +33,7 @@ JUMPS = "the force follows from the gap at the current state: energy jumps as a 
 PULLS = "with its mass the contact pulls before it opens, and each opening or closing may gain energy"
 OTHER = "{} is no leap-frog scheme: what it does to energy as contacts open and close is not known"
 SHARED = "contacts share an end: one may open or close another against what was predicted"
+OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
 
@@ -54,6 +55,8 @@ class Closed:
     unknown
         Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate; in a scheme of
         stages all that are judged at the end of the step, too.
+    doubts
+        Of each of these, in words why.
     energy, why
         What the pair guarantees of the energy, the weakest of all contacts, and the reason in words.
     """
@@ -62,6 +65,7 @@ class Closed:
     inertia: Floats
     predicted: Any
     unknown: tuple[str, ...]
+    doubts: tuple[str, ...]
     energy: str
     why: str
 
@@ -97,27 +101,33 @@ def closed(model: Model, dt: float) -> Closed:
     stiffness, inertia = np.zeros(count), np.zeros(count)
     predicted = np.zeros(count, dtype=bool)
     unknown: list[str] = []
+    doubts: list[str] = []
+
+    def doubt(name: str, why: str) -> None:
+        unknown.append(name)
+        doubts.append(why)
+
     energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
     stages, (*_, table) = scheme(model.case.method.integrator, dt)
+    if model.why_not_linear:
+        energy.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if stages is not None:
         energy.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     for entry in model.laws:
         law, where = entry["law"], entry["where"]
         bound = law.bind(entry["points"], dt)
         if not isinstance(bound, Rows):
-            unknown.append(law.name)
+            doubt(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
         rows = broadcast(bound, entry["points"], law.name)
-        if rows["at"] == "end":
-            held = stages is None and rows["active"] == "all" and rows["sign"] == ">= 0" and not rows["rate"].any()
-            if not held:
-                unknown.append(law.name)
+        if why := _not_followed(rows, law.name, staged=stages is not None):
+            doubt(law.name, why)
             continue
-        if rows["rate"].any() or (rows["sigma"] <= 0).any():
-            unknown.append(law.name)
+        if rows["at"] == "end":
             continue
         if not _readable(table.explicit, rows):
-            unknown.append(f"{law.name} with {model.case.method.integrator.name}")
+            name = model.case.method.integrator.name
+            doubt(f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times")
             continue
         stiffness[where] = rows["gap"] / rows["sigma"]
         predicted[where] = table.explicit.gap == "predicted"
@@ -128,9 +138,36 @@ def closed(model: Model, dt: float) -> Closed:
         elif _share_an_end(model, where):
             energy.append((NOT_GUARANTEED, SHARED))
     if unknown and stages is None:
-        energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
+        energy.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     weakest, why = max(energy, key=lambda one: WEAKEST_LAST.index(one[0]))
-    return Closed(stiffness, inertia, predicted, tuple(unknown), weakest, why)
+    return Closed(stiffness, inertia, predicted, tuple(unknown), tuple(dict.fromkeys(doubts)), weakest, why)
+
+
+def _not_followed(rows: dict[str, Any], law: str, *, staged: bool) -> str:
+    """Return why neither stiffness and inertia nor a bound on the energy follows from a law's row; empty if one does.
+
+    Parameters
+    ----------
+    rows
+        The row with one value a point.
+    law
+        Name of the law.
+    staged
+        Whether the integrator is a scheme of stages.
+    """
+    end = rows["at"] == "end"
+    reasons = {
+        f"{law} weighs the gap rate, which damps or drives": rows["rate"].any(),
+        f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and staged,
+        f"{law} is judged at the end of the step and may pull": end and rows["sign"] != ">= 0",
+        f"{law} is judged at the end of the step, and acts only where the predicted gap is closed": (
+            end and rows["active"] != "all"
+        ),
+        f"{law} is judged at the current or predicted gap without a compliance (sigma = 0)": (
+            not end and (rows["sigma"] <= 0).any()
+        ),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
 
 
 def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
@@ -328,6 +365,8 @@ class ClosedForm:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        if model.why_not_linear:
+            raise NoClosedFormError(f"{model.why_not_linear}")
         if model.stages is not None:
             raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
@@ -347,7 +386,7 @@ class ClosedForm:
     def _stable(self, dt: float) -> bool:
         said = closed(self.model, dt)
         if said.unknown:
-            raise NoClosedFormError(f"{', '.join(said.unknown)} is no line in gap and acceleration")
+            raise NoClosedFormError("; ".join(said.doubts))
         if dt > self.free:
             return False
         for p, sides in enumerate(self.sides):

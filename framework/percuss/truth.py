@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.contracts import Exact, ExactContact, Floats
+    from percuss.contracts import Exact, ExactContact, Floats, Solution
     from percuss.model import Model
     from percuss.result import Result
 
@@ -42,7 +42,7 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     reasons = []
     for name in registry.names("solutions"):
         engine: Any = registry.get("solutions", name)()
-        why = engine.covers(model)
+        why = why_not_covered(engine, model)
         if why is not None:
             reasons.append(f"{name}: {why}")
             continue
@@ -51,6 +51,13 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
         said = f"{name} stopped at {solution.reached:.9g} after {solution.fronts} fronts" if short else ""
         return solution, name, said
     return None, "", "; ".join(reasons) or "no solution engine is registered"
+
+
+def why_not_covered(solution: Solution, model: Model) -> str | None:
+    """Return why an exact solution does not cover a case, or None where it does."""
+    if solution.linear_bodies_only and model.why_not_linear:
+        return model.why_not_linear
+    return solution.covers(model)
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
