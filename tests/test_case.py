@@ -192,7 +192,7 @@ def test_a_swap_keeps_the_options_that_the_new_one_has(path):
     assert (type(case.method.contact).name, case.method.contact.beta_s) == ("penalty", 0.5)
     assert case.notes == (
         "method.contact: penalty has no option ratio: dropped",
-        "method.contact: penalty keeps beta_s: 0.25 of bipenalty",
+        "method.contact: penalty keeps beta_s: 0.5 of bipenalty",
     )
     assert case.data["method"]["contact"] == {"name": "penalty", "beta_s": 0.5}
 
