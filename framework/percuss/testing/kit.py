@@ -97,8 +97,19 @@ class Subject:
 
     @property
     def examples(self) -> list[dict[str, Any]]:
-        """The option sets that it says make sense."""
-        return [dict(one) for one in self.component.examples]
+        """The option sets that it says make sense; a data file stands beside the file of the component."""
+        from percuss.options import options_of, takes_file
+
+        folder = Path(self.registry.sources[self.family, self.name].file).parent
+        files = [key for key, option in options_of(self.component).items() if takes_file(option.annotation)]
+        out = [dict(one) for one in self.component.examples]
+        for example in out:
+            example |= {
+                key: str((folder / example[key]).resolve())
+                for key in files
+                if isinstance(example.get(key), str) and (folder / example[key]).is_file()
+            }
+        return out
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance, its options checked as those of a case are."""
