@@ -834,6 +834,7 @@ def material(name, check, *, linear=True, modulus=1.0, curve=0.0, energy=0.5):
 
 material("too-soft", "stress-and-energy", modulus=0.5)
 material("curved", "stress-and-energy", curve=3.0)
+material("curved-and-called-linear", "linear", curve=3.0)
 material("twice-the-energy", "stress-and-energy", energy=1.0)
 
 
@@ -843,7 +844,7 @@ class Arrays(NamedTuple):
     direction: np.ndarray
 
 
-def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_factor=0.5):
+def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_factor=0.5, share=1.0):
     @dataclass(frozen=True)
     class Plain(Element):
         """A bar of two nodes.
@@ -873,7 +874,8 @@ def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_fa
                 for d in range(dim):
                     change = displacement[(i + 1) * dim + d] - displacement[i * dim + d]
                     stretch += element.direction[first + i, d] * change
-                axial = element.area[first + i] * stress(parameters, stretch * element.inverse[first + i])
+                strain = share * stretch * element.inverse[first + i]
+                axial = element.area[first + i] * stress(parameters, strain) / share
                 for d in range(dim):
                     force[i * dim + d] += factor * axial * element.direction[first + i, d]
                     force[(i + 1) * dim + d] -= axial * element.direction[first + i, d]
@@ -904,6 +906,7 @@ element("one-sided", "force-and-energy", factor=0.9)
 element("energy-of-its-own", "force-and-energy", energy_factor=0.4)
 element("too-slow", "frequency", frequency=1.0)
 element("too-fast", "frequency", frequency=5.0)
+element("half-the-strain", "stress-in-the-element", share=0.5)
 
 
 @caught_by("mesh")

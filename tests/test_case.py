@@ -190,7 +190,10 @@ BIPENALTY = {"contact": {"name": "bipenalty", "beta_s": 0.5, "ratio": 1}}
 def test_a_swap_keeps_the_options_that_the_new_one_has(path):
     case = load(mapping(method=BIPENALTY), {path: "penalty"})
     assert (type(case.method.contact).name, case.method.contact.beta_s) == ("penalty", 0.5)
-    assert case.notes == ("method.contact: penalty has no option ratio: dropped",)
+    assert case.notes == (
+        "method.contact: penalty has no option ratio: dropped",
+        "method.contact: penalty keeps beta_s: 0.5 of bipenalty",
+    )
     assert case.data["method"]["contact"] == {"name": "penalty", "beta_s": 0.5}
 
 

@@ -1143,7 +1143,6 @@ class Rubber(Material):
 
     name = "rubber"
     summary = "Another material"
-    linear = True
 
     young: float
 
@@ -1225,7 +1224,7 @@ DRIVE = {"prescribed-velocity": 0.1, "on": "a.left"}
 UNCOVERED = {
     "material": (
         changed("bodies.b.material", {"name": "rubber", "young": 1.0}),
-        "body 'b' is of rubber, which is not linear elastic",
+        "body 'b' is not linear: its material rubber does not declare `linear = True`",
     ),
     "shape": (with_rod(), "body 'b' is a rod, not a bar"),
     "sideways": (changed("bodies.b.velocity", [0.1, 0.01], 2), "body 'b' moves across its axis"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.bodies import tangent_as_declared
 from percuss.contact import SWEEPS
 from percuss.errors import InputError
 from percuss.judges import (
@@ -45,6 +46,10 @@ def settled(case: Case) -> Model:
     model = Model(case)
     if case.time.courant != "auto":
         return model
+    if model.why_not_linear:
+        message = f"expected linear bodies, found that {model.why_not_linear}"
+        advice = "The highest frequency changes with the strain, so that no step is known to be stable: give one."
+        raise InputError([case.problem(("time", "courant"), message, advice)])
     limit = np.inf
     while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
         judge = judge_of(model)
@@ -52,7 +57,8 @@ def settled(case: Case) -> Model:
         chosen = judge.judge(SAFETY * critical) if 0.0 < critical < np.inf else Finding(False, known=False)
         # growth so slow that a single tiny step does not show it is no stability
         if not LEAST * judge.free < critical < np.inf or not (chosen.known or chosen.stable):
-            message, advice = "expected methods of which some step is stable", "Give a step, or take another law."
+            message = "expected methods of which some step is known to be stable"
+            advice = f"{_capital(_no_step(model, judge.free))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - EDGE):
             return model
@@ -82,8 +88,11 @@ def certificate(model: Model) -> dict[str, Any]:
         switching) and ``energy_why``, ``dt_critical`` (None where it is not known), ``dt_critical_free``,
         ``courant_critical``, ``margin`` (dt over the critical one), ``worst`` (closed contacts that limit the step),
         ``stretch`` (from and until when the supports and drives hold that it is about; None where they never change),
-        ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``.
+        ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``. Of bodies that are not linear the critical steps are
+        None: they change with the strain.
     """
+    if model.why_not_linear:
+        return _of_bodies_not_linear(model)
     judge = judge_of(model)
     free, critical = judge.free, judge.critical()
     finding = judge.judge(model.dt)
@@ -117,9 +126,52 @@ def certificate(model: Model) -> dict[str, Any]:
     }
 
 
+def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
+    """Return the certificate of a run with bodies that are not linear.
+
+    Their highest frequency changes with the strain, so that no step is known to be stable. A step that is unstable for
+    small motions about rest is known to be unstable, where the bodies about rest are as stiff as they declare.
+    """
+    laws = closed(model, model.dt)
+    out: dict[str, Any] = {
+        "stable": "unknown",
+        "energy": laws.energy,
+        "energy_why": laws.why,
+        **dict.fromkeys(("dt_critical", "dt_critical_free", "courant_critical", "margin", "stretch")),
+        "worst": [],
+        "theta": None,
+        "by": "none",
+        "why": f"{model.why_not_linear}, and its highest frequency changes with the strain",
+        "cure": "",
+    }
+    if laws.unknown or not tangent_as_declared(model):
+        return out
+    judge = judge_of(model)
+    finding, critical = judge.judge(model.dt), judge.critical()
+    about_rest, why = _verdict(judge, finding, judge.free, critical)
+    if about_rest == "no":
+        lower = f"lower the step below {_down(critical)}, the critical step of small motions about rest"
+        out |= {"stable": "no", "by": judge.by, "why": f"for small motions about rest {why}"}
+        out["cure"] = lower if critical > 0 else _no_step(model, judge.free)
+        out["worst"], out["theta"] = [model.meetings[p].name for p in finding.worst], finding.theta
+    else:
+        out["why"] += f"; for small motions about rest {why}"
+    return out
+
+
+def _no_step(model: Model, free: float) -> str:
+    """Return the cure where no step is stable: of the integrator, if it is unstable without contact too."""
+    name = model.case.method.integrator.name
+    if free == 0.0:
+        return f"take another integrator: {name} is unstable at any step, without contact too"
+    return "take another law: with this one no step is stable"
+
+
 def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float) -> tuple[str, str]:
     """Return the verdict on the closed linear step, and the reason in words."""
     model = judge.model
+    if free == 0.0:
+        return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
     if model.dt > free * (1.0 + EDGE):
         courant = f"Courant number {model.courant:.6g}"
         return "no", f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow without contact"
@@ -131,21 +183,25 @@ def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float
         return "unknown", f"{finding.doubt}{when}; without contact the bodies allow {free:.6g}"
     many = "contacts" if len(finding.worst) > 1 else "contact"
     combination = f"with closed {many} {named(model, finding.worst)}" if finding.worst else "with all contacts open"
-    combination += when
-    told = f"; theta = {finding.theta:.6g}" if finding.theta is not None else ""
-    told += f" ({finding.doubt})" if finding.doubt else ""
-    if np.isnan(critical) and finding.stable:
-        return "yes", f"nothing grows at the step {model.dt:.6g} in any combination of closed contacts{when}{told}"
-    margin = model.dt / critical if critical > 0 else np.inf
-    if margin > 1.0 + EDGE or (not finding.stable and margin > 1.0 - EDGE):
+    more = f"; theta = {finding.theta:.6g}" if finding.theta is not None else ""
+    more += f" ({finding.doubt})" if finding.doubt else ""
+    return _against(model.dt, critical, f"{combination}{when}{more}", stable=finding.stable)
+
+
+def _against(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[str, str]:
+    """Return the verdict that follows from a step and the critical one, which is nan where it was not searched for."""
+    margin = dt / critical if critical > 0 else np.inf
+    above = margin > 1.0 + EDGE or (not stable and margin > 1.0 - EDGE)
+    if not np.isnan(critical) and above:
         digits = 6 if margin > 1.0 + 1e-5 else 12
-        above = f"the step {model.dt:.{digits}g} is above {critical:.{digits}g}"
-        return "no", f"{above}, the critical step {combination}{told}"
-    if not finding.stable:
-        return "no", f"the step {model.dt:.6g} is unstable {combination}{told}"
+        return "no", f"the step {dt:.{digits}g} is above {critical:.{digits}g}, the critical step {combination}"
+    if not stable:
+        return "no", f"the step {dt:.6g} is unstable {combination}"
+    if np.isnan(critical):
+        return "yes", f"at the step {dt:.6g} nothing grows in any set of closed contacts; no longer step was tried"
     if margin >= 1.0 - EDGE:
-        return "marginal", f"the step is the critical one {combination}{told}"
-    return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}{told}"
+        return "marginal", f"the step is the critical one {combination}"
+    return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
 def _energy(judge: EveryStretch, finding: Finding, verdict: str) -> tuple[str, str]:
@@ -198,7 +254,11 @@ def _cure(judge: EveryStretch, critical: float) -> str:
                 found = _option_at_most(judge, law, option, value)
                 if found is not None:
                     cures.append(f"set {option} of {law.name} to at most {_down(found)}")
-    return ", or ".join(cures) or "take another law: with this one no step is stable"
+    return ", or ".join(cures) or _no_step(model, judge.free)
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
 
 
 def _down(value: float) -> str:

@@ -77,6 +77,7 @@ def run(
     """Run a case; print what came out, save it, draw it."""
     with reporting(as_json):
         from percuss.exact_only import load_for_exact, run_exact
+        from percuss.ledger import open_accounts
         from percuss.runner import run as run_case
 
         if plot is not None:
@@ -85,8 +86,7 @@ def run(
         if plot is not None and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:
-            for note in loaded.notes:
-                print(f"note: {note}", file=sys.stderr)
+            _tell_notes(loaded)
         for path in (out, plot):
             if path is not None:
                 _writable(path)
@@ -105,7 +105,7 @@ def run(
             tell_result(result)
         if failure is not None:
             print(f"error: {failure}", file=sys.stderr)
-        if result.status != "done":
+        if result.status != "done" or open_accounts(result.summary):
             raise typer.Exit(1)
 
 
@@ -153,7 +153,10 @@ def compare(
         own = comparison.own_laws(loaded) if contacts else []
         if own:
             print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
-        rows = comparison.compare(loaded, _names(integrator), contacts, varied(vary or []), tied=tied)
+        axes = varied(vary or [])
+        rows = comparison.compare(loaded, _names(integrator), contacts, axes, tied=tied)
+        for note in comparison.notes_of_swaps(loaded, _names(integrator), contacts, axes):
+            print(f"note: {note}", file=sys.stderr)
         orders = convergence.orders(rows)
         if plot is not None:
             from percuss.overlay import plot_comparison
@@ -205,6 +208,7 @@ def stability(
         if plot is not None and not 1 <= len(axes) <= 2:
             raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
         loaded = _load_to_write(case, set_, plugin, plot, out)
+        _tell_notes(loaded)
         with progress_bar("combinations") as progress:
             rows = maps.stability(loaded, axes, families, _names(by), progress=progress)
         if out is not None:
@@ -238,6 +242,7 @@ def waves(
         from percuss.waves import waves as measure
 
         loaded = _load_to_write(case, set_, plugin, plot)
+        _tell_notes(loaded)
         found = measure(settled(loaded), contact)
         if plot is not None:
             from percuss.stability_plot import plot_waves
@@ -331,6 +336,12 @@ def _load_to_write(
         if target is not None:
             _writable(target)
     return loaded
+
+
+def _tell_notes(case: Case) -> None:
+    """Print the notes of a case on standard error, for commands whose report has no place for them."""
+    for note in case.notes:
+        print(f"note: {note}", file=sys.stderr)
 
 
 def _names(text: str) -> list[str]:

@@ -56,12 +56,15 @@ def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
     """Run a case and return what it expected and what came out."""
     from percuss import measures
     from percuss.case import load
+    from percuss.ledger import open_accounts
     from percuss.runner import run
 
     case = load(path, plugins=plugins or [])
     try:
-        checks = [c.as_dict() for c in measures.verify(case, run(case))]
-        error = "" if checks else "the case expects nothing: add `expect`"
+        result = run(case)
+        checks = [c.as_dict() for c in measures.verify(case, result)]
+        error = "; ".join(open_accounts(result.summary))
+        error = error or ("" if checks else "the case expects nothing: add `expect`")
     except PercussError as stopped:
         checks, error = [], str(stopped)
     passed = not error and all(c["passed"] for c in checks)

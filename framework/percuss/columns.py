@@ -215,6 +215,8 @@ def _share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
     def share(summary: Mapping[str, Any]) -> float | None:
         # not over what is there at the end: a bar thrown up has none left where it turns
         energy = summary["energy"]
+        if energy.get("ledger_closed") is False:
+            return None  # then what the contacts took is not what is missing
         put_in = energy["initial"] + (energy["external_work_max"] or 0.0)
         return 1.0 + energy[name] / put_in if put_in > 0 else None
 

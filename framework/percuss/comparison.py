@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.columns import ERRORS, metric, worst
-from percuss.errors import InputError, Problem, suggestion
+from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.given import expect_case, expect_names
 from percuss.sampling import combinations
 from percuss.tasks import Row, perform, tasks
@@ -78,6 +79,29 @@ def compare(
     if errors and len(errors) == len(pairs):
         raise errors[0]
     return [row for row, _ in made] + [perform(case, task)[0] for task in planned if task.tied]
+
+
+def notes_of_swaps(
+    case: Case,
+    integrators: Sequence[str] = (),
+    contacts: Sequence[str] = (),
+    vary: Mapping[str, Sequence[Any]] | None = None,
+) -> list[str]:
+    """Return what becomes of the options of the methods in a case, where a comparison puts others in their place.
+
+    Parameters
+    ----------
+    case, integrators, contacts, vary
+        As for `compare`; options that are varied are not spoken of.
+    """
+    case = case.with_one_law() if contacts else case
+    first = {path: values[0] for path, values in (vary or {}).items() if values}
+    notes = list(case.notes)
+    for family, names in (("integrator", integrators), ("contact", contacts)):
+        for name in names:
+            with contextlib.suppress(PercussError):  # its row says what is wrong
+                notes += case.with_overrides({f"method.{family}.name": name, **first}).notes
+    return list(dict.fromkeys(notes))
 
 
 def own_laws(case: Case) -> list[str]:

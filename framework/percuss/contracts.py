@@ -95,9 +95,11 @@ class Doc:
         return schema
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DataFile:
     """A CSV file of numbers named in a case, relative to it; read once, when the case is checked.
+
+    Two data files are equal where path and numbers are.
 
     Attributes
     ----------
@@ -109,6 +111,15 @@ class DataFile:
 
     path: str
     table: Floats
+
+    def __eq__(self, other: object) -> bool:
+        # an array has no truth value, so that the comparison that a dataclass writes for itself would fail
+        if not isinstance(other, DataFile):
+            return NotImplemented
+        return self.path == other.path and np.array_equal(self.table, other.table, equal_nan=True)
+
+    def __hash__(self) -> int:
+        return hash((self.path, self.table.shape))
 
     def columns(self, count: int) -> Floats:
         """Return the (count, rows) numbers.
@@ -194,7 +205,9 @@ class Judged(NamedTuple):
     gap, rate
         ``"current"``: g(u_n) and the rate at n - 1/2; ``"predicted"``: the same after the bulk update of the step.
     acceleration
-        ``"bulk"``: the gap's bulk acceleration; ``"none"``: zero is shown to the law.
+        ``"bulk"``: the gap's bulk acceleration; ``"none"``: zero is shown to the law. A law whose row has a weight on
+        the acceleration is then refused, unless it says that it needs the response to its multiplier alone
+        (`ContactLaw.needs_only_response_of`).
     answer
         What a unit multiplier adds to (gap, rate, acceleration), in units of the Delassus operator S.
     """
@@ -450,10 +463,18 @@ class ContactLaw(Component, contract="contacts"):
     guarantees
         What holds whatever the options and the integrator: ``"never pulls"``, ``"no penetration"`` (at the end of
         each step), ``"keeps the free step"``; the conformance kit holds it against drawn runs.
+    needs_only_response_of
+        Quantities of the row (so far ``"acceleration"`` alone can be missing) -> why the law is still itself with an
+        integrator that does not show their bulk value (`Judged.acceleration` is ``"none"``), so that the weight acts on
+        what the multiplier itself adds to them and on nothing else. A penalty mass is such a weight: Wu's
+        predictor-corrector lets it resist the corrector's acceleration alone. A law that reads the bulk acceleration,
+        as Nitsche's method reads the normal stress of the bodies from it, is not, and would silently become another
+        method. A pair whose row has a weight that is neither shown nor named here is refused.
     """
 
     measured: ClassVar[Mapping[str, str]] = {}
     guarantees: ClassVar[tuple[str, ...]] = ()
+    needs_only_response_of: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def bind(self, points: ContactPoints, dt: float) -> Rows | Any:
@@ -579,10 +600,13 @@ class Material(Component, contract="materials"):
     Attributes
     ----------
     linear
-        Whether stress is proportional to strain; the energy identity to round-off holds for linear bodies only.
+        Whether the stress is `modulus` times the strain, whatever the strain. A body is linear if its element and its
+        material both say so. Exact solutions, certificates, the guarantees of energy and the energy identity to
+        round-off are for linear bodies; of any other body percuss says that it does not know. The conformance kit
+        holds the declaration against the kernels.
     """
 
-    linear: ClassVar[bool]
+    linear: ClassVar[bool] = False
 
     @property
     @abstractmethod
@@ -634,8 +658,21 @@ class Element(Component, contract="elements"):
     ``internal_force(element, parameters, first, dim, displacement, force)`` *sets* `force` to what the stretched
     elements do to their nodes. ``energy(element, parameters, first, dim, displacement, velocity, dt)`` returns their
     staggered strain energy, where `displacement` is at n + 1 and ``displacement - dt * velocity`` at n. They call the
-    material by the slots `percuss.kernels.stress` and `percuss.kernels.energy_density`.
+    material by the slots `percuss.stress` and `percuss.energy_density`, with the strain of the element's own measure.
+
+    The stress that a result shows of an element is what `stress` returned when `internal_force` was asked for the force
+    of that element alone, the mean over its calls: whatever the strain measure, it is that of the force.
+
+    Attributes
+    ----------
+    linear
+        Whether the strain that is handed to the material, and the direction of the force, are linear in the
+        displacement: the force is then proportional to the displacement wherever the material is linear too. A body is
+        linear if its element and its material both say so (see `Material`). The conformance kit holds the declaration
+        against the kernels.
     """
+
+    linear: ClassVar[bool] = False
 
     @abstractmethod
     def bind(self, body: BodyMesh) -> Any:
@@ -767,7 +804,15 @@ class Solution(Component, contract="solutions"):
     """An exact solution of a class of cases.
 
     It is handed a `percuss.model.Model`, of which it must not use the mesh beyond the ends of its bodies.
+
+    Attributes
+    ----------
+    linear_bodies_only
+        Whether it holds for linear bodies alone (`Material.linear`, `Element.linear`). It is then not asked about any
+        other case: no run with a body that is not linear is held against it.
     """
+
+    linear_bodies_only: ClassVar[bool] = True
 
     @abstractmethod
     def covers(self, model: Any) -> str | None:

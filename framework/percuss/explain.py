@@ -15,6 +15,7 @@ from percuss.contact import broadcast, judge
 from percuss.contracts import Component, Rows
 from percuss.describe import docs
 from percuss.options import options_of
+from percuss.truth import why_not_covered
 from percuss.wording import found
 
 if TYPE_CHECKING:
@@ -54,11 +55,12 @@ def explanation(model: Model) -> Explanation:
     lines += ["Loads"] if loads else []
     lines += [f"  {one['text']}" for one in loads]
     lines += ["Step", f"  {step['text']}"]
-    critical = "is unknown" if known["dt_critical"] is None else f"{known['dt_critical']:.9g}"
-    lines += [
-        f"  the bodies without contact allow {known['dt_critical_free']:.9g}, the worst combination of closed "
-        f"contacts {critical}"
-    ]
+    if known["dt_critical_free"] is not None:
+        critical = "is unknown" if known["dt_critical"] is None else f"{known['dt_critical']:.9g}"
+        lines.append(
+            f"  the bodies without contact allow {known['dt_critical_free']:.9g}, the worst combination of closed "
+            f"contacts {critical}"
+        )
     lines += _certificate_lines(model, known, measured)
     lines += ["Exact solution"]
     lines += (
@@ -143,6 +145,11 @@ def _bodies(model: Model) -> list[str]:
             f"    c = {c:.6g}, transit {length / c:.6g}, "
             f"impedance {body.spec.area * math.sqrt(material.modulus * material.rho):.6g}"
         )
+        if body.why_not_linear:
+            lines.append(f"    {body.why_not_linear}")
+            lines.append(
+                "    c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
+            )
     return lines
 
 
@@ -187,7 +194,7 @@ def _certificate_lines(model: Model, known: Mapping[str, Any], measured: Mapping
 
 def _measured(model: Model, energy: str) -> dict[str, str]:
     """Return, by law, what was measured with the integrator, where `energy` is no guarantee that none is gained."""
-    if energy == "never grows":
+    if energy == "never grows" or model.why_not_linear:  # it was measured with linear bodies
         return {}
     integrator = model.case.method.integrator.name
     laws = [entry["law"] for entry in model.laws]
@@ -200,7 +207,7 @@ def _exact(model: Model) -> dict[str, str]:
     reasons = []
     for name in registry.names("solutions"):
         engine: Any = registry.get("solutions", name)()
-        why = engine.covers(model)
+        why = why_not_covered(engine, model)
         if why is None:
             return {"name": name, "why": ""}
         reasons.append(f"{name}: {why}")
@@ -271,7 +278,10 @@ def _contact_lines(model: Model, one: Mapping[str, Any], told: set[str]) -> list
     lines += [f"    {_listed(_numbers(one['resolved']))}"] if one["resolved"] else []
     if one["row"] is None:
         return [*lines, f"    {law.name} is no row of the contact equation: its own kernel gives the force"]
-    return lines + [f"    {line}" for line in _row_lines(one["row"])]
+    lines += [f"    {line}" for line in _row_lines(one["row"])]
+    if one["row"]["acceleration"] and not one["row"]["sees_acceleration"]:
+        lines.append(f"    g'' counts as 0: {law.needs_only_response_of['acceleration']}")
+    return lines
 
 
 def _row_lines(row: Mapping[str, Any]) -> Iterator[str]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import InputError, PercussError, Problem
+from percuss.ledger import open_accounts
 from percuss.result import replacing
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def stopped_at(result: Result) -> float:
 def alarm(result: Result) -> list[str]:
     """Return what must be said first of a run that did not end well: nothing, or one or two sentences."""
     if result.status == "done":
-        return []
+        return [f"NOT A VALID RESULT: {words}" for words in open_accounts(result.summary)]
     summary, stop = result.summary, result.summary.get("stop") or {}
     planned = result.provenance.get("resolved", {}).get("steps", "?")
     where = f"step {summary['steps']} of {planned}, time {number(stopped_at(result))}"

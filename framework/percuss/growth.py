@@ -58,7 +58,7 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
     step = int(total.rise_step) if total.rise > 0 else None
     return {
         "guarantee": guarantee,
-        "quantity": "contact work" if march.staged else quantity(outcome.points),
+        "quantity": "contact work" if march.staged else quantity(outcome.points, linear=not march.model.why_not_linear),
         "largest": rise,
         "step": step,
         "time": (step + march.energy_at) * march.model.dt if step is not None else None,
@@ -68,14 +68,14 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
     }
 
 
-def quantity(points: Any) -> str:
-    """Return in words what is measured at these points."""
-    parts = ["kinetic + elastic"]
+def quantity(points: Any, *, linear: bool = True) -> str:
+    """Return in words what is measured at these points; of linear bodies contact work is energy less other work."""
+    parts = ["kinetic + elastic" if linear else "contact work"]
     if ((points.stores == BY_END) & (points.kappa > 0)).any():
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
     if (points.stores == BY_CURRENT).any():
         parts.append("(eps_s g_n g_n+1 + eps_m r_n+1/2^2)/2 while closed")
-    return " + ".join(parts) + " - work"
+    return " + ".join(parts) + (" - work" if linear else "")
 
 
 def growth_notes(march: March, outcome: Outcome, found: Mapping[str, Any]) -> list[str]:

@@ -25,7 +25,7 @@ from percuss.unalike import WORK, WORK_OF_SEARCH, ClosedMatrix, sets_in_question
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contracts import Floats, Judged, LeapFrog
+    from percuss.contracts import Floats, Judged
     from percuss.model import Model
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
@@ -44,6 +44,7 @@ UNALIKE = (
     "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
     "can grow at any theta"
 )
+OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
 ALIKE = 1e-9  # of dt^2: a smaller difference of two eps_m / eps_s is round-off
@@ -76,6 +77,8 @@ class Closed:
     unknown
         Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate; in a scheme of
         stages all that are judged at the end of the step, too.
+    doubts
+        Of each of these, in words why.
     energy, why
         What the pair guarantees of the energy, the weakest of all contacts, and the reason in words.
     """
@@ -87,6 +90,7 @@ class Closed:
     compliance: Floats
     tied: tuple[int, ...]
     unknown: tuple[str, ...]
+    doubts: tuple[str, ...]
     energy: str
     why: str
 
@@ -122,44 +126,88 @@ class Finding:
 def closed(model: Model, dt: float) -> Closed:
     """Return what the laws of a model say of its closed points for a step `dt`."""
     count = len(model.meetings)
-    stiffness, inertia = np.zeros(count), np.zeros(count)
-    predicted, surplus, compliance = np.zeros(count, dtype=bool), np.full(count, np.nan), np.zeros(count)
+    stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
+    predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     unknown: list[str] = []
     tied: list[int] = []
+    doubts: list[str] = []
+
+    def doubt(name: str, why: str) -> None:
+        unknown.append(name)
+        doubts.append(why)
+
     energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
     stages, (*_, table) = scheme(model.case.method.integrator, dt)
+    if model.why_not_linear:
+        energy.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if stages is not None:
         energy.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     for entry in model.laws:
         law, where = entry["law"], entry["where"]
         points = model.points(where, dt)
         bound = law.bind(points, dt)
-        rows = broadcast(bound, points, law.name) if isinstance(bound, Rows) else None
-        if rows is None or not _readable(rows, table, whole_step=stages is None):
-            other = rows is not None and rows["at"] == "explicit" and _is_spring(rows)
-            unknown.append(f"{law.name} with {model.case.method.integrator.name}" if other else law.name)
+        if not isinstance(bound, Rows):
+            doubt(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
+            continue
+        rows = broadcast(bound, points, law.name)
+        if why := _not_followed(rows, law.name, staged=stages is not None):
+            doubt(law.name, why)
+            continue
+        if rows["at"] == "explicit" and not _readable(table.explicit, rows):
+            name = model.case.method.integrator.name
+            doubt(f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times")
             continue
         if rows["at"] == "explicit":
             stiffness[where] = rows["gap"] / rows["sigma"]
             by_gap, _, by_acceleration = table.explicit.answer
             inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
             predicted[where] = table.explicit.gap == "predicted"
-        if rows["at"] == "end":
+            if table.explicit.gap == "predicted":
+                surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
+        else:
             surplus[where] = 0.0
-        elif table.explicit.gap == "predicted":
-            surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
         if rows["rate"].any():
             tied += where
         else:
             compliance[where] = rows["sigma"] / rows["gap"]
         energy.append(_energy_of(model, where, rows, inert=bool(inertia[where].any())))
     if unknown and stages is None:
-        energy.append((UNKNOWN, f"nothing is known of {', '.join(unknown)}, which is no line in gap and acceleration"))
+        energy.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     resting = list(model.resting(0.5 * model.dt))
     stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
-    tied = [p for p in tied if p not in resting]
+    ties = tuple(p for p in tied if p not in resting)
     weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
-    return Closed(stiffness, inertia, predicted, surplus, compliance, tuple(tied), tuple(unknown), weakest, why)
+    reasons = tuple(dict.fromkeys(doubts))
+    return Closed(stiffness, inertia, predicted, surplus, compliance, ties, tuple(unknown), reasons, weakest, why)
+
+
+def _not_followed(rows: dict[str, Any], law: str, *, staged: bool) -> str:
+    """Return why neither stiffness and inertia nor a constraint follows from a law's row; empty if one does.
+
+    Parameters
+    ----------
+    rows
+        The row with one value a point.
+    law
+        Name of the law.
+    staged
+        Whether the integrator is a scheme of stages.
+    """
+    end = rows["at"] == "end"
+    tie = end and bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
+    reasons = {
+        f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and staged,
+        f"{law} weighs the gap rate, which damps or drives": rows["rate"].any() and not tie,
+        f"{law} ties the gap rate of its contacts, but not always or not both ways": (
+            tie and (rows["active"] != "all" or rows["sign"] != "free")
+        ),
+        f"{law} does not weigh the gap": not rows["gap"].all() and not tie,
+        f"{law} weighs the gap acceleration at the end of the step": end and rows["acceleration"].any(),
+        f"{law} is judged at the current or predicted gap without a compliance (sigma = 0)": (
+            not end and (rows["sigma"] <= 0).any()
+        ),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
 
 
 def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: bool) -> tuple[str, str]:
@@ -179,31 +227,11 @@ def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: b
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, where) else (NEVER_GROWS, BY_END)
 
 
-def _readable(rows: dict[str, Any], table: LeapFrog, *, whole_step: bool) -> bool:
-    """Return whether stiffness and inertia of a closed contact follow from a law's rows.
-
-    `whole_step` is False in a scheme of stages, where the end of the step is another state in each stage.
-    """
-    if rows["at"] == "end":
-        return whole_step and _end_is_readable(rows)
-    judged: Judged = table.explicit
-    if not _is_spring(rows):
-        return False
+def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
+    """Return whether stiffness and inertia of a closed contact follow from a law's rows with this table."""
     if judged.gap == "current":
         return judged.answer[0] == 0.0 and judged.acceleration == "bulk" and judged.answer[2] == 1.0
     return judged.acceleration == "none" or not rows["acceleration"].any()
-
-
-def _is_spring(rows: dict[str, Any]) -> bool:
-    """Return whether rows make a force of gap and gap acceleration alone."""
-    return not rows["rate"].any() and bool((rows["sigma"] > 0).all()) and bool(rows["gap"].all())
-
-
-def _end_is_readable(rows: dict[str, Any]) -> bool:
-    """Return whether a law judged at the end of the step is a spring or a constraint there: of the gap, or a tie."""
-    of_gap = not rows["rate"].any() and bool(rows["gap"].all())
-    tie = bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
-    return not rows["acceleration"].any() and (of_gap or (tie and rows["active"] == "all" and rows["sign"] == "free"))
 
 
 def _share_an_end(model: Model, where: list[int]) -> bool:
@@ -526,6 +554,8 @@ class ClosedForm:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        if model.why_not_linear:
+            raise NoClosedFormError(f"{model.why_not_linear}")
         if model.stages is not None:
             raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
@@ -545,7 +575,7 @@ class ClosedForm:
     def _stable(self, dt: float) -> bool:
         said = closed(self.model, dt)
         if said.unknown:
-            raise NoClosedFormError(f"{', '.join(said.unknown)} is no line in gap and acceleration")
+            raise NoClosedFormError("; ".join(said.doubts))
         if dt > self.free:
             return False
         for p, sides in enumerate(self.sides):

@@ -15,9 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.contact import ROUNDING
+
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from percuss.contracts import Floats
     from percuss.march import March, Outcome
+
+# Of the largest energy, or of the momentum: what the accounts of a run may be off by. The identities above hold to
+# round-off for linear bodies. The momentum of any body changes by the forces from outside alone.
+CLOSED, CLOSED_NOT_LINEAR, BALANCED = 1e-9, 0.05, 1e-9
+ROUND_OFF_UNITS = 4.0  # errors of a step, as in `percuss.growth`
 
 
 def energies(outcome: Outcome) -> dict[str, Floats]:
@@ -59,11 +68,17 @@ def largest(outcome: Outcome) -> float:
 
 
 def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
-    """Return initial, final and largest energy, the works, and the largest closure error."""
+    """Return initial, final and largest energy, the works, and the largest closure error.
+
+    ``ledger_allowed`` is how large that may be, and ``ledger_closed`` whether it is no larger; both are None of a run
+    that was stopped, and of a scheme in stages, where the closure is what the scheme itself does to the energy.
+    """
     parts = energies(outcome)
     total = parts["kinetic_energy"] + parts["elastic_energy"]
     initial = march.initial_energy()
     last = {name: float(values[-1]) if values.size else 0.0 for name, values in parts.items()}
+    error = float(np.max(np.abs(parts["energy_error"]), initial=0.0))
+    allowed = None if march.staged or outcome.status == "unstable" else _allowed(march, outcome)
     return {
         "initial": initial,
         "final": float(total[-1]) if total.size else initial,
@@ -72,8 +87,20 @@ def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
         "contact_work": last["contact_work"],
         "external_work_max": float(np.max(parts["external_work"], initial=0.0)),
         "contact_work_max": float(np.max(parts["contact_work"], initial=0.0)),
-        "ledger_error": float(np.max(np.abs(parts["energy_error"]), initial=0.0)),
+        "ledger_error": error,
+        "ledger_allowed": allowed,
+        "ledger_closed": None if allowed is None else bool(error <= allowed),
     }
+
+
+def _allowed(march: March, outcome: Outcome) -> float:
+    """Return by how much of the largest energy the ledger of a run may be open."""
+    if march.model.why_not_linear:
+        return CLOSED_NOT_LINEAR
+    size = largest(outcome)
+    # the round-off of the steps adds up in long runs
+    round_off = ROUND_OFF_UNITS * ROUNDING * float(outcome.totals[0].round_off)
+    return CLOSED + (round_off / size if size > 0 else 0.0)
 
 
 def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
@@ -81,6 +108,7 @@ def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
 
     The momenta are those at -dt/2 and t_N - dt/2, of a scheme in stages at 0 and t_N, between which N steps bring
     exactly the impulses given; the error is their difference over the largest impulse or momentum involved.
+    ``balanced`` is whether that is round-off, None of a run that was stopped.
     """
     model, dim = march.model, march.dim
     mass = model.mass[:, None]
@@ -107,14 +135,50 @@ def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
         held,
         float(np.abs(outcome.load_impulse).max(initial=0.0)),
     )
+    # forces in balance bring no momentum, and their round-off is one of the momentum that their energy could bring
+    driven = float(np.sqrt(2.0 * float(model.mass.sum()) * largest(outcome)))
+    off = float(np.abs(closure).max())
     return {
         "initial": before.tolist(),
         "final": after.tolist(),
         "impulse_of_loads": outcome.load_impulse.tolist(),
         "impulse_of_supports": supports.tolist(),
         "impulse_of_walls": walls.tolist(),
-        "error": float(np.abs(closure).max() / scale) if scale > 0 else 0.0,
+        "error": off / scale if scale > 0 else 0.0,
+        "balanced": None if outcome.status == "unstable" else bool(off <= BALANCED * max(scale, driven)),
     }
+
+
+def open_accounts(summary: Mapping[str, Any]) -> list[str]:
+    """Return in words which accounts of a run do not close, energy or momentum; empty where they do.
+
+    Parameters
+    ----------
+    summary
+        Of a `percuss.Result`.
+    """
+    out = []
+    energy, momentum = summary["energy"], summary["momentum"]
+    if energy.get("ledger_closed") is False:
+        out.append(
+            f"the energy ledger does not close: {energy['ledger_error']:.2g} of the largest energy is not accounted "
+            f"for, and {energy['ledger_allowed']:.2g} is allowed"
+        )
+    if momentum.get("balanced") is False:
+        out.append(
+            f"momentum does not balance: {momentum['error']:.2g} of it comes from no load, support or wall, so that "
+            "the forces inside the bodies do not add up to zero"
+        )
+    return out
+
+
+def ledger_words(energy: Mapping[str, Any], error: str, verb: str = "closes") -> str:
+    """Return how well the energy ledger closes, in words; `error` is the closure as a reader wants to see it."""
+    closed = energy.get("ledger_closed", True)
+    if closed is False:
+        return f"ledger does NOT close: {error} of the largest energy is not accounted for"
+    state = "open by" if closed is None else f"{verb} to"
+    return f"ledger {state} {error} of the largest energy"
 
 
 def contact_summary(march: March, outcome: Outcome) -> dict[str, dict[str, Any]]:

@@ -99,14 +99,39 @@ def checked(case: Case, make: Callable[[], dict[str, Body]]) -> dict[str, Body]:
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }
         for what, values in numbers.items():
-            odd = values[~((values >= LEAST) & (values <= MOST))]
+            odd = np.flatnonzero(~((values >= LEAST) & (values <= MOST)))
             if odd.size:
-                message = f"expected {what} between {LEAST:g} and {MOST:g}, found {odd[0]:.6g}"
-                problems.append(case.problem(("bodies", name), message, UNITS))
+                value = float(values[odd[0]])
+                message, advice = f"expected {what} between {LEAST:g} and {MOST:g}, found {value:.6g}", UNITS
+                if not value > 0 and _size_is_usual(body):
+                    message, advice = _not_positive(case, body, what, int(odd[0]), value)
+                problems.append(case.problem(("bodies", name), message, advice))
                 break
     if problems:
         raise InputError(problems)
     return bodies
+
+
+def _size_is_usual(body: Body) -> bool:
+    """Return whether mass, stiffness and frequency of the body's elements can be computed with as the case has them."""
+    material, h = body.spec.material, body.mesh.lengths
+    sizes = [
+        h,
+        material.rho * body.spec.area * h,
+        material.modulus * body.spec.area / h,
+        2.0 * math.sqrt(material.modulus / material.rho) / h if material.modulus > 0 < material.rho else 0.0 * h,
+    ]
+    return all(bool(((size >= LEAST) & (size <= MOST)).all()) for size in sizes)
+
+
+def _not_positive(case: Case, body: Body, what: str, place: int, value: float) -> tuple[str, str]:
+    """Return message and advice for a number that must be greater than 0, by the method that gives it."""
+    if what == "a mass of a node":
+        by = f"the mass '{case.method.mass.name}'"
+        message = f"expected a mass greater than 0 at every node, found {value:.6g} at node {place}, from {by}"
+        return message, "An explicit scheme divides by the mass of each free node: take another `method.mass`."
+    by = f"the element '{body.spec.element.name}'"
+    return f"expected {what} greater than 0, found {value:.6g} in element {place}, from {by}", "Take another element."
 
 
 def check_step(case: Case, dt: float) -> None:

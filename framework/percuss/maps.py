@@ -76,7 +76,7 @@ def stability(
         except (PluginError, RefusedPair) as error:
             rows += [_row(varied, way, None, str(error)) for way in unknown]
         else:
-            unsaid = closed(model, model.dt).unknown
+            unsaid = closed(model, model.dt).doubts
             rows += [_judged(model, varied, way, unsaid) for way in by or ("black-box" if unsaid else "pencil",)]
         if progress is not None:
             progress(done + 1, len(combinations))
@@ -114,9 +114,11 @@ def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
 
 
 def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[str]) -> dict[str, Any]:
-    """Return the row of one way to judge; `unsaid` are the laws of which the rows say nothing."""
+    """Return the row of one way to judge; `unsaid` is why the rows of some laws say nothing."""
+    if model.why_not_linear:
+        return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
     if way == "pencil" and unsaid:
-        return _row(varied, way, None, f"nothing follows from the rows of {', '.join(unsaid)}")
+        return _row(varied, way, None, f"nothing follows from the rows: {'; '.join(unsaid)}")
     try:
         kinds: dict[str, type[RowsJudge | BlackBoxJudge]] = {"pencil": RowsJudge, "black-box": BlackBoxJudge}
         judge: Any = EveryStretch(model, kinds[way]) if way in kinds else ClosedForm(model)

@@ -17,7 +17,7 @@ from percuss.contact import NOTHING, Side, broadcast, delassus_rows, intervals, 
 from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.parts import Body, Hold, Meeting, Pull, Push, end_reserves
-from percuss.schemes import refuse_end, scheme
+from percuss.schemes import refuse_end, refuse_unseen, scheme
 from percuss.tryout import bound_of
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ class Model:
         self.laws = self._laws()
         self._raise()
         refuse_end(case.method.integrator, self.stages, self.laws)
+        refuse_unseen(case.method.integrator, self.tables, self.laws)
 
     # -- bodies ------------------------------------------------------------------------------------------
 
@@ -156,6 +157,11 @@ class Model:
         other.laws = [{**entry, "during": None} for entry in other._laws()]
         other._raise()
         return other
+
+    @property
+    def why_not_linear(self) -> str:
+        """Why forces in the bodies are not proportional to their displacements; empty where all bodies are linear."""
+        return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
 
     @property
     def courant(self) -> float:

@@ -134,12 +134,13 @@ def _substituted(annotation: Any) -> Any:
     return annotation
 
 
-def _takes_file(annotation: Any) -> bool:
+def takes_file(annotation: Any) -> bool:
+    """Return whether an option takes a data file, perhaps among other things."""
     if annotation is DataFile:
         return True
     if get_origin(annotation) is Annotated:
-        return _takes_file(annotation.__origin__)
-    return is_union(annotation) and any(_takes_file(branch) for branch in get_args(annotation))
+        return takes_file(annotation.__origin__)
+    return is_union(annotation) and any(takes_file(branch) for branch in get_args(annotation))
 
 
 @functools.cache
@@ -197,7 +198,7 @@ def _checked(cls: type, option: Option, value: Any, folder: Path) -> tuple[Any, 
         return None, [
             Fault((option.key,), f"expected {describe(option.annotation)}, found .nan", "nan is never a value.")
         ]
-    if isinstance(checked, str) and _takes_file(option.annotation) and checked not in words(option.annotation):
+    if isinstance(checked, str) and takes_file(option.annotation) and checked not in words(option.annotation):
         try:
             return read_table(checked, folder), []
         except ValueError as error:

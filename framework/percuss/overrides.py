@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 from percuss.errors import InputError, Problem, suggestion
@@ -17,9 +17,10 @@ __all__ = ["apply"]
 
 
 def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> tuple[Source, list[str]]:
-    """Return the source with values replaced, and notes of the options that a new component does not have.
+    """Return the source with values replaced, and notes of what became of the options of components that were swapped.
 
-    Components are swapped before anything else, so that the order of the overrides does not matter.
+    An option that the new component has too is kept if both state the same unit for it, else dropped; either way a note
+    says so. Components are swapped before anything else, so that the order of the overrides does not matter.
 
     Raises
     ------
@@ -28,6 +29,7 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
     """
     problems: list[Problem] = []
     notes: list[str] = []
+    replaced = set(overrides)
 
     def late(path: str) -> bool:
         parts = tuple(path.split("."))
@@ -35,11 +37,11 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
 
     for path in sorted(overrides, key=late):
         try:
-            source, dropped = _one(source, path, overrides[path], registry)
+            source, told = _one(source, path, overrides[path], registry, replaced)
         except InputError as error:
             problems += error.problems
         else:
-            notes += dropped
+            notes += told
     if problems:
         raise InputError(problems)
     return source, notes
@@ -62,7 +64,7 @@ def _named(path: KeyPath) -> Named | None:
     return entry
 
 
-def _one(source: Source, path: str, value: Any, registry: Registry) -> tuple[Source, list[str]]:
+def _one(source: Source, path: str, value: Any, registry: Registry, replaced: Set[str]) -> tuple[Source, list[str]]:
     parts: KeyPath = tuple(path.split("."))
     if not all(parts):
         label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
@@ -81,11 +83,16 @@ def _one(source: Source, path: str, value: Any, registry: Registry) -> tuple[Sou
         changed = source.override(f"{path}.name", value, said=path)
     elif parts != (*at, "name"):
         return changed, []
-    return _swapped(source, changed, at, registry)
+    return _swapped(source, changed, at, registry, replaced)
 
 
-def _swapped(before: Source, after: Source, at: KeyPath, registry: Registry) -> tuple[Source, list[str]]:
-    """Return the source without the options that the new component does not have, and a note of them."""
+def _swapped(
+    before: Source, after: Source, at: KeyPath, registry: Registry, replaced: Set[str]
+) -> tuple[Source, list[str]]:
+    """Return the source without the options that mean nothing to the new component, and notes of all that it had.
+
+    Options that another override sets anyway are not spoken of.
+    """
     named = _named(at)
     options = after.get(at)
     if named is None or not isinstance(options, Mapping):
@@ -94,11 +101,25 @@ def _swapped(before: Source, after: Source, at: KeyPath, registry: Registry) -> 
     if name == old or name not in registry.names(named.family):
         return after, []
     allowed = options_of(registry.get(named.family, name))
-    dropped = [key for key in options if key != "name" and key not in allowed]
-    if not dropped:
-        return after, []
-    kept = {key: value for key, value in options.items() if key not in dropped}
-    return after.replaced(at, kept), [f"{dotted(at)}: {name} has no option {', '.join(dropped)}: dropped"]
+    known = options_of(registry.get(named.family, old)) if old in registry.names(named.family) else {}
+    missing, dropped, kept = [], [], []
+    for key in [str(key) for key in options if key != "name"]:
+        mine, theirs = allowed.get(key), known.get(key)
+        if mine is None:
+            missing.append(key)
+        elif theirs is not None and (theirs.unit or "1") != (mine.unit or "1"):
+            was, now = theirs.unit or "1", mine.unit or "1"
+            dropped.append((key, f"{key} of {name} has the unit {now}, that of {old} the unit {was}: dropped"))
+        elif f"{dotted(at)}.{key}" not in replaced:
+            meant = (
+                f", there '{theirs.doc}', here '{mine.doc}'" if theirs is not None and theirs.doc != mine.doc else ""
+            )
+            kept.append(f"{name} keeps {key}: {flow(options[key])} of {old}{meant}")
+    words = [f"{name} has no option {', '.join(missing)}: dropped"] if missing else []
+    notes = [f"{dotted(at)}: {word}" for word in (*words, *(word for _, word in dropped), *kept)]
+    gone = {*missing, *(key for key, _ in dropped)}
+    left = {key: value for key, value in options.items() if key not in gone}
+    return after.replaced(at, left) if gone else after, notes
 
 
 def _entry_exists(source: Source, path: str, value: Any) -> None:

@@ -30,6 +30,16 @@ class Body:
     velocity: Floats  # (dim,)
 
     @property
+    def why_not_linear(self) -> str:
+        """Why forces in the body are not proportional to its displacement; empty for a linear body."""
+        parts = (("material", self.spec.material), ("element", self.spec.element))
+        named = [f"{kind} {part.name}" for kind, part in parts if not part.linear]
+        if not named:
+            return ""
+        verb = "does" if len(named) == 1 else "do"
+        return f"body '{self.name}' is not linear: its {' and its '.join(named)} {verb} not declare `linear = True`"
+
+    @property
     def stop(self) -> int:
         """One past the body's last node."""
         return self.start + self.mass.size

@@ -32,6 +32,7 @@ from percuss.figures import (
     thinned,
     write,
 )
+from percuss.ledger import ledger_words
 from percuss.spacetime import space_time
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def _energies(axes: Axes, result: Result) -> None:
     axes.margins(y=0.18)  # leaves the corner to the words
     axes.set(xlabel="time", ylabel="energy")
     powers(axes)
-    error = result.summary["energy"]["ledger_error"]
-    words = f"ledger closes to {number(error)} of the largest energy"
+    ledger = result.summary["energy"]
+    words = ledger_words(ledger, number(ledger["ledger_error"]))
     axes.text(0.99, 0.975, words, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))

@@ -18,6 +18,7 @@ from percuss.figures import (
     one_line,
     picture,
 )
+from percuss.ledger import ledger_words
 from percuss.plot import force_figure
 
 if TYPE_CHECKING:
@@ -58,12 +59,14 @@ def _facts(result: Result) -> str:
     summary, energy = result.summary, result.summary["energy"]
     share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"
     methods, steps = details(result)
+    momentum = summary["momentum"]
+    unbalanced = momentum.get("balanced") is False
     rows = {
         "status": result.status,
         "methods": methods,
         "steps": steps,
-        "energy": f"{share}; ledger closes to {number(energy['ledger_error'])}",
-        "momentum": f"closes to {number(summary['momentum']['error'])}",
+        "energy": f"{share}; {ledger_words(energy, number(energy['ledger_error']))}",
+        "momentum": f"{'does NOT balance, off by' if unbalanced else 'closes to'} {number(momentum['error'])}",
     }
     body = "".join(f"<tr>{_cell(name, head=True)}{_cell(value)}</tr>" for name, value in rows.items())
     return f'<table style="{TABLE}">{body}</table>'

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import certificate, growth, ledger, limits, truth
+from percuss.bodies import stress_field
 from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.given import expect_case
@@ -182,6 +183,14 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     solution, verdict = _true_errors(march, outcome, arrays)
     outcome.seconds["exact"] = watch.lap()
     grown = growth.growth_summary(march, outcome, known, ledger.largest(outcome))
+    accounts = {
+        "energy": ledger.energy_summary(march, outcome),
+        "momentum": ledger.momentum_summary(march, outcome),
+    }
+    if accounts["energy"]["ledger_closed"] is False and grown["kept"]:
+        grown["kept"] = None  # the work of contacts is then not what the energy of the bodies gained
+    notes = [*model.case.notes, *_warnings(march, outcome, known), *growth.growth_notes(march, outcome, grown)]
+    notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary = {
         "status": outcome.status,
         "stop": outcome.stop or None,
@@ -192,13 +201,12 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
         "courant": model.courant,
         "certificate": known,
         "contacts": ledger.contact_summary(march, outcome),
-        "energy": ledger.energy_summary(march, outcome),
-        "momentum": ledger.momentum_summary(march, outcome),
+        **accounts,
         "energy_growth": grown,
         **verdict,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
-        "notes": [*model.case.notes, *_warnings(march, outcome, known), *growth.growth_notes(march, outcome, grown)],
+        "notes": notes,
         "seconds": outcome.seconds,
     }
     provenance = {
@@ -291,10 +299,7 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     stress = np.empty(u.shape[:2])
     for body in model.bodies.values():
         mine = (first >= body.start) & (first < body.stop)
-        element = first[mine] - body.start
-        strain = (u[:, mine, 1] - u[:, mine, 0]) @ body.mesh.direction / body.mesh.lengths[element]
-        law, parameters = body.spec.material, np.array(body.spec.material.parameters())
-        stress[:, mine] = np.vectorize(lambda e, law=law, p=parameters: law.stress(p, e), otypes=[float])(strain)
+        stress[:, mine] = stress_field(body, first[mine] - body.start, u[:, mine])
     return {
         "time": np.arange(taken) * record.field_every * model.dt,
         "body": [model.body_of(int(node)).name for node in first],

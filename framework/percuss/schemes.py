@@ -68,6 +68,34 @@ def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[st
             raise RefusedPair(integrator.name, entry["law"].name, NO_END, integrator.name)
 
 
+def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: list[dict[str, Any]]) -> None:
+    """Refuse laws whose row has a weight on what the integrator does not show, as it would silently be left out.
+
+    A law may name what it needs to see only as far as its own multiplier changes it; then the integrator must let the
+    multiplier change it.
+
+    Raises
+    ------
+    RefusedPair
+        For the first such law.
+    """
+    for entry in laws:
+        law, bound = entry["law"], entry["bound"]
+        if not isinstance(bound, Rows) or not np.any(bound.acceleration):
+            continue
+        for table in tables:
+            shown: Judged = getattr(table, bound.at)
+            if shown.acceleration != "none":
+                continue
+            unseen = f"{integrator.name} shows {law.name} no acceleration of the gap"
+            if "acceleration" not in law.needs_only_response_of:
+                reason = f"{unseen}, on which its row has a weight: without it {law.name} would be another method"
+                raise RefusedPair(integrator.name, law.name, reason, integrator.name)
+            if not shown.answer[2]:
+                reason = f"{unseen}, and lets its multiplier change none, so that its weight there would do nothing"
+                raise RefusedPair(integrator.name, law.name, reason, integrator.name)
+
+
 def kernel_of(integrator: Integrator) -> Callable[..., None]:
     """Return the kernel of an integrator that is no leap-frog scheme.
 

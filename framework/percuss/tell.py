@@ -12,6 +12,7 @@ import percuss
 from percuss.admission import OLDEST
 from percuss.comparison import ERRORS, Row, metrics
 from percuss.convergence import WORDS
+from percuss.ledger import ledger_words
 
 if TYPE_CHECKING:
     from percuss.registry import Registry
@@ -69,10 +70,11 @@ def tell_result(result: Result) -> None:
     console.print(
         f"energy {_number(e['initial'])} at first, {_number(e['final'])} at last, {_number(e['max'])} at most; "
         f"external work {_number(e['external_work'])}, contact work {_number(e['contact_work'], 4)}; "
-        f"ledger closed to {e['ledger_error']:.1e}"
+        f"{ledger_words(e, format(e['ledger_error'], '.1e'), 'closed')}"
     )
     m = s["momentum"]
-    console.print(f"momentum and impulses balance to {m['error']:.1e}")
+    balance = "do NOT balance: off by" if m.get("balanced") is False else "balance to"
+    console.print(f"momentum and impulses {balance} {m['error']:.1e}")
 
 
 def _tell_errors(console: Console, s: dict[str, Any]) -> None:

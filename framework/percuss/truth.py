@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.contracts import Exact, ExactContact, Floats
+    from percuss.contracts import Exact, ExactContact, Floats, Solution
     from percuss.model import Model
     from percuss.result import Result
 
@@ -45,7 +45,7 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     reasons = []
     for name in registry.names("solutions"):
         engine: Any = registry.get("solutions", name)()
-        why = engine.covers(model)
+        why = why_not_covered(engine, model)
         if why is not None:
             reasons.append(f"{name}: {why}")
             continue
@@ -78,6 +78,13 @@ def verdict(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
         return {"exact": errors, "exact_reason": reason or None, "exact_covered": None}
     part = {key: value for key, value in errors.items() if key in {"solution", "fronts", "contacts"}}
     return {"exact": None, "exact_reason": reason, "exact_covered": {"until": errors["reached"], **part}}
+
+
+def why_not_covered(solution: Solution, model: Model) -> str | None:
+    """Return why an exact solution does not cover a case, or None where it does."""
+    if solution.linear_bodies_only and model.why_not_linear:
+        return model.why_not_linear
+    return solution.covers(model)
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:

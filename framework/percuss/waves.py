@@ -82,9 +82,11 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     InputError
         If there is no such contact.
     PercussError
-        If the integrator is no leap-frog scheme, the contact is not linear when closed, or an end in it is held or in a
-        second contact.
+        If a body is not linear, the integrator is no leap-frog scheme, the contact is not linear when closed, or an end
+        in it is held or in a second contact.
     """
+    if model.why_not_linear:
+        raise PercussError(f"{model.why_not_linear}: its waves are no harmonics, and change with the strain")
     if model.stages is not None:
         name = model.case.method.integrator.name
         raise PercussError(

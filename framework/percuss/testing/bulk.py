@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.bodies import PROBING_STRAIN, ElementProbe
 from percuss.contracts import BodyMesh, Mesh, Region
 from percuss.errors import RunError
 from percuss.specialise import Specialiser
@@ -112,9 +113,6 @@ def check_stress_and_energy(subject: Subject) -> None:
                 raise CheckFailed(
                     f"at strain {strain:.3g} stress is {stress:.6g}, the slope of the energy {gradient:.6g}"
                 )
-            proportional = abs(stress - material.modulus * strain) <= CLOSE * abs(stress)
-            if cls.linear and not proportional:
-                raise CheckFailed(f"it says `linear`, and stress at strain {strain:.3g} is not modulus times strain")
 
 
 # --------------------------------------------------------------------------------------------------- elements
@@ -152,6 +150,73 @@ def check_force_and_energy(subject: Subject) -> None:
             force_of(bound, parameters, 2, dim, u[2 * dim : 5 * dim], part)
             if np.abs(part[dim : 2 * dim] - force[3 * dim : 4 * dim]).max() > CLOSE * size:
                 raise CheckFailed("a run of elements from `first` on gives another force than the whole body")
+
+
+@check("elements", "materials")
+def check_linear(subject: Subject) -> None:
+    """What is declared linear is linear: force and stress follow the displacement in proportion, however large it is.
+
+    Only a body whose element and material both declare `linear = True` has exact solutions, a certificate and a
+    guarantee of its energy.
+    """
+    if subject.family == "materials":
+        proportional = all(_proportional_stress(subject.make(options)) for options in subject.examples)
+    else:
+        material = _default(subject, "materials")
+        proportional = all(_proportional_force(subject.make(options), material) for options in subject.examples)
+    if not subject.component.linear:  # type: ignore[attr-defined]
+        more = "; yet it is linear: with `linear = True` its bodies get exact solutions and certificates"
+        raise NotApplicable(f"it does not declare `linear = True`{more if proportional else ''}")
+    if not proportional:
+        raise CheckFailed("it declares `linear = True`, and its answer is not proportional to what it is given")
+
+
+def _proportional_stress(material: Any) -> bool:
+    parameters = np.array(material.parameters(), dtype=float)
+    sizes = np.geomspace(1e-6, 10.0, 15)
+    strains = np.concatenate([-sizes, sizes])
+    stresses = np.array([material.stress(parameters, strain) for strain in strains])
+    return bool(np.allclose(stresses, material.modulus * strains, rtol=CLOSE, atol=0.0))
+
+
+def _proportional_force(element: Any, material: Any) -> bool:
+    """Return whether the force of a sum of displacements is the sum of their forces, in one to three dimensions."""
+    force_of, _ = _kernels(element, material)
+    parameters = np.array(material.parameters(), dtype=float)
+    for dim in (1, 2, 3):
+        bound = element.bind(BodyMesh(line(5, dim), 1.3))
+        first, second = np.cos(np.arange(6 * dim) ** 2.0), np.sin(np.arange(6 * dim) ** 2.0)
+        for size in (1e-6, 1e-3, 1.0):
+            forces = []
+            for displacement in (size * first, -3.0 * size * second, size * first - 3.0 * size * second):
+                forces.append(np.zeros(displacement.size))
+                force_of(bound, parameters, 0, dim, displacement, forces[-1])
+            if np.abs(forces[0] + forces[1] - forces[2]).max() > CLOSE * np.abs(forces).max():
+                return False
+    return True
+
+
+@check("elements")
+def check_stress_in_the_element(subject: Subject) -> None:
+    """An element asks its material for the stress of each element by itself: modulus times strain for small strains.
+
+    The stress that a result shows is what `stress` returned for the element when its force was asked for.
+    """
+    material = _default(subject, "materials")
+    for options in subject.examples:
+        element = subject.make(options)
+        for dim in (1, 2, 3):
+            mesh = line(5, dim)
+            probe = ElementProbe(element, material, BodyMesh(mesh, 1.3))
+            for number in range(5):
+                stretch = PROBING_STRAIN * mesh.lengths[number] * mesh.direction
+                found = probe.stress(number, np.concatenate([np.zeros(dim), stretch]))
+                expected = material.modulus * PROBING_STRAIN
+                if not abs(found - expected) <= 1e-4 * expected:
+                    raise CheckFailed(
+                        f"stretched by {PROBING_STRAIN:g} of its length in {dim} dimensions, element {number} has the "
+                        f"stress {found:.6g}, expected {expected:.6g}"
+                    )
 
 
 def _check_gradient(energy_of: Any, bound: Any, parameters: Any, dim: int, u: Any, force: Any) -> None:
@@ -248,7 +313,7 @@ def check_runs(subject: Subject) -> None:
                 result = subject.run(mine)
             except RunError as stopped:
                 raise NotApplicable(str(stopped)) from None
-            linear = getattr(subject.component, "linear", True)
+            linear = getattr(subject.component, "linear", True)  # masses and shapes leave the bodies linear
             if result.summary["momentum"]["error"] > 1e-11:
                 raise CheckFailed(f"momentum is off by {result.summary['momentum']['error']:.2g} with {options}")
             if linear and result.summary["energy"]["ledger_error"] > 1e-11:

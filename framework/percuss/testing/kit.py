@@ -13,7 +13,7 @@ import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -57,12 +57,15 @@ class Subject:
         How many cases a check draws.
     check
         Name of the check that is running.
+    loaded
+        The case that the check that is running has read last; a failure tells it.
     """
 
     component: type[Component]
     registry: Registry
     draws: int = DRAWS
     check: str = ""
+    loaded: list[Mapping[str, Any]] = field(default_factory=list, compare=False, repr=False)
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
@@ -94,8 +97,19 @@ class Subject:
 
     @property
     def examples(self) -> list[dict[str, Any]]:
-        """The option sets that it says make sense."""
-        return [dict(one) for one in self.component.examples]
+        """The option sets that it says make sense; a data file stands beside the file of the component."""
+        from percuss.options import options_of, takes_file
+
+        folder = Path(self.registry.sources[self.family, self.name].file).parent
+        files = [key for key, option in options_of(self.component).items() if takes_file(option.annotation)]
+        out = [dict(one) for one in self.component.examples]
+        for example in out:
+            example |= {
+                key: str((folder / example[key]).resolve())
+                for key in files
+                if isinstance(example.get(key), str) and (folder / example[key]).is_file()
+            }
+        return out
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance, its options checked as those of a case are."""
@@ -131,7 +145,26 @@ class Subject:
         """Return a case given as a mapping, read with the component at hand."""
         from percuss.case import load
 
+        self.loaded[:] = [case]
         return load(case, registry=self.registry)
+
+    def last_case(self) -> str:
+        """Return the case that was read last as the text of a case file, to be saved and run; empty if there is none.
+
+        It names the file that registers the component, where that is a single file.
+        """
+        import yaml
+
+        from percuss.runner import plain
+
+        if not self.loaded:
+            return ""
+        source = self.registry.sources.get((self.family, self.name))
+        single = source is not None and not source.distribution and Path(source.file).suffix == ".py"
+        plugins = {"plugins": [str(Path(source.file).resolve())]} if source is not None and single else {}
+        case = {"percuss": 1, "title": f"{self.check} of {self.name}", **plugins, **plain(self.loaded[-1])}
+        text: str = yaml.safe_dump(case, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+        return text
 
     def run(self, case: Mapping[str, Any], *, compiled: bool = True) -> Any:
         """Run a case given as a mapping.
@@ -190,6 +223,8 @@ class Outcome:
         What was found, or why it does not apply.
     reason
         Why a failure is expected.
+    case
+        Text of the case file that the check read last before it failed, to be saved and run; empty if it read none.
     """
 
     check: Check
@@ -197,6 +232,7 @@ class Outcome:
     status: Status
     message: str = ""
     reason: str = ""
+    case: str = ""
 
     @property
     def name(self) -> str:
@@ -211,7 +247,10 @@ class Outcome:
     def __str__(self) -> str:
         told = f"{self.status:>20}  {self.name}"
         if self.status == "failed":
-            return f"{told}\n{_indented(self.message)}\n{_indented(_filled(f'demanded: {self.check.demand}'))}"
+            demanded = _filled(f"demanded: {self.check.demand}")
+            parts = [self.message, demanded]
+            parts += [f"the case of {self.name}, to be saved and run:\n{self.case}"] if self.case else []
+            return "\n".join([told, *map(_indented, parts)])
         if self.status == "passes unexpectedly":
             return f"{told}\n{_indented(f'declared to fail ({self.reason}), and does not: take the entry out')}"
         more = self.reason or self.message
@@ -258,6 +297,7 @@ class Report:
                     "message": one.message,
                     "reason": one.reason,
                     "demand": one.check.demand,
+                    "case": one.case,
                 }
                 for one in self.outcomes
             ],
@@ -314,8 +354,13 @@ def expected(one: Check, subject: Subject, partner: str) -> str:
 
 def perform(one: Check, subject: Subject, partner: str = "") -> Outcome:
     """Run a check on a subject and return what came of it."""
+    subject = dataclasses.replace(subject, check=one.name, loaded=[])
+    outcome = _performed(one, subject, partner)
+    return dataclasses.replace(outcome, case=subject.last_case()) if outcome.status == "failed" else outcome
+
+
+def _performed(one: Check, subject: Subject, partner: str) -> Outcome:
     reason = expected(one, subject, partner)
-    subject = dataclasses.replace(subject, check=one.name)
     try:
         one.function(subject, partner) if partner else one.function(subject)
     except NotApplicable as why:

@@ -31,6 +31,7 @@ class BarElement(Element):
 
     name = "bar"
     summary = "Two-node bar, linear displacement"
+    linear = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 1",)
 
     def bind(self, body: BodyMesh) -> BarArrays:

@@ -25,10 +25,10 @@ class RowOfBars:
         self.flip = np.array([1.0 if body.mesh.direction @ line > 0 else -1.0 for body in self.bodies])
         materials = [body.spec.material for body in self.bodies]
         self.length = np.array([float(body.mesh.lengths.sum()) for body in self.bodies])
-        self.speed = np.array([np.sqrt(m.young / m.density) for m in materials])
+        self.speed = np.array([np.sqrt(m.modulus / m.rho) for m in materials])
         self.transit = self.length / self.speed
         self.impedance = np.array(
-            [b.spec.area * np.sqrt(m.young * m.density) for b, m in zip(self.bodies, materials, strict=True)]
+            [b.spec.area * np.sqrt(m.modulus * m.rho) for b, m in zip(self.bodies, materials, strict=True)]
         )
         self.gravity = np.zeros(len(self.bodies))
         for pull in model.pulls:

@@ -66,8 +66,6 @@ def _of_bodies(model: Any) -> Iterator[str]:
     for name, body in model.bodies.items():
         if _aside(body.mesh.direction, line):
             yield f"body '{name}' lies across the first one"
-        if body.spec.material.name != "elastic":
-            yield f"body '{name}' is of {body.spec.material.name}, which is not linear elastic"
         if body.spec.shape.name != "bar":
             yield f"body '{name}' is a {body.spec.shape.name}, not a bar"
         if body.velocity.any() and _aside(body.velocity, body.mesh.direction):

@@ -1,0 +1,490 @@
+"""Bodies that are not linear, accounts that do not close, pairs that would silently be another method, true cures."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import percuss
+from percuss import certificate, maps, scaffold
+from percuss.errors import InputError, PercussError, RefusedPair
+from percuss.explain import explanation
+from percuss.judges import ClosedForm, NoClosedFormError
+from percuss.model import Model
+from percuss.testing import Subject, checks
+from percuss.testing.drawn import rows
+from percuss.testing.kit import perform
+from percuss.waves import waves
+from strategies import hunek
+
+ROOT = Path(__file__).parent.parent
+HUNEK = str(ROOT / "cases" / "hunek.yaml")
+PARTS = Path(__file__).parent / "bodies"
+GREEN, LEAKING, LAWS, MASSES = (str(PARTS / f"{name}.py") for name in ("green", "leaking", "laws", "masses"))
+STEEL = {"young": 100.0, "density": 0.01}
+LAGRANGE = {"name": "lagrange"}
+
+
+@pytest.fixture(scope="module")
+def softer(tmp_path_factory):
+    """The material that `percuss new` writes: softer in tension."""
+    folder = tmp_path_factory.mktemp("softer")
+    scaffold.scaffold("softer", "material", folder, single_file=True)
+    return str(folder / "softer.py")
+
+
+def command(*args, cwd=None):
+    """Run a command in plain Python: these cases are small, and compiling their kernels would take longer."""
+    program = [sys.executable, "-m", "percuss", *map(str, args)]
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    return subprocess.run(program, capture_output=True, text=True, cwd=cwd, env=plain, timeout=300, check=False)
+
+
+def ran(case, plugins=(), overrides=None):
+    """Run a case in plain Python."""
+    return percuss.run(percuss.load(case, plugins=list(plugins)), overrides, compiled=False)
+
+
+def compared(case, folder, *args):
+    """Return the rows of a comparison, made in plain Python."""
+    path = folder / "compared.yaml"
+    path.write_text(yaml.safe_dump(case), encoding="utf-8")
+    return json.loads(command("compare", path, *args, "--json").stdout)["rows"]
+
+
+def green(n=10, **parts):
+    """Return the two bars of Huněk, the shorter one with Green's strain."""
+    case = hunek(n, **parts)
+    case["bodies"]["short"]["element"] = "green-bar"
+    return case
+
+
+def soft(n=10, tension=0.5, **parts):
+    """Return the two bars of Huněk, the shorter one softer in tension."""
+    case = hunek(n, **parts)
+    case["bodies"]["short"]["material"] = {"name": "softer", **STEEL, "tension": tension}
+    return case
+
+
+@pytest.fixture(params=["element", "material"])
+def not_linear(request, softer):
+    """A case with a body that is not linear, its plug-in, and the method that is not."""
+    if request.param == "element":
+        return green(), [GREEN], "green-bar"
+    return soft(), [softer], "softer"
+
+
+# ------------------------------------------------------------------------------------------ linear or not
+
+
+def test_a_body_that_is_not_linear_is_not_judged_as_if_it_were(not_linear):
+    case, plugins, name = not_linear
+    result = ran(case, plugins)
+    summary = result.summary
+    assert summary["exact"] is None
+    assert name in summary["exact_reason"]
+    assert "is not linear" in summary["exact_reason"]
+    known = summary["certificate"]
+    assert known["stable"] == "unknown"
+    assert "highest frequency changes with the strain" in known["why"]
+    assert known["dt_critical"] is known["dt_critical_free"] is known["margin"] is None
+    assert known["energy"] == "not guaranteed"
+    assert name in known["energy_why"]
+    assert summary["energy_growth"]["kept"] is None
+    assert summary["energy_growth"]["quantity"].startswith("contact work")
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
+@pytest.mark.parametrize("contact", ["lagrange", "tied", "penalty"])
+def test_that_holds_with_any_pair_of_methods(integrator, contact):
+    model = Model(percuss.load(green(integrator=integrator, contact={"name": contact}), plugins=[GREEN]))
+    known = certificate.certificate(model)
+    assert known["stable"] == "unknown"
+    assert known["energy"] in {"not guaranteed", "unknown"}
+
+
+def test_check_says_so_in_words(not_linear):
+    case, plugins, name = not_linear
+    told = explanation(Model(percuss.load(case, plugins=plugins))).text
+    assert f"{name} does not declare `linear = True`" in told
+    assert "whatever its strain" in told
+    assert "the worst combination of closed contacts" not in told
+    assert "measured" not in told
+
+
+def test_no_step_is_chosen_for_it(not_linear):
+    case, plugins, name = not_linear
+    case["time"]["courant"] = "auto"
+    with pytest.raises(InputError) as caught:
+        ran(case, plugins)
+    assert "expected linear bodies" in str(caught.value)
+    assert name in str(caught.value)
+    assert "give one" in str(caught.value)
+
+
+def test_maps_closed_forms_waves_and_tied_twins_say_that_it_is_not_known(not_linear, tmp_path):
+    case, plugins, name = not_linear
+    loaded = percuss.load(case, plugins=plugins)
+    for row in maps.stability(loaded, by=["closed-form", "pencil", "black-box"]):
+        assert row["courant_critical"] is None
+        assert name in row["reason"]
+    with pytest.raises(NoClosedFormError, match=name):
+        ClosedForm(Model(loaded))
+    with pytest.raises(PercussError, match=name):
+        waves(Model(loaded))
+    twin = compared(case | {"plugins": plugins}, tmp_path, "--tied")[-1]
+    assert (twin["status"], twin["contact"]) == ("refused", "tied")
+    assert name in twin["reason"]
+
+
+def test_a_step_that_is_unstable_for_small_motions_about_rest_is_refused_and_does_blow_up():
+    case = percuss.load(green(courant=1.05, end=2.0), plugins=[GREEN])
+    known = certificate.certificate(Model(case))
+    assert known["stable"] == "no"
+    assert "small motions about rest" in known["why"]
+    assert known["cure"].startswith("lower the step below")
+    with pytest.raises(percuss.RunError, match="not started"):
+        percuss.run(case, compiled=False)
+    with pytest.raises(percuss.RunError, match="stopped at step"):  # by itself, from a tiny velocity
+        percuss.run(case, {"time.on_unstable": "warn", "bodies.short.velocity": 1e-6}, compiled=False)
+
+
+def test_of_a_material_with_two_moduli_no_step_is_known_to_be_unstable(softer):
+    known = certificate.certificate(Model(percuss.load(soft(courant=1.05), plugins=[softer])))
+    assert known["stable"] == "unknown"
+
+
+def test_a_linear_material_of_any_name_has_an_exact_solution(tmp_path):
+    text = (ROOT / "plugins" / "percuss_methods" / "materials" / "elastic.py").read_text(encoding="utf-8")
+    (tmp_path / "steel.py").write_text(text.replace('"elastic"', '"steel"'), encoding="utf-8")
+    case = hunek(10)
+    case["bodies"]["short"]["material"] = {"name": "steel", **STEEL}
+    summary = ran(case, [str(tmp_path / "steel.py")]).summary
+    assert summary["exact"]["contacts"] == ran(hunek(10)).summary["exact"]["contacts"]
+
+
+# --------------------------------------------------------------------------------------------- the stress
+
+
+@pytest.mark.parametrize("dim", [1, 2])
+def test_the_stress_of_a_run_is_that_of_the_element_and_not_of_linear_strain(dim):
+    direction = [0.6, 0.8][:dim] if dim == 2 else [1.0]
+    bar = {"length": 1.0, "elements": 1, "direction": direction}
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "a": {"bar": bar, "at": [0.0] * dim, "material": STEEL, "area": 2.0, "element": "green-bar"},
+        },
+        "loads": {"pull": {"constant": 40.0, "on": "a.right"}},
+        "time": {"steps": 60, "courant": 0.2},
+        "record": {"probes": ["a.left", "a.right"], "fields": 60},
+    }
+    case["bodies"]["a"]["velocity"] = [0.3, -0.2][:dim] if dim == 2 else 0.3
+    result = ran(case, [GREEN])
+    u = result.arrays["displacement"]
+    d = u[:, 1] - u[:, 0]
+    strain = d @ np.array(direction) + 0.5 * (d**2).sum(axis=1)
+    assert np.abs(strain).max() > 0.05
+    stress = result.field_arrays["stress"][:, 0]
+    np.testing.assert_allclose(stress, 100.0 * strain[: stress.size], rtol=1e-12, atol=1e-12)
+
+
+def test_the_stress_of_linear_bars_is_youngs_modulus_times_strain():
+    case = hunek(1, end=0.3)
+    case["record"] = {"probes": ["short.left", "short.right"], "fields": 1000}
+    result = ran(case)
+    u = result.arrays["displacement"][:, :, 0]
+    stress = result.field_arrays["stress"][:, 0]
+    np.testing.assert_allclose(stress, 100.0 * (u[:, 1] - u[:, 0])[: stress.size] / 10.0, rtol=1e-12, atol=1e-15)
+
+
+# --------------------------------------------------------------------------------------------- the accounts
+
+
+def test_energy_that_grows_in_a_soft_bar_fails_the_run(tmp_path, softer):
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(soft(40, tension=0.1, courant=0.9, end=2.0)), encoding="utf-8")
+    done = command("run", tmp_path / "case.yaml", "--plugin", softer)
+    assert done.returncode == 1, done.stderr
+    assert "ledger closed" not in done.stdout
+    assert "ledger does NOT close" in done.stdout
+    assert "note: not a valid result: the energy ledger does not close" in done.stdout
+    told = json.loads(command("run", tmp_path / "case.yaml", "--plugin", softer, "--json").stdout)
+    assert told["energy"]["ledger_closed"] is False
+    assert told["energy"]["ledger_error"] > told["energy"]["ledger_allowed"] == 0.05
+    assert told["momentum"]["balanced"] is True
+    assert told["energy_growth"]["kept"] is None
+
+
+@pytest.fixture
+def leaking(tmp_path):
+    case = hunek(10)
+    case["bodies"]["short"]["element"] = "leaking"
+    case["plugins"] = [LEAKING]
+    case["expect"] = [{"quantity": "impulse", "contact": "tip", "value": 0.01, "within": 10.0, "source": "exact"}]
+    (tmp_path / "leaking.yaml").write_text(yaml.safe_dump(case), encoding="utf-8")
+    return tmp_path / "leaking.yaml"
+
+
+def test_accounts_that_do_not_close_are_told_by_every_command(leaking):
+    done = command("run", leaking)
+    assert done.returncode == 1
+    assert "do NOT balance" in done.stdout
+    assert "not a valid result: momentum does not balance" in done.stdout
+    result = ran(leaking)
+    assert result.summary["momentum"]["balanced"] is False
+    assert result.summary["energy"]["ledger_closed"] is False
+    assert result.summary["energy"]["ledger_allowed"] < 2e-9
+    assert result.summary["energy_growth"]["kept"] is not True
+    (row,) = json.loads(command("compare", leaking, "--json").stdout)["rows"]
+    assert "momentum does not balance" in row["reason"]
+    checked = command("verify", leaking)
+    assert checked.returncode == 1
+    assert "momentum does not balance" in checked.stdout
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(rows(push=True, steps=150), st.sampled_from(["lagrange", "bipenalty"]))
+def test_the_accounts_of_drawn_rows_of_linear_bars_close(case, law):
+    case["method"] = {"integrator": "wu-predictor-corrector", "contact": law}
+    summary = ran(case).summary
+    assert summary["energy"]["ledger_closed"] is True
+    assert summary["momentum"]["balanced"] is True
+
+
+def test_forces_in_balance_are_no_momentum_out_of_nowhere():
+    case = hunek(10)
+    case["bodies"]["short"]["velocity"] = 0.0
+    case["loads"] = {"press": {"ramp": {"value": 1.0, "duration": 1e6}, "on": "short.left"}}
+    case["time"] = {"steps": 1000, "courant": 0.5}
+    summary = ran(case).summary
+    assert summary["momentum"]["balanced"] is True
+    assert summary["energy"]["ledger_closed"] is True
+
+
+def test_a_scheme_of_stages_says_what_it_does_to_energy_itself():
+    summary = ran(hunek(10, integrator="noh-bathe")).summary
+    assert summary["energy"]["ledger_closed"] is None
+    assert summary["momentum"]["balanced"] is True
+    assert not any("not a valid result" in note for note in summary["notes"])
+
+
+# ------------------------------------------------------------------- weights that an integrator does not show
+
+
+def test_a_row_that_reads_the_bulk_acceleration_is_its_kernel_where_it_is_shown():
+    forces = []
+    for law in ("nitsche", "nitsche-kernel"):
+        case = hunek(10, integrator="central-difference", contact=law)
+        forces.append(ran(case, [LAWS]).arrays["contact_force"])
+    assert np.abs(forces[0]).max() > 0.04
+    np.testing.assert_allclose(forces[0], forces[1], rtol=0.0, atol=1e-11)
+
+
+def test_it_is_refused_where_it_is_not_shown(tmp_path):
+    case = hunek(10, contact="nitsche")
+    with pytest.raises(RefusedPair, match="shows nitsche no acceleration of the gap"):
+        ran(case, [LAWS])
+    names = ["--integrator", "wu-predictor-corrector,central-difference", "--contact", "nitsche,bipenalty"]
+    table = compared(case | {"plugins": [LAWS]}, tmp_path, *names)
+    status = {(row["integrator"], row["contact"]): row["status"] for row in table}
+    assert status.pop(("wu-predictor-corrector", "nitsche")) == "refused"
+    assert set(status.values()) == {"done"}
+    done = command("run", HUNEK, "--plugin", LAWS, "--set", "method.contact=nitsche")
+    assert done.returncode == 2
+    assert "would be another method" in done.stderr
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    st.sampled_from(["wu-predictor-corrector", "central-difference", "blind", "noh-bathe"]),
+    st.sampled_from([0.0, 1e-7, 1e-6]),
+    st.booleans(),
+)
+def test_a_weight_that_acts_on_nothing_is_refused_and_no_other(integrator, acceleration, at_end):
+    contact = {"name": "row", "acceleration": acceleration, "at_end": at_end}
+    case = percuss.load(hunek(2, integrator=integrator, contact=contact), plugins=[LAWS])
+    unseen = acceleration != 0.0 and not at_end and integrator in {"wu-predictor-corrector", "blind"}
+    if unseen:
+        with pytest.raises(RefusedPair):
+            Model(case)
+    else:
+        Model(case)
+
+
+def test_a_penalty_mass_needs_what_its_own_force_brings_and_is_refused_where_that_is_nothing():
+    Model(percuss.load(hunek(2)))
+    with pytest.raises(RefusedPair, match="would do nothing"):
+        Model(percuss.load(hunek(2, integrator="blind"), plugins=[LAWS]))
+    told = explanation(Model(percuss.load(hunek(2)))).text
+    assert "resists the acceleration that the contact force itself brings" in told
+
+
+# ------------------------------------------------------------------------------------------- cures and reasons
+
+
+def test_an_integrator_that_is_unstable_by_itself_is_no_fault_of_the_law():
+    case = hunek(4, integrator="forward-euler", contact=LAGRANGE)
+    known = certificate.certificate(Model(percuss.load(case, plugins=[LAWS])))
+    assert known["stable"] == "no"
+    assert "take another integrator: forward-euler is unstable at any step" in known["cure"]
+    assert "take another law" not in known["cure"]
+    assert "without contact too" in known["why"]
+    case["time"]["courant"] = "auto"
+    with pytest.raises(InputError) as caught:
+        ran(case, [LAWS])
+    assert "Take another integrator" in str(caught.value)
+    assert "another law" not in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [1.0, 1.5])
+def test_a_node_without_mass_is_told_as_such_and_not_as_a_matter_of_units(share):
+    case = hunek(4)
+    case["method"]["mass"] = {"name": "moved", "share": share}
+    with pytest.raises(InputError) as caught:
+        ran(case, [MASSES])
+    told = str(caught.value)
+    assert "expected a mass greater than 0 at every node" in told
+    assert "the mass 'moved'" in told
+    assert "divides by the mass of each free node" in told
+    assert "units" not in told
+
+
+def test_a_mass_that_underflows_is_a_matter_of_units():
+    with pytest.raises(InputError, match="Choose units"):
+        ran(hunek(4), (), {"bodies.short.material.density": 1e-320})
+
+
+@pytest.mark.parametrize(
+    ("contact", "reason"),
+    [
+        ({"name": "row", "rate": 1e-4}, "row weighs the gap rate"),
+        ({"name": "nitsche"}, "nitsche is judged at the current or predicted gap without a compliance"),
+        ({"name": "row", "at_end": True}, "row is judged at the end of the step and may pull"),
+        ({"name": "nitsche-kernel"}, "nitsche-kernel has a kernel of its own"),
+    ],
+)
+def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
+    model = Model(percuss.load(hunek(4, integrator="central-difference", contact=contact), plugins=[LAWS]))
+    known = certificate.certificate(model)
+    assert known["energy"] == "unknown"
+    assert reason in known["energy_why"]
+    assert ("no line in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")
+    with pytest.raises(NoClosedFormError, match=reason):
+        ClosedForm(model).critical()
+
+
+# ---------------------------------------------------------------------------------------------------- swaps
+
+
+def test_a_swap_tells_what_it_keeps():
+    case = percuss.load(HUNEK, {"method.contact": "penalty"})
+    assert "method.contact: penalty keeps beta_s: 0.25 of bipenalty" in case.notes
+    assert case.method.contact.beta_s == 0.25
+    told = command("compare", HUNEK, "--contact", "penalty", "--set", "time.end=0.01")
+    assert "note: method.contact: penalty keeps beta_s: 0.25 of bipenalty" in told.stderr
+
+
+def test_a_swap_says_nothing_of_what_is_replaced_anyway():
+    case = percuss.load(HUNEK, {"method.contact": "penalty", "method.contact.beta_s": 1})
+    assert not any("keeps" in note for note in case.notes)
+    assert case.method.contact.beta_s == 1.0
+
+
+def test_a_swap_drops_an_option_of_another_unit():
+    case = percuss.load(hunek(4, contact={"name": "penalty", "epsilon_s": 5.0}), plugins=[LAWS])
+    swapped = case.with_overrides({"method.contact": "row"})
+    assert swapped.method.contact.epsilon_s == 0.5
+    assert swapped.notes == (
+        "method.contact: epsilon_s of row has the unit 1, that of penalty the unit force/length: dropped",
+    )
+
+
+# ------------------------------------------------------------------------------------------- data files, kit
+
+
+RECORD = '''
+"""A record from a file."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from percuss import DataFile, Doc, Load
+
+
+@dataclass(frozen=True)
+class Recorded(Load):
+    """A record.
+
+    Formula: ``A(t)``, piecewise linear.
+    """
+
+    name = "recorded"
+    summary = "Record from a file"
+    references = ("none",)
+    examples = ({"record": "./record.csv"},)
+
+    record: Annotated[DataFile, Doc("CSV of time and acceleration")]
+
+    def amplitude(self, time):
+        t, a = self.record.columns(2)
+        return np.interp(time, t, a)
+
+    def kinks(self):
+        return tuple(self.record.columns(2)[0])
+'''
+
+
+def test_a_load_with_a_data_file_is_verified_from_anywhere(tmp_path, monkeypatch):
+    (tmp_path / "plugins").mkdir()
+    (tmp_path / "plugins" / "recorded.py").write_text(RECORD, encoding="utf-8")
+    (tmp_path / "plugins" / "record.csv").write_text("0,0\n0.1,1\n0.4,0\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    registry = percuss.load(hunek(2), plugins=[str(tmp_path / "plugins" / "recorded.py")]).registry
+    subject = Subject.of(registry.components["loads", "recorded"], registry)
+    outcomes = [perform(one, subject, partner) for one, partner in checks(subject)]
+    assert all(outcome.good for outcome in outcomes), "\n".join(map(str, outcomes))
+    one, other = (subject.make(subject.examples[0]) for _ in range(2))
+    assert one == other
+    assert hash(one) == hash(other)
+    (tmp_path / "plugins" / "record.csv").write_text("0,0\n0.1,2\n0.4,0\n", encoding="utf-8")
+    assert subject.make(subject.examples[0]) != one
+
+
+def kit(plugin, family, name, check):
+    registry = percuss.load(hunek(2), plugins=[plugin]).registry
+    subject = Subject.of(registry.components[family, name], registry, 3)
+    return next(perform(one, subject, partner) for one, partner in checks(subject) if one.name == check)
+
+
+def test_a_failure_of_the_kit_prints_a_case_that_runs(tmp_path):
+    outcome = kit(LEAKING, "elements", "leaking", "runs")
+    assert outcome.status == "failed"
+    (tmp_path / "failed.yaml").write_text(outcome.case, encoding="utf-8")
+    told = str(outcome)
+    assert all(line.strip() in told for line in outcome.case.splitlines())
+    done = command("run", "failed.yaml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "runs of leaking" in done.stdout
+    assert "momentum does not balance" in done.stdout
+
+
+def test_the_kit_measures_what_is_declared_linear(tmp_path, softer):
+    assert kit(GREEN, "elements", "green-bar", "linear").status == "not applicable"
+    assert kit(GREEN, "elements", "green-bar", "stress-in-the-element").status == "passed"
+    assert kit(LEAKING, "elements", "leaking", "linear").status == "passed"
+    for source, family, name in ((GREEN, "elements", "green-bar"), (softer, "materials", "softer")):
+        text = Path(source).read_text(encoding="utf-8").replace("    linear = False\n", "")
+        boast = tmp_path / Path(source).name
+        boast.write_text(text.replace("    references =", "    linear = True\n    references ="), encoding="utf-8")
+        outcome = kit(str(boast), family, name, "linear")
+        assert outcome.status == "failed"
+        assert "not proportional" in outcome.message
