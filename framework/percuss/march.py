@@ -96,7 +96,6 @@ class March:
         self.groups, self.group_parts = self._groups()
         count = len(model.meetings)
         self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], Rows)]
-        self.bound = escape.nest(self.own_laws, count - sum(len(entry["where"]) for entry in self.own_laws))
         self.record, self.time = recording.prepared(model, self.probes, self.place, count)
         self._quiet = loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
@@ -157,6 +156,7 @@ class March:
         points, entries, others = point_records(
             self.judged, [model.meetings[p].gap for p in self.order], sides, self.place
         )
+        self.bound = escape.nest(self.own_laws, points, others)
         holds = [(self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)]
         shares = [
             (i, p, float(h.direction @ side.normal))

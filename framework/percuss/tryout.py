@@ -61,7 +61,7 @@ def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
         arrays = [gap, gap + dt * rate, rate, rate.copy()]
         for array in arrays:
             array.flags.writeable = False
-        trial = Trial(arrays[0], arrays[1], arrays[2], arrays[3], points.delassus, dt, 0.0, dt * dt, dt)
+        e=np.zeros(0, dtype=np.int64); trial = Trial(arrays[0], arrays[1], arrays[2], arrays[3], points.delassus, dt, 0.0, dt * dt, dt, np.zeros(count+1,dtype=np.int64), e, np.zeros(0), np.zeros(count))
         multiplier = np.full(count, np.nan)
         try:
             with np.errstate(all="ignore"):
