@@ -67,7 +67,7 @@ def certificate(model: Model) -> dict[str, Any]:
         ``stable`` (yes, marginal, no, unknown; of the closed linear step), ``energy`` (what the pair guarantees over
         switching) and ``energy_why``, ``dt_critical``, ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over
         the critical one), ``worst`` (the contacts closed in the worst combination), ``theta``, ``by`` (pencil or
-        black-box), ``why``, ``cure``.
+        black-box), ``why``, ``cure``, ``ignores`` (sentences: which laws take no account of contacts at the same end).
     """
     said = closed(model, model.dt)
     judge = judge_of(model, said)
@@ -97,6 +97,7 @@ def certificate(model: Model) -> dict[str, Any]:
         "by": judge.by,
         "why": why,
         "cure": _cure(judge, critical) if verdict == "no" else "",
+        "ignores": model.ignored_couplings(),
     }
 
 

@@ -267,9 +267,10 @@ class BlackBoxJudge:
             found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
             if not found.linear:
                 names = ", ".join(f"'{self.model.meetings[p].name}'" for p in one) or "none"
-                return Finding(
-                    False, list(one), doubt=f"the step is not linear with contacts {names} closed", known=False
-                )
+                doubt = f"the step is not linear with contacts {names} closed"
+                if found.failure:
+                    doubt = f"with contacts {names} held closed a kernel fails ({found.failure})"
+                return Finding(False, list(one), doubt=doubt, known=False)
             if found.theta is not None and (theta is None or found.theta > theta):
                 theta = found.theta
             if not found.stable:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import escape, kernels, loop, recording
+from percuss import diagnosis, escape, kernels, loop, recording
 from percuss.binding import Kernels, bind, bind_around
 from percuss.contact import carry_over, point_records
 from percuss.contracts import Rows
+from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.specialise import compile_error
 from percuss.staged import Staged
@@ -299,7 +300,7 @@ class March:
             for at, count in self._chunks(first, min(last, model.steps)):
                 drive = self._drive(at, count)
                 kept = self._copy()
-                if self._advance(drive, at, count) < count or not self._sound():
+                if self._advanced(drive, kept, at, count) < count or not self._sound():
                     out.status, (out.done, out.stop) = "unstable", self._locate(drive, kept, at, count)
                     return
                 out.done += count
@@ -319,9 +320,33 @@ class March:
             if first == step > 0:
                 self._switch((first + 0.5) * self.model.dt)
             if first <= step < last:
-                self._advance(self._drive(step, 1), step, 1)
+                self._advanced(self._drive(step, 1), self._copy(), step, 1)
 
-    def _advance(self, drive: Any, first: int, count: int) -> int:
+    def _advanced(self, drive: Any, kept: list[Any], first: int, count: int) -> int:
+        """March as `advance` does; an error that a kernel raises is told with its place, step and time.
+
+        Raises
+        ------
+        PluginError
+            If a kernel raises an error.
+        """
+        try:
+            return self.advance(drive, first, count)
+        except (PercussError, MemoryError):
+            raise
+        except Exception as raised:
+            self._restore(kept)
+            for s in range(count):
+                row = type(drive)(*(part[s : s + 1] for part in drive))
+                before = [array.copy() for array in self.changing()]
+                try:
+                    self.advance(row, first + s, 1)
+                except Exception as error:
+                    self._restore(before)
+                    raise diagnosis.told(self, row, first + s, error) from raised
+            raise
+
+    def advance(self, drive: Any, first: int, count: int) -> int:
         if self.staged:
             return self.staged.advance(self.kernels.advance, drive, self.record, first, count)
         return self.kernels.advance(
@@ -351,7 +376,7 @@ class March:
         """Compile by marching no steps; return why that is not possible, or None."""
         if self.kernels.compiled:
             try:
-                self._advance(self._drive(0, 0), 0, 0)
+                self.advance(self._drive(0, 0), 0, 0)
                 self._energy()
             except compile_error() as error:
                 return error
@@ -405,14 +430,14 @@ class March:
         allowed = KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy
         return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
 
-    def _changing(self) -> list[Any]:
+    def changing(self) -> list[Any]:
         few = self.few
         more = self.staged.changing() if self.staged else [self.u, self.v]
         return [*more, few.points, few.holds, few.totals, few.before]
 
     def _copy(self) -> list[Any]:
         """Return what a step changes, as it is now; written over by the next call."""
-        now = self._changing()
+        now = self.changing()
         if not self._kept:
             self._kept = [array.copy() for array in now]
         for k, array in enumerate(now):
@@ -426,16 +451,44 @@ class March:
         """March the chunk again, a step at a time, up to the first step that is not sound."""
         from percuss.certificate import likely_cause
 
-        for array, value in zip(self._changing(), kept, strict=True):
-            array[:] = value
+        self._restore(kept)
         for s in range(count):
-            solved = self._advance(type(drive)(*(part[s : s + 1] for part in drive)), first + s, 1) == 1
+            row = type(drive)(*(part[s : s + 1] for part in drive))
+            before = [array.copy() for array in self.changing()] if self.own_laws else []
+            solved = self.advance(row, first + s, 1) == 1
             if not solved or not self._sound():
                 break
         total = self.few.totals[0]
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + loop.NOISE * total.step_energy
         by_contact = not total.contact_work <= limit
-        return first + s, likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
+        stop = likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
+        if self.own_laws and not np.isfinite(self.few.points.multiplier).all():
+            stop |= self._unset(row, before, first + s)
+        return first + s, stop
+
+    def _unset(self, drive: Any, before: list[Any], step: int) -> dict[str, Any]:
+        """Return what and why, of a step in which the kernel of a law left a contact without a multiplier."""
+        after = [array.copy() for array in self.changing()]
+        self._restore(before)
+        fault = diagnosis.without_multiplier(self, drive, step)
+        self._restore(after)
+        if fault is None:
+            return {}
+        (meeting,) = (one for one in self.model.meetings if one.name == fault.contact)
+        node = meeting.nodes[0]
+        body = self.model.body_of(node)
+        return {
+            "node": node,
+            "body": body.name,
+            "node_in_body": node - body.start,
+            "position": [float(x) for x in self.model.nodes[node]],
+            "what": fault.what,
+            "cause": fault.cause,
+        }
+
+    def _restore(self, values: list[Any]) -> None:
+        for array, value in zip(self.changing(), values, strict=True):
+            array[:] = value
 
 
 def records(rows: list[tuple[Any, ...]], kind: Any) -> Any:
