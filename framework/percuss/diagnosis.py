@@ -6,6 +6,7 @@ longer a number. The same step in plain Python, from the state before it, tells 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -126,6 +127,25 @@ def without_multiplier(march: March, drive: Any, step: int) -> NoMultiplier | No
         return None
     error = repeat_in_python(march, drive, step)
     return error if isinstance(error, NoMultiplier) else None
+
+
+def refuse_writing(error: Exception) -> None:
+    """Refuse kernels that the compiler did not take because they write to arrays that can only be read.
+
+    Raises
+    ------
+    PluginError
+        With the place of the first such line.
+    """
+    _, found, after = str(error).partition("Cannot modify readonly array")
+    if not found:
+        return
+    place = re.search(r"typing of [\w ]+ at (.+?) \((\d+)\)", after)
+    where = f"{place[1]}:{place[2]}: " if place else ""
+    raise PluginError(
+        f"{where}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
+        "write to the multiplier alone, and keeps nothing between calls"
+    )
 
 
 def told(march: March, drive: Any, step: int, raised: BaseException) -> PercussError:

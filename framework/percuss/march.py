@@ -243,7 +243,7 @@ class March:
         started = time.perf_counter()
         self.settle()
         if self.staged:
-            self.staged.start(self.kernels.begin)
+            self._begin()
         settled = time.perf_counter()
         self.seconds["compile"] = settled - started
         out = self._nothing_yet()
@@ -269,6 +269,15 @@ class March:
             out.records = -(-out.done // every) if out.status == "unstable" else out.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled
         return out
+
+    def _begin(self) -> None:
+        """Let a scheme of stages take up the accelerations at t = 0; an error of a kernel is told with its place."""
+        try:
+            self.staged.start(self.kernels.begin)
+        except (PercussError, MemoryError):
+            raise
+        except Exception as raised:
+            raise diagnosis.told(self, self._drive(0, 1), 0, raised) from raised
 
     def refuse(self, stop: dict[str, Any]) -> Outcome:
         """Return what a march leaves that is not made."""
@@ -366,6 +375,7 @@ class March:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
         error = self._failure()
         if error is not None:
+            diagnosis.refuse_writing(error)
             self.kernels = bind(self.group_parts, self.groups, self.own_laws, self.stepper, counting=True)
             error = self._failure()
         if error is not None:

@@ -91,8 +91,8 @@ def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
         if not np.array_equal(answer, again):
             point = int((answer != again).argmax())
             raise PluginError(
-                f"contact law {law.name}: multipliers gives {answer[point]:.9g} for point {point}, and "
-                f"{again[point]:.9g} when it is asked the same again after other calls: the kernel keeps state between "
+                f"contact law {law.name}: multipliers gives {answer[point]:.17g} for point {point}, and "
+                f"{again[point]:.17g} when it is asked the same again after other calls: the kernel keeps state between "
                 "calls, or draws random numbers; what it needs is in what `bind` returns and in the trial"
             )
 
@@ -150,8 +150,8 @@ def _called(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
         raise PluginError(
-            f"contact law {law.name}: multipliers leaves point {point} of {multiplier.size} without a number, at "
-            f"{seen(trial, point)}: set every entry, 0.0 where nothing presses"
+            f"contact law {law.name}: multipliers leaves point {point} of {multiplier.size} without a number: "
+            f"set every entry, 0.0 where nothing presses (at {seen(trial, point)})"
         )
     return multiplier
 
