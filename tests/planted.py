@@ -613,7 +613,7 @@ class Dice(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            overlap = max(-trial.predicted_gap[p], 0.0) * (1.0 + 1e-12 * np.random.rand())
+            overlap = max(-trial.predicted_gap[p], 0.0) * (1.0 + 1e-12 * np.random.rand())  # noqa: NPY002  what numba knows
             multiplier[p] = overlap / (trial.gap_answer * trial.delassus[p])
 
 

@@ -178,7 +178,8 @@ SHARED = {
         "lower": {"bar": {"length": 10, "elements": 50}, "at": 10, "material": {"young": 100, "density": 0.01},
                   "area": 0.5},
     },
-    "contacts": {"one": {"between": ["hammer.right", "upper.left"]}, "two": {"between": ["hammer.right", "lower.left"]}},
+    "contacts": {"one": {"between": ["hammer.right", "upper.left"]},
+                 "two": {"between": ["hammer.right", "lower.left"]}},
     "time": {"end": 0.03, "courant": 0.5},
 }  # fmt: skip
 

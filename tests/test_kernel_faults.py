@@ -132,7 +132,9 @@ def test_of_a_scheme_of_stages_it_is_named_too(file):
 
 
 @BOTH
-@pytest.mark.parametrize(("mistake", "what", "line"), [(4, "ValueError: too late", "raise"), (5, "IndexError: ", "index")])
+@pytest.mark.parametrize(
+    ("mistake", "what", "line"), [(4, "ValueError: too late", "raise"), (5, "IndexError: ", "index")]
+)
 def test_an_error_in_the_march_is_one_message(file, compiled, mistake, what, line):
     with pytest.raises(percuss.PluginError) as raised:
         made(file, mistake, compiled=compiled)
@@ -172,7 +174,9 @@ def test_a_branch_that_writes_to_what_it_reads_is_refused(tmp_path, what, compil
     """It is never reached before time 0.1: compiled code does not begin, plain Python stops there."""
     file = tmp_path / "writes.py"
     line = "            multiplier[p] = force\n"
-    file.write_text(LAW.replace(line, f"            if late:\n                {WRITES[what]}\n{line}"), encoding="utf-8")
+    file.write_text(
+        LAW.replace(line, f"            if late:\n                {WRITES[what]}\n{line}"), encoding="utf-8"
+    )
     with pytest.raises(percuss.PluginError) as raised:
         made(file, 0, compiled=compiled)
     assert str(raised.value).startswith(f"{file}:{1 + LAW[: LAW.index(line)].count(chr(10)) + 1}: ")
@@ -221,5 +225,5 @@ def test_a_scheme_that_remembers_elsewhere_is_refused(tmp_path, how):
     file = tmp_path / "forgetful.py"
     file.write_text(SCHEME.replace("HERE", KEEPS[how]), encoding="utf-8")
     case = {**CASE, "method": {"integrator": "forgetful", "contact": "penalty"}}
-    with pytest.raises(percuss.PluginError, match="integrator forgetful: step gives another .* keeps state between"):
+    with pytest.raises(percuss.PluginError, match=r"integrator forgetful: step gives another .* keeps state between"):
         Model(percuss.load(case, plugins=[file]))

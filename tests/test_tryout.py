@@ -100,6 +100,10 @@ WRONG = {
         LAW.replace("Bound(0.0)", "Bound(np.zeros(1))"), SET, f"            bound.e[0] += 1.0\n{SET}",
         "mine.py:34: contact law mine: multipliers: it changes what it was handed; it may write to",
     ),
+    "an index that turns negative": (
+        LAW.replace("Bound(0.0)", "Bound(np.arange(1000.0))"), SET,
+        f"{SET}bound.e[int(-trial.gap[p] / 1e-5)], ", "multipliers reads a bound array at index -100, which counts from its end",
+    ),
     "a branch that sets nothing": (
         LAW, SET, f"            if trial.gap[p] < 0.0 and trial.rate[p] > 0.0:\n                continue\n{SET}",
         "multipliers leaves point 0 of 1 without a number: set every entry, 0.0 where nothing presses (at gap -1e-06",

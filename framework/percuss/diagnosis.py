@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SENTINEL = -1.2345678901234567e-301  # no kernel arrives at this number by itself
 
 
-class NoMultiplier(Exception):  # noqa: N818  not an error of the program: how the probe ends the step
+class NoMultiplier(Exception):
     """The kernel of a law left a contact without a multiplier.
 
     Attributes
@@ -161,6 +161,5 @@ def told(march: March, drive: Any, step: int, raised: BaseException) -> PercussE
     what = f"{type(error).__name__}: {error}"
     if isinstance(error, ValueError) and "read-only" in str(error):
         what = "it changes what it was handed; it may write to the multiplier alone"
-    return PluginError(
-        f"{where + ': ' if where else ''}{law or 'a kernel: '}{what} (in step {step}, at time {step * march.model.dt:.9g})"
-    )
+    when = f"in step {step}, at time {step * march.model.dt:.9g}"
+    return PluginError(f"{where + ': ' if where else ''}{law or 'a kernel: '}{what} ({when})")

@@ -118,8 +118,8 @@ def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tu
             else:
                 pushed = 1
         starts.append(len(neighbours))
-    views = {name: points[name][begin:stop] for name in Sight._fields if name in (POINT.names or ())}
-    rows = {
+    views: dict[str, Any] = {name: points[name][begin:stop] for name in Sight._fields if name in (POINT.names or ())}
+    rows: dict[str, Any] = {
         "first_neighbour": np.array(starts, dtype=np.int64),
         "neighbour": np.array(neighbours, dtype=np.int64),
         "coupling": np.array(values, dtype=np.float64),

@@ -243,7 +243,7 @@ class March:
         started = time.perf_counter()
         self.settle()
         if self.staged:
-            self._begin()
+            self._begin(self.staged)
         settled = time.perf_counter()
         self.seconds["compile"] = settled - started
         out = self._nothing_yet()
@@ -270,10 +270,10 @@ class March:
         self.seconds["march"] = time.perf_counter() - settled
         return out
 
-    def _begin(self) -> None:
+    def _begin(self, staged: Staged) -> None:
         """Let a scheme of stages take up the accelerations at t = 0; an error of a kernel is told with its place."""
         try:
-            self.staged.start(self.kernels.begin)
+            staged.start(self.kernels.begin)
         except (PercussError, MemoryError):
             raise
         except Exception as raised:
@@ -350,12 +350,23 @@ class March:
                 before = [array.copy() for array in self.changing()]
                 try:
                     self.advance(row, first + s, 1)
-                except Exception as error:
+                except Exception as error:  # noqa: BLE001  a kernel may raise anything
                     self._restore(before)
                     raise diagnosis.told(self, row, first + s, error) from raised
             raise
 
     def advance(self, drive: Any, first: int, count: int) -> int:
+        """March `count` steps; return how many were done when one was not sound, else `count`.
+
+        Parameters
+        ----------
+        drive
+            Amplitudes of the loads in these steps.
+        first
+            Number of the first step.
+        count
+            How many.
+        """
         if self.staged:
             return self.staged.advance(self.kernels.advance, drive, self.record, first, count)
         return self.kernels.advance(
@@ -441,6 +452,7 @@ class March:
         return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
 
     def changing(self) -> list[Any]:
+        """Return the arrays that a step changes, in an order of its own."""
         few = self.few
         more = self.staged.changing() if self.staged else [self.u, self.v]
         return [*more, few.points, few.holds, few.totals, few.before]

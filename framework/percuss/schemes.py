@@ -163,8 +163,8 @@ def _try_again(integrator: Integrator, stages: Stages, dt: float) -> None:
             if not np.array_equal(before, after, equal_nan=True):
                 raise _wrong(
                     integrator,
-                    f"step gives another {name} when it is made again from the same state: the kernel keeps state between "
-                    "calls, or draws random numbers; what a scheme remembers is in the rows of `kept`",
+                    f"step gives another {name} when it is made again from the same state: the kernel keeps state "
+                    "between calls, or draws random numbers; what a scheme remembers is in the rows of `kept`",
                 )
 
 

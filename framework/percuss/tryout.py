@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 OWN = ("percuss", "percuss_methods")
 DEPTHS = (1e-6, 1e-3)  # of the gaps that a kernel is tried with
 LAST = 32  # points of a law whose every instance is tried; with more, the first instance of its class
+LOWEST_INDEX = -2  # a lower index of a bound array is taken for a mistake: the last two are read on purpose
 _TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
 
@@ -86,15 +87,50 @@ def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
                 f"contact law {law.name}: multipliers changes `{name}`: a kernel keeps nothing between calls; what it "
                 "needs is in what `bind` returns and in the trial"
             )
+    read: list[int] = []
+    watched = _watching(bound, read)
     for state, answer in zip(states, first, strict=True):
-        again = _called(law, kernel, bound, _trial(points, dt, state, law))
+        trial = _trial(points, dt, state, law)
+        again = _called(law, kernel, watched, trial)
+        if read:
+            raise PluginError(
+                f"contact law {law.name}: multipliers reads a bound array at index {read[0]}, which counts from its "
+                f"end, in the state with {seen(trial, 0)}: check the index, or write `array.size - n` where the end is "
+                "meant"
+            )
         if not np.array_equal(answer, again):
             point = int((answer != again).argmax())
             raise PluginError(
                 f"contact law {law.name}: multipliers gives {answer[point]:.17g} for point {point}, and "
-                f"{again[point]:.17g} when it is asked the same again after other calls: the kernel keeps state between "
-                "calls, or draws random numbers; what it needs is in what `bind` returns and in the trial"
+                f"{again[point]:.17g} when it is asked the same again after other calls: the kernel keeps state "
+                "between calls, or draws random numbers; what it needs is in what `bind` returns and in the trial"
             )
+
+
+class _Watched(np.ndarray):
+    """An array that notes the lowest index it is read at; plain Python and compiled code take -5 for the fifth last."""
+
+    read: list[int]
+
+    def __array_finalize__(self, other: Any) -> None:
+        self.read = getattr(other, "read", [])
+
+    def __getitem__(self, index: Any) -> Any:
+        places = index if isinstance(index, tuple) else (index,)
+        self.read += [int(place) for place in places if isinstance(place, int | np.integer) and place < LOWEST_INDEX]
+        return super().__getitem__(index)
+
+
+def _watching(value: Any, read: list[int]) -> Any:
+    """Return a bound value whose arrays note in `read` at which negative indices they are read."""
+    if isinstance(value, np.ndarray):
+        view = value.view(_Watched)
+        view.read = read
+        return view
+    if isinstance(value, tuple):
+        parts = [_watching(item, read) for item in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return value
 
 
 def _states(count: int, dt: float) -> Iterator[list[Any]]:

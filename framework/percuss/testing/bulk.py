@@ -130,7 +130,8 @@ def _check_slopes(cls: Any, parameters: Any, modulus: float) -> None:
                 raise CheckFailed(f"at strain {strain:.3g} the stress is {stress:.6g}: tension is positive")
             if abs(stress) > modulus * size * (1.0 + 1e-6):
                 raise CheckFailed(
-                    f"at strain {strain:.3g} the stress is {stress:.6g}, and `modulus` times strain {modulus * strain:.6g}"
+                    f"at strain {strain:.3g} the stress is {stress:.6g}, and `modulus` times strain is "
+                    f"{modulus * strain:.6g}"
                 )
             near = [cls.stress(parameters, strain * factor) for factor in (1.0 - STEP, 1.0 + STEP)]
             steepest = max(steepest, (near[1] - near[0]) / (2.0 * STEP * strain))

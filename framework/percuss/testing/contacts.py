@@ -108,10 +108,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
             alone = [_bound(subject, options, one_of(points, p), dt) for p in range(count)]
             trial = some_trial(points, dt)
             whole = _said(subject, bound, trial)
-            parts = [
-                _said(subject, one, alone_in(trial, p, one_of(points, p)))
-                for p, one in enumerate(alone)
-            ]
+            parts = [_said(subject, one, alone_in(trial, p, one_of(points, p))) for p, one in enumerate(alone)]
             for name, values in whole.items():
                 if values.shape != (count,):
                     raise CheckFailed(f"{name} has shape {values.shape} at {count} points")
