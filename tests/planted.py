@@ -28,6 +28,7 @@ from percuss import (
     Stages,
     Unit,
     accelerations,
+    coupled_rate,
     end_of_step,
     energy_density,
     stress,
@@ -478,6 +479,144 @@ class KeepsInBound(ContactLaw):
 NOTHING_KEPT = Nothing(np.zeros(1))
 
 
+@right
+@dataclass(frozen=True)
+class Impulsive(ContactLaw):
+    """Impulses at the velocity level, of all contacts at an end together.
+
+    Formula: where ``g* <= 0``: ``0 <= lambda, g' + e g'_before >= 0``, one of them zero; else ``lambda = 0``.
+    """
+
+    name = "impulsive"
+    summary = law.summary
+    references = ("Jean: The non-smooth contact dynamics method, CMAME 177 (1999)",)
+    guarantees = ("never pulls",)
+    uses_coupling = True
+    expected_failures = {"exact-impact": "a contact may open for a step while it presses"}
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(1000):
+            moved = 0.0
+            for p in range(multiplier.size):
+                if trial.predicted_gap[p] <= 0.0:
+                    before = multiplier[p]
+                    rate = coupled_rate(trial, multiplier, p)
+                    multiplier[p] = max(before - rate / (trial.rate_answer * trial.delassus[p]), 0.0)
+                    moved = max(moved, abs(multiplier[p] - before))
+            if moved <= 1e-14 * np.max(multiplier):
+                break
+
+
+@caught_by("coupling")
+@dataclass(frozen=True)
+class CouplingClaimed(ContactLaw):
+    """Says that it takes account of other contacts at the same end, and looks at none of them."""
+
+    name = "coupling-claimed"
+    summary = law.summary
+    uses_coupling = True
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
+
+
+@caught_by("coupling")
+@dataclass(frozen=True)
+class OwnCouplingAlone(ContactLaw):
+    """Takes account of the other contacts of the law, and of none of other laws."""
+
+    name = "own-coupling-alone"
+    summary = law.summary
+    uses_coupling = True
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(50):
+            for p in range(multiplier.size):
+                push = trial.delassus[p] * multiplier[p]
+                for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
+                    push += trial.coupling[k] * multiplier[trial.neighbour[k]]
+                gap = trial.predicted_gap[p] + trial.gap_answer * push
+                multiplier[p] = max(multiplier[p] - gap / (trial.gap_answer * trial.delassus[p]), 0.0)
+
+
+@caught_by("any-number-of-contacts")
+@dataclass(frozen=True)
+class LeavesUnset(ContactLaw):
+    """Forgets the branch of a closed contact whose bodies part."""
+
+    name = "leaves-unset"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            if trial.predicted_gap[p] >= 0.0:
+                multiplier[p] = 0.0
+            elif trial.rate[p] < 0.0:
+                multiplier[p] = -trial.predicted_gap[p] / (trial.gap_answer * trial.delassus[p])
+
+
+class Deepest:
+    """What a class attribute remembers."""
+
+    overlap = 0.0
+
+
+@caught_by("no-hidden-state")
+@dataclass(frozen=True)
+class KeepsInClass(ContactLaw):
+    """Remembers the deepest overlap of all runs in a class attribute."""
+
+    name = "keeps-in-class"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            Deepest.overlap = max(Deepest.overlap, -trial.predicted_gap[p])
+            overlap = max(-trial.predicted_gap[p], 0.0) - 1e-3 * Deepest.overlap
+            multiplier[p] = max(overlap, 0.0) / (trial.gap_answer * trial.delassus[p])
+
+
+@caught_by("no-hidden-state")
+@dataclass(frozen=True)
+class Dice(ContactLaw):
+    """Draws a hair of its force at random."""
+
+    name = "dice"
+    summary = law.summary
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            overlap = max(-trial.predicted_gap[p], 0.0) * (1.0 + 1e-12 * np.random.rand())  # noqa: NPY002  what numba knows
+            multiplier[p] = overlap / (trial.gap_answer * trial.delassus[p])
+
+
 @caught_by("units")
 @dataclass(frozen=True)
 class Tolerant(ContactLaw):
@@ -647,6 +786,45 @@ staged("energy-claimed", "conserves", conserves=("energy",))
 staged("half-the-acceleration", "order", scale=0.5)
 
 
+def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0)):
+    """Velocity Verlet, whose stage says of itself what is given: time, and `end` in units of the step."""
+
+    @dataclass(frozen=True)
+    class Verlet(Integrator):
+        """Velocity Verlet.
+
+        Formula: ``w = v + dt/2 a_n``, ``u += dt w``, ``v = w + dt/2 a_{n+1}``.
+        """
+
+        summary = "Verlet"
+        references = ("Swope and others (1982)",)
+        order = 2
+        conserves = ("momentum",)
+        kept = 1
+        expected_failures = {"energy-never-grows": "at the ends of steps it is not quite the energy that is kept"}
+
+        def bind(self, dt):
+            return Stages(times=(time,), end=((end[0] * dt, end[1] * dt * dt, end[2] * dt),))
+
+        @staticmethod
+        def step(numbers, system, u, v, kept, dt):
+            v += 0.5 * dt * kept[0]
+            u += dt * v
+            accelerations(system, 0, u, v, kept[0])
+            v += 0.5 * dt * kept[0]
+
+        vars()["name"] = name
+
+    return (caught_by(check) if check else right)(at_the_top(Verlet))
+
+
+verlet("loads-at-the-begin", "stages", time=0.0)
+verlet("loads-in-the-middle", "stages", time=0.5)
+verlet("end-five-times", "stages", end=(1.0, 5.0, 5.0))
+verlet("end-too-soon", "stages", end=(0.5, 0.5, 1.0))
+verlet("end-of-another-velocity", "stages", end=(1.0, 1.0, 0.5))
+
+
 # -------------------------------------------------------------------------------------------------------- loads
 
 
@@ -797,7 +975,7 @@ class Hooke(Material):
         return 0.5 * parameters[0] * before * after
 
 
-def material(name, check, *, linear=True, modulus=1.0, curve=0.0, energy=0.5):
+def material(name, check, *, linear=True, modulus=1.0, curve=0.0, energy=0.5, sign=1.0, slack=0.0):
     @dataclass(frozen=True)
     class Wrong(Material):
         """Hooke's law, wrongly."""
@@ -816,10 +994,12 @@ def material(name, check, *, linear=True, modulus=1.0, curve=0.0, energy=0.5):
             return modulus * self.young
 
         def parameters(self):
-            return (self.young, curve, energy)
+            return (sign * self.young, curve, energy)
 
         @staticmethod
         def stress(parameters, strain):
+            if abs(strain) < slack:
+                return -parameters[0] * strain
             return parameters[0] * strain * (1.0 - parameters[1] * abs(strain))
 
         @staticmethod
@@ -836,6 +1016,9 @@ material("too-soft", "stress-and-energy", modulus=0.5)
 material("curved", "stress-and-energy", curve=3.0)
 material("curved-and-called-linear", "linear", curve=3.0)
 material("twice-the-energy", "stress-and-energy", energy=1.0)
+material("pulls-where-it-pushes", "stress-and-energy", linear=False, sign=-1.0)
+material("wrong-sign-when-small", "stress-and-energy", linear=False, slack=1e-5)
+material("modulus-too-large", "stress-and-energy", linear=False, modulus=4.0)
 
 
 class Arrays(NamedTuple):
@@ -844,7 +1027,7 @@ class Arrays(NamedTuple):
     direction: np.ndarray
 
 
-def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_factor=0.5, share=1.0):
+def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_factor=0.5, share=1.0, stiffness=1.0):
     @dataclass(frozen=True)
     class Plain(Element):
         """A bar of two nodes.
@@ -860,7 +1043,7 @@ def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_fa
             return Arrays(1.0 / body.mesh.lengths, np.full(count, body.area), np.tile(body.mesh.direction, (count, 1)))
 
         def axial_stiffness(self, body, modulus):
-            return modulus * body.area / body.mesh.lengths
+            return stiffness * modulus * body.area / body.mesh.lengths
 
         def highest_frequency(self, body, wave_speed):
             return frequency * wave_speed / body.mesh.lengths
@@ -904,6 +1087,7 @@ element("plain-bar")
 element("adds-to-the-force", "force-and-energy", sets=False)
 element("one-sided", "force-and-energy", factor=0.9)
 element("energy-of-its-own", "force-and-energy", energy_factor=0.4)
+element("stiffness-of-its-own", "force-and-energy", stiffness=2.0)
 element("too-slow", "frequency", frequency=1.0)
 element("too-fast", "frequency", frequency=5.0)
 element("half-the-strain", "stress-in-the-element", share=0.5)

@@ -21,6 +21,11 @@ class Bound(NamedTuple):
 
 
 SEEN = []
+CALLS = 0
+
+
+class Memory:
+    deepest = 0.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,7 @@ class Mine(Integrator):
 
 SET = "            multiplier[p] = max("
 WRONG = {
-    "an error in bind": (LAW, "return Bound(0.0)", "return points.wieght", "mine.py:24: AttributeError: 'ContactPoints'"),
+    "an error in bind": (LAW, "return Bound(0.0)", "return points.wieght", "mine.py:29: AttributeError: 'ContactPoints'"),
     "bind returns nothing": (LAW, "return Bound(0.0)", "pass", "law mine: bind returned nothing, expected Rows, or a Named"),
     "bind returns a mapping": (LAW, "return Bound(0.0)", "return {}", "bind returned a dict, expected Rows"),
     "bind without self": (LAW, "bind(self, points", "bind(points", "Mine.bind(points, dt) is called as bind(self, points, dt)"),
@@ -76,13 +81,33 @@ WRONG = {
         LAW, "(bound, trial, multiplier)", "(bound, trial)",
         "Mine.multipliers(bound, trial) is called as multipliers(bound, trial, multiplier)",
     ),
-    "no such state": (LAW, "trial.predicted_gap", "trial.gapp", "mine.py:29: contact law mine: multipliers: AttributeError"),
+    "no such state": (LAW, "trial.predicted_gap", "trial.gapp", "mine.py:34: contact law mine: multipliers: AttributeError"),
     "an error in the kernel": (LAW, SET, f'            raise ValueError("late")\n{SET}', "multipliers: ValueError: late"),
     "writes to its input": (LAW, SET, f"            trial.gap[p] = 0.0\n{SET}", "it changes what it was handed; it may write to"),
     "sets nothing": (LAW, SET, "            x = max(", "multipliers leaves point 0 of 1 without a number: set every entry"),
-    "beyond the end": (LAW, "trial.delassus[p]", "trial.delassus[p + 7]", "mine.py:29: contact law mine: multipliers: IndexError"),
+    "beyond the end": (LAW, "trial.delassus[p]", "trial.delassus[p + 7]", "mine.py:34: contact law mine: multipliers: IndexError"),
     "not a number": (LAW, "max(-", "max(np.nan * ", "multipliers leaves point 0 of 1 without a number"),
     "keeps a list": (LAW, SET, f"            SEEN.append(p)\n{SET}", "multipliers changes `SEEN`: a kernel keeps nothing"),
+    "keeps in a class": (
+        LAW, SET, f"            Memory.deepest = max(Memory.deepest, -trial.gap[p])\n{SET}Memory.deepest, ",
+        "when it is asked the same again after other calls: the kernel keeps state between calls",
+    ),
+    "keeps in a global": (
+        LAW, SET, f"            globals()['CALLS'] = CALLS + 1\n{SET}CALLS, ", "the kernel keeps state between calls",
+    ),
+    "draws at random": (LAW, SET, f"{SET}1e-9 * np.random.rand(), ", "the kernel keeps state between calls, or draws random"),
+    "keeps in a bound array": (
+        LAW.replace("Bound(0.0)", "Bound(np.zeros(1))"), SET, f"            bound.e[0] += 1.0\n{SET}",
+        "mine.py:34: contact law mine: multipliers: it changes what it was handed; it may write to",
+    ),
+    "an index that turns negative": (
+        LAW.replace("Bound(0.0)", "Bound(np.arange(1000.0))"), SET,
+        f"{SET}bound.e[int(-trial.gap[p] / 1e-5)], ", "multipliers reads a bound array at index -100, which counts from its end",
+    ),
+    "a branch that sets nothing": (
+        LAW, SET, f"            if trial.gap[p] < 0.0 and trial.rate[p] > 0.0:\n                continue\n{SET}",
+        "multipliers leaves point 0 of 1 without a number: set every entry, 0.0 where nothing presses (at gap -1e-06",
+    ),
     "no annotation": (LAW, '"a law"\n', '"a law"\n    k = 500.0\n', "Mine.k has no annotation, so that no case can set it"),
     "a name unknown in step": (SCHEME, "import numpy as np\n", "", "integrator mine: step: NameError: name 'np'"),
     "nothing kept": (SCHEME, "    kept = 1\n", "", "integrator mine: step: IndexError", "(`kept` is 0: say how many rows"),

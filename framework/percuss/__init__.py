@@ -23,7 +23,7 @@ _MODULES = {
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "hookspecs": "hookimpl",
-    "kernels": "accelerations energy_density stress",
+    "kernels": "accelerations coupled_gap coupled_rate energy_density stress",
     "maps": "stability",
     "result": "Result open_result",
     "runner": "run",
@@ -73,6 +73,8 @@ __all__ = [
     "Unit",
     "accelerations",
     "compare",
+    "coupled_gap",
+    "coupled_rate",
     "end_of_step",
     "energy_density",
     "hookimpl",
@@ -123,7 +125,7 @@ if TYPE_CHECKING:
     )
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.hookspecs import hookimpl
-    from percuss.kernels import accelerations, energy_density, stress
+    from percuss.kernels import accelerations, coupled_gap, coupled_rate, energy_density, stress
     from percuss.maps import stability
     from percuss.result import Result, open_result
     from percuss.runner import run

@@ -135,6 +135,7 @@ def _loop(maker: Specialiser, parts: Parts, laws: Laws, stepper: Integrator | No
     part = top.with_slots(slots)
     part.jit = maker.jit and f"integrator {stepper.name}" not in plain
     part.counting = True  # nearly every such kernel allocates
+    part.checked = True
     slots[stages.take_step] = part.bind(schemes.kernel_of(stepper), cache=True)
     top = top.with_slots(slots)
     advance = top.bind(stages.advance, cache=True, plain=not whole)

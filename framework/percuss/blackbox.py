@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import loop
+from percuss.errors import PercussError
 from percuss.march import March
 from percuss.pencil import EDGE, Pencil
 from percuss.staged import State
@@ -59,6 +60,7 @@ class Found:
     radius: float
     theta: float | None
     whole: bool
+    failure: str = ""  # what a kernel raised deep in contact, where it did
 
     @property
     def linear(self) -> bool:
@@ -288,8 +290,14 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
     sure
         Whether a longer step was found to be stable: then a large model is not searched again for what grows.
     """
-    step = ClosedStep(motions, dt, closed)
-    if not step.linear():
+    try:
+        step = ClosedStep(motions, dt, closed)
+        linear = step.linear()
+    except (PercussError, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001  of a kernel that was never meant for overlaps as deep as these
+        return Found(np.nan, None, whole=False, failure=f"{type(error).__name__}: {error}")
+    if not linear:
         return Found(np.nan, None, whole=False)
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.march.staged else None
     size = step.parts * step.size

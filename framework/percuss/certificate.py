@@ -88,8 +88,9 @@ def certificate(model: Model) -> dict[str, Any]:
         switching) and ``energy_why``, ``dt_critical`` (None where it is not known), ``dt_critical_free``,
         ``courant_critical``, ``margin`` (dt over the critical one), ``worst`` (closed contacts that limit the step),
         ``stretch`` (from and until when the supports and drives hold that it is about; None where they never change),
-        ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``. Of bodies that are not linear the critical steps are
-        None: they change with the strain.
+        ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``, ``ignores`` (sentences: which laws take no
+        account of contacts at the same end). Of bodies that are not linear the critical steps are None: they change
+        with the strain.
     """
     if model.why_not_linear:
         return _of_bodies_not_linear(model)
@@ -123,6 +124,7 @@ def certificate(model: Model) -> dict[str, Any]:
         "by": judge.by,
         "why": why,
         "cure": _cure(judge, critical) if verdict == "no" else "",
+        "ignores": model.ignored_couplings(),
     }
 
 
@@ -143,6 +145,7 @@ def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
         "by": "none",
         "why": f"{model.why_not_linear}, and its highest frequency changes with the strain",
         "cure": "",
+        "ignores": model.ignored_couplings(),
     }
     if laws.unknown or not tangent_as_declared(model):
         return out

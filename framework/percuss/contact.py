@@ -67,6 +67,8 @@ POINT = np.dtype(
         ("rate", "f8"),  # at n - 1/2
         ("predicted_rate", "f8"),
         ("multiplier", "f8"),
+        ("found_before", "f8"),  # multiplier of the sweep before, where kernels and rows are solved in turn
+        ("pushed_by_others", "f8"),  # gap acceleration that other laws bring, for kernels that use it
         ("stored", "f8"),  # energy at n - 1/2, after the step that at n + 1/2
         ("active", "i8"),  # 1 where the law acted, or stored energy, in the step before
         ("impulse", "f8"),

@@ -436,6 +436,15 @@ class Trial(NamedTuple):
         Step, and t_n or the time of the stage.
     gap_answer, rate_answer
         What a multiplier of 1/s adds to the predicted gap and to the predicted rate: dt^2 and dt of a leap-frog step.
+    first_neighbour, neighbour, coupling
+        The entries of S off its diagonal, between points of this law that share an end: those of point p are
+        ``coupling[k]`` [1/mass] with the point ``neighbour[k]``, for k from ``first_neighbour[p]`` up to, not
+        including, ``first_neighbour[p + 1]``; integer arrays (P + 1,) and (K,), and (K,) floats. There are none for a
+        law that does not declare `ContactLaw.uses_coupling`.
+    pushed_by_others
+        The gap acceleration that the contacts of other laws at the same ends bring in this step, as far as their
+        forces are found: the kernel is called again until all of them fit together. Zero for a law that does not
+        declare `ContactLaw.uses_coupling`.
     """
 
     gap: Floats
@@ -447,6 +456,10 @@ class Trial(NamedTuple):
     time: float
     gap_answer: float
     rate_answer: float
+    first_neighbour: Integers
+    neighbour: Integers
+    coupling: Floats
+    pushed_by_others: Floats
 
 
 class ContactLaw(Component, contract="contacts"):
@@ -454,10 +467,33 @@ class ContactLaw(Component, contract="contacts"):
 
     A law whose `bind` returns `Rows` is complete. Any other law returns a NamedTuple of arrays of its own and
     has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`,
-    compression positive, from the `Trial`; there is no closed-form stability certificate for it.
+    compression positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call
+    every multiplier is nan: one that the kernel leaves unset ends the run, with the contact named. What the kernel is
+    handed to read cannot be written, and nothing may be kept from one call to the next.
+
+    Where contacts share an end, the force of one changes the motion that the other is judged by. Rows are solved
+    together. A kernel sees each point by itself, as if no other force acted in the step, unless it declares
+    `uses_coupling`; then `percuss.coupled_gap` and `percuss.coupled_rate` are the predicted gap and rate with what all
+    contacts at that end press, and a few sweeps over the points solve them together::
+
+        @staticmethod
+        def multipliers(bound, trial, multiplier):  # no overlap at the end of the step
+            multiplier[:] = 0.0
+            for _ in range(1000):
+                moved = 0.0
+                for p in range(multiplier.size):
+                    before = multiplier[p]
+                    gap = coupled_gap(trial, multiplier, p)
+                    multiplier[p] = max(before - gap / (trial.gap_answer * trial.delassus[p]), 0.0)
+                    moved = max(moved, abs(multiplier[p] - before))
+                if moved <= 1e-14 * multiplier.max():
+                    break
 
     Attributes
     ----------
+    uses_coupling
+        Whether the kernel takes account of other contacts at the same end. Where it does not and contacts share an
+        end, `percuss check` and the notes of the run say so.
     measured
         Name of an integrator -> in words what was measured with it where nothing guarantees the energy.
     guarantees
@@ -472,6 +508,7 @@ class ContactLaw(Component, contract="contacts"):
         method. A pair whose row has a weight that is neither shown nor named here is refused.
     """
 
+    uses_coupling: ClassVar[bool] = False
     measured: ClassVar[Mapping[str, str]] = {}
     guarantees: ClassVar[tuple[str, ...]] = ()
     needs_only_response_of: ClassVar[Mapping[str, str]] = {}

@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact import POINT
+from percuss.contact import OTHER, POINT
 from percuss.contracts import ContactLaw, Trial
 from percuss.errors import PluginError
 from percuss.specialise import Specialiser, compile_error
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss.contracts import Floats, Integers
 
 Answer = tuple[float, float]
+
+
+class Sight(NamedTuple):
+    """What a law sees of its points: read-only views of their records, so that compiled code cannot write them."""
+
+    gap: Floats
+    predicted_gap: Floats
+    rate: Floats
+    predicted_rate: Floats
+    delassus: Floats
+    first_neighbour: Integers
+    neighbour: Integers
+    coupling: Floats
+    pushed_by_others: Floats
 
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
@@ -23,48 +37,107 @@ def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
     raise NotImplementedError
 
 
-def tail(bound: Any, points: Any, dt: float, time: float, answer: Answer, first: int) -> None:
+def tail(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer, first: int) -> None:
     """Slot: the laws behind this one; none unless bound."""
 
 
-def one_law(bound: Any, points: Any, dt: float, time: float, answer: Answer, first: int) -> None:
+def one_law(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer, first: int) -> None:
     """Let one law fill the multipliers of its points, which start at `first`, then those behind it."""
-    mine = points[first : first + bound[1]]
+    seen, multiplier = bound[1], bound[2]
+    stop = first + multiplier.size
+    if bound[3] == 1:
+        for i in range(first, stop):
+            p = points[i]
+            p.pushed_by_others = 0.0
+            for k in range(p.other_start, p.other_stop):
+                q = others[k].point
+                if q < first or q >= stop:
+                    p.pushed_by_others += others[k].value * points[q].multiplier
+    for i in range(multiplier.size):
+        multiplier[i] = np.nan
     trial = Trial(
-        mine.gap, mine.predicted_gap, mine.rate, mine.predicted_rate, mine.delassus, dt, time, answer[0], answer[1]
-    )
-    multipliers(bound[0], trial, mine.multiplier)
-    tail(bound[2], points, dt, time, answer, first + bound[1])
+        seen.gap, seen.predicted_gap, seen.rate, seen.predicted_rate, seen.delassus, dt, time, answer[0], answer[1],
+        seen.first_neighbour, seen.neighbour, seen.coupling, seen.pushed_by_others,
+    )  # fmt: skip
+    multipliers(bound[0], trial, multiplier)
+    tail(bound[4], points, others, dt, time, answer, stop)
 
 
-def laws(bound: Any, points: Any, dt: float, time: float, answer: Answer) -> None:
+def laws(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer) -> None:
     """Let every law that is not rows fill its multipliers; a template around `first_law`.
 
     `answer` is what a multiplier of 1/s adds to the predicted gap and to the predicted rate.
     """
-    first_law(bound[1], points, dt, time, answer, bound[0])
+    first_law(bound[2], points, others, dt, time, answer, bound[1])
 
 
-def first_law(bound: Any, points: Any, dt: float, time: float, answer: Answer, first: int) -> None:
+def first_law(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer, first: int) -> None:
     """Slot: the first law that is not rows; nothing to do where there is none."""
 
 
-def nest(entries: list[dict[str, Any]], before: int) -> Any:
-    """Return the bound arrays of `entries` as `laws` reads them: (first point, (arrays, points, (...)))."""
+def nest(entries: list[dict[str, Any]], points: Any, others: Any) -> Any:
+    """Return what the loop hands to the kernels of laws that are not rows.
+
+    Parameters
+    ----------
+    entries
+        The bound laws, in the order of their points, which are the last ones.
+    points : (P,) POINT
+        All contact points of the loop.
+    others : OTHER
+        The entries of S off its diagonal.
+
+    Returns
+    -------
+    tuple
+        (whether kernels and rows are solved in turn, first point, (bound arrays, `Sight`, multipliers, whether other
+        laws push these points, (...))).
+    """
+    stop = points.size
+    first = stop - sum(len(entry["where"]) for entry in entries)
     nested: Any = (0,)
+    in_turn = 0
     for entry in reversed(entries):
-        nested = (entry["bound"], len(entry["where"]), nested)
-    return (before, nested)
+        begin = stop - len(entry["where"])
+        coupled = bool(entry["law"].uses_coupling)
+        seen, pushed = _sight(points, others, begin, stop, coupled)
+        in_turn = max(in_turn, pushed)
+        nested = (entry["bound"], seen, points["multiplier"][begin:stop], pushed, nested)
+        stop = begin
+    return (in_turn, first, nested)
+
+
+def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tuple[Sight, int]:
+    """Return what a law sees of its points from `begin` to `stop`, and 1 where other laws push them, else 0."""
+    starts, neighbours, values, pushed = [0], [], [], 0
+    for p in points[begin:stop]:
+        for other in others[p.other_start : p.other_stop] if coupled else ():
+            if begin <= other.point < stop:
+                neighbours.append(other.point - begin)
+                values.append(other.value)
+            else:
+                pushed = 1
+        starts.append(len(neighbours))
+    views: dict[str, Any] = {name: points[name][begin:stop] for name in Sight._fields if name in (POINT.names or ())}
+    rows: dict[str, Any] = {
+        "first_neighbour": np.array(starts, dtype=np.int64),
+        "neighbour": np.array(neighbours, dtype=np.int64),
+        "coupling": np.array(values, dtype=np.float64),
+    }
+    for array in (*views.values(), *rows.values()):
+        array.flags.writeable = False
+    return Sight(**views, **rows), pushed
 
 
 def bind(maker: Specialiser, entries: list[dict[str, Any]], plain: frozenset[str]) -> Callable[..., None]:
     """Return the kernel that calls those of all `entries` in turn."""
     behind: Any = None
     for entry in reversed(entries):
-        kernel = kernel_of(entry["law"])
+        kernel = entry.get("kernel") or kernel_of(entry["law"])
         python = f"contact law {entry['law'].name}" in plain
         part = maker.with_slots({multipliers: kernel} | ({tail: behind} if behind is not None else {}))
         part.jit = maker.jit and not python
+        part.checked = True
         behind = part.bind(one_law, plain=python)
     slots = {first_law: behind} if behind is not None else {}
     return maker.with_slots(slots).bind(laws, plain=bool(plain))
@@ -91,8 +164,11 @@ def why_not(entry: dict[str, Any]) -> Exception | None:
     """Return why the kernel of a bound law cannot be compiled, or None."""
     points = np.recarray(len(entry["where"]), dtype=POINT)
     points[:] = np.ones((), dtype=POINT)
+    points["other_start"] = points["other_stop"] = 0
+    others = np.recarray(0, dtype=OTHER)
+    bound = nest([entry], points, others)
     try:
-        bind(Specialiser(counting=True), [entry], frozenset())(nest([entry], 0), points, 1.0, 0.0, (1.0, 1.0))
+        bind(Specialiser(counting=True), [entry], frozenset())(bound, points, others, 1.0, 0.0, (1.0, 1.0))
     except compile_error() as error:
         return error
     return None

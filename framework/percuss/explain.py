@@ -70,7 +70,8 @@ def explanation(model: Model) -> Explanation:
     for one in methods:
         lines += _method_lines(one)
         lines += _stages(model) if one["family"] == "integrators" else []
-    lines += [f"note: {note}" for note in case.notes]
+    notes = [*case.notes, *known["ignores"]]
+    lines += [f"note: {note}" for note in notes]
     data = {
         "title": case.title,
         "dt": model.dt,
@@ -86,7 +87,7 @@ def explanation(model: Model) -> Explanation:
         "methods": methods,
         "measured": measured,
         "nodes": model.n_nodes,
-        "notes": list(case.notes),
+        "notes": notes,
     }
     return Explanation("\n".join(lines), plain(data))
 

@@ -177,8 +177,18 @@ def closed(model: Model, dt: float) -> Closed:
     stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
     ties = tuple(p for p in tied if p not in resting)
     weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
-    reasons = tuple(dict.fromkeys(doubts))
-    return Closed(stiffness, inertia, predicted, surplus, compliance, ties, tuple(unknown), reasons, weakest, why)
+    return Closed(
+        stiffness,
+        inertia,
+        predicted,
+        surplus,
+        compliance,
+        ties,
+        tuple(unknown),
+        tuple(dict.fromkeys(doubts)),
+        weakest,
+        why,
+    )
 
 
 def _not_followed(rows: dict[str, Any], law: str, *, staged: bool) -> str:
@@ -492,9 +502,10 @@ class BlackBoxJudge:
             found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
             if not found.linear:
                 names = ", ".join(f"'{self.model.meetings[p].name}'" for p in one) or "none"
-                return Finding(
-                    False, list(one), doubt=f"the step is not linear with contacts {names} closed", known=False
-                )
+                doubt = f"the step is not linear with contacts {names} closed"
+                if found.failure:
+                    doubt = f"with contacts {names} held closed a kernel fails ({found.failure})"
+                return Finding(False, list(one), doubt=doubt, known=False)
             if found.theta is not None and (theta is None or found.theta > theta):
                 theta = found.theta
             if not found.stable:

@@ -11,9 +11,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Integers
+    from percuss.contracts import Floats, Integers, Trial
 
 BLOCK = 1024  # nodes a block: its displacement, velocity, mass and force stay in the first-level cache
+
+
+def coupled_push(trial: Trial, multiplier: Floats, p: int) -> float:
+    """Return the gap acceleration of point p that all contacts at its ends bring, its own included.
+
+    It is ``sum over q of S_pq lambda_q``, with the `multiplier` of the law's own points as they are at the moment, and
+    those of other laws as they were last found in this step.
+    """
+    push = trial.delassus[p] * multiplier[p] + trial.pushed_by_others[p]
+    for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
+        push += trial.coupling[k] * multiplier[trial.neighbour[k]]
+    return push  # type: ignore[no-any-return]
+
+
+def coupled_gap(trial: Trial, multiplier: Floats, p: int) -> float:
+    """Return the predicted gap of point p with what all contacts at its ends press."""
+    return trial.predicted_gap[p] + trial.gap_answer * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
+
+
+def coupled_rate(trial: Trial, multiplier: Floats, p: int) -> float:
+    """Return the predicted gap rate of point p with what all contacts at its ends press."""
+    return trial.predicted_rate[p] + trial.rate_answer * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
 
 
 def _unbound() -> NoReturn:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 NOISE = 1e-8  # of what forces in balance would bring of energy in one step: works below are round-off
 
+SWEEPS_BETWEEN_LAWS = 1000
+TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
+
 # a degree of freedom of the few nodes at which more than the bulk acts
 SPECIAL = np.dtype(
     [
@@ -124,8 +127,52 @@ def strain_energy(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> flo
     return elastic(groups, u, v, dim, dt)
 
 
-def own_laws(bound: Any, points: Any, dt: float, time: float, answer: tuple[float, float]) -> None:
+def own_laws(bound: Any, points: Any, others: Any, dt: float, time: float, answer: tuple[float, float]) -> None:
     """Slot: the multipliers of laws that are not rows; nothing to do where there is none."""
+
+
+def find_multipliers(
+    bound: Any, points: Any, others: Any, dt: float, time: float, answer: tuple[float, float], span: float
+) -> bool:
+    """Find the multipliers of all points in a step or stage; return whether they were found.
+
+    Laws with a kernel come first, one after the other, and the rows are solved with their forces. Where a kernel that
+    takes account of others shares an end with another law, both are repeated until no multiplier moves.
+
+    Parameters
+    ----------
+    bound
+        What `percuss.escape.nest` returned.
+    points, others
+        Contact points, and the entries of S off its diagonal.
+    dt, time
+        Step, and time of the state.
+    answer
+        What a multiplier of 1/s adds to the predicted gap and to the predicted rate.
+    span
+        Time between the two gap rates of a point.
+    """
+    in_turn = bound[0] == 1
+    if in_turn:
+        for i in range(points.size):
+            points[i].multiplier = 0.0
+    for sweep in range(SWEEPS_BETWEEN_LAWS):
+        own_laws(bound, points, others, dt, time, answer)
+        sound = solve(points, others, span)
+        if not in_turn or not sound:
+            return sound
+        moved = 0.0
+        largest = 0.0
+        for i in range(points.size):
+            p = points[i]
+            if not np.isfinite(p.multiplier):
+                return False
+            moved = max(moved, abs(p.multiplier - p.found_before))
+            largest = max(largest, abs(p.multiplier))
+            p.found_before = p.multiplier
+        if sweep > 0 and moved <= TOLERANCE_BETWEEN_LAWS * largest:
+            return True
+    return False
 
 
 def advance(
@@ -164,8 +211,7 @@ def advance(
         sound = True
         if points.size > 0:
             judge(points, few.entries, special, dt)
-            own_laws(bound, points, dt, n * dt, (dt * dt, dt))
-            sound = solve(points, few.others, dt)
+            sound = find_multipliers(bound, points, few.others, dt, n * dt, (dt * dt, dt), dt)
             correct(points, few.entries, special, dt)
             if shares.size > 0:
                 work += bear(shares, holds, points, special, axes, drive.velocity, s, dim, dt)

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import escape, kernels, loop, recording
+from percuss import diagnosis, escape, kernels, loop, recording
 from percuss.binding import Kernels, bind, bind_around
 from percuss.compiling import compile_seconds
 from percuss.contact import NEVER, carry_over, point_records
 from percuss.contracts import Rows
+from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.specialise import compile_error
 from percuss.staged import Staged
@@ -99,7 +100,6 @@ class March:
         self.groups, self.group_parts = self._groups()
         count = len(model.meetings)
         self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], Rows)]
-        self.bound = escape.nest(self.own_laws, count - sum(len(entry["where"]) for entry in self.own_laws))
         self.record, self.time = recording.prepared(model, self.probes, self.place, count)
         self._quiet = loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
@@ -160,6 +160,7 @@ class March:
         judged = self.judged.copy()
         judged["always"][np.isin(self.order, model.resting(midpoint))] = NEVER
         points, entries, others = point_records(judged, [model.meetings[p].gap for p in self.order], sides, self.place)
+        self.bound = escape.nest(self.own_laws, points, others)
         holds = [(self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)]
         shares = [
             (i, p, float(h.direction @ side.normal))
@@ -245,7 +246,7 @@ class March:
         started = time.perf_counter()
         self.settle()
         if self.staged:
-            self.staged.start(self.kernels.begin)
+            self._begin(self.staged)
         settled, compiled = time.perf_counter(), compile_seconds()
         self.seconds["compile"] = settled - started
         out = self._nothing_yet()
@@ -271,6 +272,15 @@ class March:
             out.records = -(-out.done // every) if out.status == "unstable" else out.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
         return out
+
+    def _begin(self, staged: Staged) -> None:
+        """Let a scheme of stages take up the accelerations at t = 0; an error of a kernel is told with its place."""
+        try:
+            staged.start(self.kernels.begin)
+        except (PercussError, MemoryError):
+            raise
+        except Exception as raised:
+            raise diagnosis.told(self, self._drive(0, 1), 0, raised) from raised
 
     def refuse(self, stop: dict[str, Any]) -> Outcome:
         """Return what a march leaves that is not made."""
@@ -302,7 +312,7 @@ class March:
             for at, count in self._chunks(first, min(last, model.steps)):
                 drive = self._drive(at, count)
                 kept = self._copy()
-                if self._advance(drive, at, count) < count or not self._sound():
+                if self._advanced(drive, kept, at, count) < count or not self._sound():
                     out.status, (out.done, out.stop) = "unstable", self._locate(drive, kept, at, count)
                     return
                 out.done += count
@@ -322,9 +332,44 @@ class March:
             if first == step > 0:
                 self._switch((first + 0.5) * self.model.dt)
             if first <= step < last:
-                self._advance(self._drive(step, 1), step, 1)
+                self._advanced(self._drive(step, 1), self._copy(), step, 1)
 
-    def _advance(self, drive: Any, first: int, count: int) -> int:
+    def _advanced(self, drive: Any, kept: list[Any], first: int, count: int) -> int:
+        """March as `advance` does; an error that a kernel raises is told with its place, step and time.
+
+        Raises
+        ------
+        PluginError
+            If a kernel raises an error.
+        """
+        try:
+            return self.advance(drive, first, count)
+        except (PercussError, MemoryError):
+            raise
+        except Exception as raised:
+            self._restore(kept)
+            for s in range(count):
+                row = type(drive)(*(part[s : s + 1] for part in drive))
+                before = [array.copy() for array in self.changing()]
+                try:
+                    self.advance(row, first + s, 1)
+                except Exception as error:  # noqa: BLE001  a kernel may raise anything
+                    self._restore(before)
+                    raise diagnosis.told(self, row, first + s, error) from raised
+            raise
+
+    def advance(self, drive: Any, first: int, count: int) -> int:
+        """March `count` steps; return how many were done when one was not sound, else `count`.
+
+        Parameters
+        ----------
+        drive
+            Amplitudes of the loads in these steps.
+        first
+            Number of the first step.
+        count
+            How many.
+        """
         if self.staged:
             return self.staged.advance(self.kernels.advance, drive, self.record, first, count)
         return self.kernels.advance(
@@ -344,6 +389,7 @@ class March:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
         error = self._failure()
         if error is not None:
+            diagnosis.refuse_writing(error)
             self.kernels = bind(self.group_parts, self.groups, self.own_laws, self.stepper, counting=True)
             error = self._failure()
         if error is not None:
@@ -354,7 +400,7 @@ class March:
         """Compile by marching no steps; return why that is not possible, or None."""
         if self.kernels.compiled:
             try:
-                self._advance(self._drive(0, 0), 0, 0)
+                self.advance(self._drive(0, 0), 0, 0)
                 self._energy()
             except compile_error() as error:
                 return error
@@ -408,14 +454,15 @@ class March:
         allowed = KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy
         return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
 
-    def _changing(self) -> list[Any]:
+    def changing(self) -> list[Any]:
+        """Return the arrays that a step changes, in an order of its own."""
         few = self.few
         more = self.staged.changing() if self.staged else [self.u, self.v]
         return [*more, few.points, few.holds, few.totals, few.before]
 
     def _copy(self) -> list[Any]:
         """Return what a step changes, as it is now; written over by the next call."""
-        now = self._changing()
+        now = self.changing()
         if not self._kept:
             self._kept = [array.copy() for array in now]
         for k, array in enumerate(now):
@@ -429,16 +476,44 @@ class March:
         """March the chunk again, a step at a time, up to the first step that is not sound."""
         from percuss.certificate import likely_cause
 
-        for array, value in zip(self._changing(), kept, strict=True):
-            array[:] = value
+        self._restore(kept)
         for s in range(count):
-            solved = self._advance(type(drive)(*(part[s : s + 1] for part in drive)), first + s, 1) == 1
+            row = type(drive)(*(part[s : s + 1] for part in drive))
+            before = [array.copy() for array in self.changing()] if self.own_laws else []
+            solved = self.advance(row, first + s, 1) == 1
             if not solved or not self._sound():
                 break
         total = self.few.totals[0]
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + loop.NOISE * total.step_energy
         by_contact = not total.contact_work <= limit
-        return first + s, likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
+        stop = likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
+        if self.own_laws and not np.isfinite(self.few.points.multiplier).all():
+            stop |= self._unset(row, before, first + s)
+        return first + s, stop
+
+    def _unset(self, drive: Any, before: list[Any], step: int) -> dict[str, Any]:
+        """Return what and why, of a step in which the kernel of a law left a contact without a multiplier."""
+        after = [array.copy() for array in self.changing()]
+        self._restore(before)
+        fault = diagnosis.without_multiplier(self, drive, step)
+        self._restore(after)
+        if fault is None:
+            return {}
+        (meeting,) = (one for one in self.model.meetings if one.name == fault.contact)
+        node = meeting.nodes[0]
+        body = self.model.body_of(node)
+        return {
+            "node": node,
+            "body": body.name,
+            "node_in_body": node - body.start,
+            "position": [float(x) for x in self.model.nodes[node]],
+            "what": fault.what,
+            "cause": fault.cause,
+        }
+
+    def _restore(self, values: list[Any]) -> None:
+        for array, value in zip(self.changing(), values, strict=True):
+            array[:] = value
 
 
 def records(rows: list[tuple[Any, ...]], kind: Any) -> Any:

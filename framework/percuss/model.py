@@ -380,6 +380,27 @@ class Model:
             out["stores"] = NOTHING
         return order, out
 
+    def ignored_couplings(self) -> list[str]:
+        """Return, in sentences, which laws with a kernel take no account of other contacts at the ends of theirs."""
+        at_node: dict[int, list[int]] = {}
+        for p, meeting in enumerate(self.meetings):
+            for node in meeting.nodes:
+                at_node.setdefault(node, []).append(p)
+        sentences = []
+        for entry in self.laws:
+            law: ContactLaw = entry["law"]
+            if isinstance(entry["bound"], Rows) or law.uses_coupling:
+                continue
+            shared = [row for row in at_node.values() if len(row) > 1 and set(row) & set(entry["where"])]
+            for row in shared:
+                names = ", ".join(f"'{self.meetings[p].name}'" for p in row)
+                sentences.append(
+                    f"contacts {names} share an end, and the kernel of law {law.name} sees each of its contacts by "
+                    "itself: it ignores what the others at that end press in the same step (it does not declare "
+                    "`uses_coupling`)"
+                )
+        return sentences
+
     def parameters(self) -> dict[str, dict[str, float]]:
         """Return, for each contact, its law's parameters as they came out."""
         out: dict[str, dict[str, Any]] = {meeting.name: {"law": meeting.law.name} for meeting in self.meetings}

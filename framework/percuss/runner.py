@@ -228,6 +228,7 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
         said.append(f"{AGAINST}, and the run was made all the same (on_unstable: warn): {known['why']}")
     if known["stable"] == "marginal":
         said.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
+    said += march.model.ignored_couplings()
     if march.record.every > 1 and march.model.meetings:
         said.append("true errors of the contact force need `record.every: 1`")
     if march.staged:

@@ -44,6 +44,7 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
     if ends.shape != (len(said.times), 3) or (ends <= 0).any():
         raise _wrong(integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all")
     _try(integrator, said, dt)
+    _try_again(integrator, said, dt)
     return said, tuple(
         LeapFrog(IN_A_STAGE, Judged("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
         for _, r_a, s_a in ends
@@ -162,6 +163,37 @@ def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
             f"constant and u by dt times a velocity that is; found a change of v by {v[1] / dt:.9g} dt a, and of u by "
             f"{u[0] / dt:.9g} dt v",
         )
+
+
+def _try_again(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Make steps from some states, and once more from each of them.
+
+    Raises
+    ------
+    PluginError
+        If a step from the same state ends in another one.
+    """
+    step = Specialiser({kernels.accelerations: known}, jit=False).bind(kernel_of(integrator))
+    rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
+
+    def ends(size: float) -> list[Floats]:
+        u, v, a, kept = size * rows[0], size * rows[1], size * rows[2], size * rows[3:]
+        step(stages.numbers, (a,), u, v, kept, dt)
+        return [u, v, *kept]
+
+    sizes = (1e-3, 1.0, 1e3)
+    with np.errstate(all="ignore"):
+        first = [ends(size) for size in sizes]
+        second = [ends(size) for size in sizes]
+    names = ["u", "v", *(f"kept[{k}]" for k in range(integrator.kept))]
+    for one, other in zip(first, second, strict=True):
+        for name, before, after in zip(names, one, other, strict=True):
+            if not np.array_equal(before, after, equal_nan=True):
+                raise _wrong(
+                    integrator,
+                    f"step gives another {name} when it is made again from the same state: the kernel keeps state "
+                    "between calls, or draws random numbers; what a scheme remembers is in the rows of `kept`",
+                )
 
 
 def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Floats) -> Any:

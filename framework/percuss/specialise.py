@@ -55,6 +55,7 @@ class Specialiser:
         self.jit = jit
         self.counting = counting
         self.about = about
+        self.checked = False  # whether indices in kernels of plug-ins are held against the size of their arrays
         self.tags: dict[int, str] = {}
         self._untold: set[str] = set()  # tags of what reaches something that has no hash
         self._bound: dict[int, Kernel] = {}
@@ -66,6 +67,7 @@ class Specialiser:
         """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
         other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=self.about)
         other.tags, other._untold, other._keep = self.tags, self._untold, self._keep
+        other.checked = self.checked
         return other
 
     def bind(self, function: Kernel, *, cache: bool = False, plain: bool = False, reduction: bool = False) -> Kernel:
@@ -110,6 +112,8 @@ class Specialiser:
         callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
         plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
         options = _options(function, counting=self.counting, inline=not cache, reduction=reduction)
+        if self.checked and source.__module__ not in _OWN:
+            options.setdefault("boundscheck", True)
         tag = self._tag(source, names, bound, closure, options)
         copy = _copy(source, bound, closure, tag)
         out: Kernel = copy
@@ -142,6 +146,7 @@ class Specialiser:
             return self.bind(value)
         # its author compiled it: it stays so, but without the author's own cache, which sees no edit of what it calls
         own = Specialiser(self.slots, counting=True, about=self.about)
+        own.checked = self.checked
         self._keep.append(own)
         return own.bind(value)
 

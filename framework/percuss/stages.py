@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact import solve
 from percuss.kernels import Bulk, Group, accelerations, internal_force, kinetic
-from percuss.loop import NOISE, Few, Record, account, elastic, judge, look, own_laws, pushed, snapshot
+from percuss.loop import NOISE, Few, Record, account, elastic, find_multipliers, judge, look, pushed, snapshot
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats, Integers
@@ -158,10 +157,9 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
         p.predicted_gap = gap + end[0] * rate + end[1] * acceleration
         p.predicted_rate = rate + end[2] * acceleration
         p.answer = system.answers[stage, i]
-    own_laws(system.bound, points, system.clock[1], system.clock[0] + system.times[stage] * system.clock[1],
-             (end[1], end[2]))  # fmt: skip
+    time = system.clock[0] + system.times[stage] * system.clock[1]
     # the bulk acceleration is read from the rates, which lie s_a apart
-    if not solve(points, few.others, end[2]):
+    if not find_multipliers(system.bound, points, few.others, system.clock[1], time, (end[1], end[2]), end[2]):
         system.clock[2] = 0.0
     for i in range(points.size):
         p = points[i]

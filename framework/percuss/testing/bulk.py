@@ -15,6 +15,7 @@ from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-10
 STEP = 1e-6  # of a difference quotient
+LEAST_SLOPE = 0.9  # of the modulus: a slope that some strain has to reach
 
 
 def line(count: int, dim: int = 1) -> Mesh:
@@ -89,9 +90,10 @@ def _kernels(element: Any, material: Any) -> tuple[Any, Any]:
 
 @check("materials")
 def check_stress_and_energy(subject: Subject) -> None:
-    """Stress is the slope of the energy density, nothing at rest, and nowhere steeper than `modulus`.
+    """Stress is the slope of the energy density, nothing at rest, of the sign of the strain, and as steep as `modulus`.
 
-    Wave speed, critical step and penalty scales are taken from the modulus; the ledger from the energy.
+    Wave speed, critical step and penalty scales are taken from the modulus: it is the largest slope of the stress, here
+    of strains up to 5 %, neither less nor much more; the ledger is taken from the energy.
     """
     cls: Any = subject.component
     for options in subject.examples:
@@ -101,6 +103,7 @@ def check_stress_and_energy(subject: Subject) -> None:
             raise CheckFailed(f"density {material.rho} and modulus {material.modulus} must be positive")
         if cls.stress(parameters, 0.0) != 0.0 or cls.energy_density(parameters, 0.0, 0.0) != 0.0:
             raise CheckFailed("there is stress or energy without strain")
+        _check_slopes(cls, parameters, material.modulus)
         for strain in np.concatenate([-np.geomspace(1e-4, 0.05, 8), np.geomspace(1e-4, 0.05, 8)]):
             step = STEP * abs(strain)
             ends = strain - step, strain + step
@@ -113,6 +116,27 @@ def check_stress_and_energy(subject: Subject) -> None:
                 raise CheckFailed(
                     f"at strain {strain:.3g} stress is {stress:.6g}, the slope of the energy {gradient:.6g}"
                 )
+
+
+def _check_slopes(cls: Any, parameters: Any, modulus: float) -> None:
+    """Raise CheckFailed where stress has the wrong sign at some strain, or `modulus` is not its largest slope."""
+    steepest = -np.inf
+    for size in np.geomspace(1e-10, 0.05, 18):
+        for strain in (size, -size):
+            stress = cls.stress(parameters, strain)
+            if not stress * strain >= 0.0:
+                raise CheckFailed(f"at strain {strain:.3g} the stress is {stress:.6g}: tension is positive")
+            if abs(stress) > modulus * size * (1.0 + 1e-6):
+                raise CheckFailed(
+                    f"at strain {strain:.3g} the stress is {stress:.6g}, and `modulus` times strain is "
+                    f"{modulus * strain:.6g}"
+                )
+            near = [cls.stress(parameters, strain * factor) for factor in (1.0 - STEP, 1.0 + STEP)]
+            steepest = max(steepest, (near[1] - near[0]) / (2.0 * STEP * strain))
+    if steepest < LEAST_SLOPE * modulus:
+        raise CheckFailed(
+            f"the largest slope of the stress is {steepest:.6g} at strains up to 5 %, and `modulus` says {modulus:.6g}"
+        )
 
 
 # --------------------------------------------------------------------------------------------------- elements
@@ -146,6 +170,7 @@ def check_force_and_energy(subject: Subject) -> None:
             force_of(bound, parameters, 0, dim, u + whole, other)
             if np.abs(other - force).max() > 1e-6 * size:
                 raise CheckFailed("moving the body as a whole changes its internal force")
+            _check_stretched(element, force_of, mesh, material)
             part = np.zeros(3 * dim)
             force_of(bound, parameters, 2, dim, u[2 * dim : 5 * dim], part)
             if np.abs(part[dim : 2 * dim] - force[3 * dim : 4 * dim]).max() > CLOSE * size:
@@ -217,6 +242,23 @@ def check_stress_in_the_element(subject: Subject) -> None:
                         f"stretched by {PROBING_STRAIN:g} of its length in {dim} dimensions, element {number} has the "
                         f"stress {found:.6g}, expected {expected:.6g}"
                     )
+
+
+def _check_stretched(element: Any, force_of: Any, mesh: Mesh, material: Any) -> None:
+    """Raise CheckFailed where elements stretched or compressed a little do not pull or push as their stiffness says."""
+    body, dim = BodyMesh(mesh, 1.3), mesh.direction.size
+    bound, parameters = element.bind(body), np.array(material.parameters(), dtype=float)
+    stiffness = np.asarray(element.axial_stiffness(body, material.modulus), dtype=float)
+    for strain in (1e-8, -1e-8, 1e-5, -1e-5):
+        u = (strain * np.concatenate([[0.0], np.cumsum(mesh.lengths)]))[:, None] * mesh.direction
+        force = np.zeros(u.size)
+        force_of(bound, parameters, 0, dim, u.ravel(), force)
+        found, expected = float(force[:dim] @ mesh.direction), float(stiffness[0] * strain * mesh.lengths[0])
+        if abs(found - expected) > 1e-4 * abs(expected):
+            raise CheckFailed(
+                f"stretched by {strain:g} an element pulls its first node along the line by {found:.6g}, and its "
+                f"`axial_stiffness` says {expected:.6g}"
+            )
 
 
 def _check_gradient(energy_of: Any, bound: Any, parameters: Any, dim: int, u: Any, force: Any) -> None:

@@ -13,6 +13,7 @@ from percuss.testing.common import STEEL
 from percuss.testing.drawn import for_all, round_off, rows, with_examples
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check, forbidden
 from percuss.testing.strict import StrictSystem
+from percuss.tryout import read_only
 
 COUNTS = (0, 1, 2, 5)
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")
@@ -58,12 +59,37 @@ def some_trial(points: ContactPoints, dt: float) -> Trial:
     gaps, rates = (depth, depth - 1e-4), (np.cos(k), np.cos(k) - 0.3)
     for one in (*gaps, *rates):
         one.flags.writeable = False
-    return Trial(gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt)
+    first, neighbour, coupling, pushed = chained(points, 0.0)
+    return Trial(
+        gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt, first, neighbour, coupling, pushed
+    )
+
+
+def chained(points: ContactPoints, strength: float) -> tuple[Any, Any, Any, Any]:
+    """Return the coupling of points in a chain, over the root of the product of their own entries; none for 0."""
+    count = len(points.names)
+    pairs = [(p, q) for p in range(count) for q in (p - 1, p + 1) if strength and 0 <= q < count]
+    first = np.concatenate([[0], np.cumsum(np.bincount([p for p, _ in pairs], minlength=count))]).astype(np.int64)
+    neighbour = np.array([q for _, q in pairs], dtype=np.int64)
+    coupling = np.array([strength * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float)
+    pushed = np.zeros(count)
+    for array in (first, neighbour, coupling, pushed):
+        array.flags.writeable = False
+    return first, neighbour, coupling, pushed
+
+
+def alone_in(trial: Trial, place: int, point: ContactPoints) -> Trial:
+    """Return what a kernel sees of one point by itself."""
+    first, neighbour, coupling, pushed = chained(point, 0.0)
+    seen = {name: getattr(trial, name)[place : place + 1] for name in Trial._fields[:5]}
+    return trial._replace(
+        **seen, first_neighbour=first, neighbour=neighbour, coupling=coupling, pushed_by_others=pushed
+    )
 
 
 def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, dt: float) -> Any:
     try:
-        return subject.make(options).bind(points, dt)
+        return read_only(subject.make(options).bind(points, dt))
     except ValueError as error:
         if "read-only" in str(error):
             raise CheckFailed(f"bind changes what it was handed: {error}") from None
@@ -83,10 +109,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
             alone = [_bound(subject, options, one_of(points, p), dt) for p in range(count)]
             trial = some_trial(points, dt)
             whole = _said(subject, bound, trial)
-            parts = [
-                _said(subject, one, Trial(*(x[p : p + 1] for x in trial[:5]), *trial[5:]))  # type: ignore[arg-type, call-arg]
-                for p, one in enumerate(alone)
-            ]
+            parts = [_said(subject, one, alone_in(trial, p, one_of(points, p))) for p, one in enumerate(alone)]
             for name, values in whole.items():
                 if values.shape != (count,):
                     raise CheckFailed(f"{name} has shape {values.shape} at {count} points")
@@ -148,6 +171,38 @@ def check_inputs_untouched(subject: Subject) -> None:
         for old, new in zip(before, (*bound, *writeable), strict=True):
             if not np.array_equal(old, np.asarray(new), equal_nan=True):
                 raise CheckFailed(f"`multipliers` changes what it was handed: {new} was {old}")
+
+
+@check("contacts")
+def check_coupling(subject: Subject) -> None:
+    """A kernel that declares `uses_coupling` answers otherwise where contacts share an end than where they do not.
+
+    The notes of a run say of every other kernel that it ignores such contacts; of this one they say nothing.
+    """
+    if not subject.component.uses_coupling:  # type: ignore[attr-defined]
+        raise NotApplicable("it does not declare `uses_coupling`")
+    points, dt = some_points(5), 1e-3
+    for options in subject.examples:
+        bound = _bound(subject, options, points, dt)
+        if isinstance(bound, Rows):
+            raise CheckFailed("it declares `uses_coupling`, and is rows: these are solved together, whatever it says")
+        free = some_trial(points, dt)
+        deep = np.full(5, -1e-3)
+        deep.flags.writeable = False
+        free = free._replace(gap=deep, predicted_gap=deep, rate=deep, predicted_rate=deep)
+        first, neighbour, coupling, _ = chained(points, -0.3)
+        pushed = np.full(5, 0.5)
+        coupled = free._replace(first_neighbour=first, neighbour=neighbour, coupling=coupling)
+        alone = _said(subject, bound, free)["multiplier"]
+        for what, trial in (
+            ("other contacts of the law", coupled),
+            ("contacts of other laws (`pushed_by_others`)", free._replace(pushed_by_others=pushed)),
+        ):
+            if np.array_equal(alone, _said(subject, bound, trial)["multiplier"]):
+                raise CheckFailed(
+                    f"it declares `uses_coupling`, and its multipliers are the same with and without {what} at the "
+                    "same ends"
+                )
 
 
 @check("contacts")

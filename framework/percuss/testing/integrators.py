@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from percuss.contracts import Integrator, LeapFrog, Stages
 from percuss.errors import RunError, nearest
 from percuss.testing.common import STEEL
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
@@ -149,3 +151,90 @@ def check_first_step(subject: Subject) -> None:
         straight = result.arrays["time"]
         if np.abs(place - straight).max() > 1e-12 * straight.max():
             raise CheckFailed(f"a bar in free flight is at {place[-1]:.9g} at time {straight[-1]:.9g}, at velocity 1")
+
+
+@check("integrators")
+def check_stages(subject: Subject) -> None:
+    """What `Stages` says of each stage is so: loads are taken at `times`, and `end` tells the displacement to come.
+
+    Two steps of random data. In free flight at velocity v a stage is handed the displacement u + c dt v, and c is its
+    time: at another one the loads are those of another instant. Where `end` is (r_v, r_a, s_a), the next stage is
+    handed the displacement u + r_v v + r_a a, for any u, v and a of this one, and s_a = r_a / r_v: else a law judged at
+    the end of the step is judged somewhere else.
+    """
+    for options in subject.examples:
+        integrator, dt = subject.make(options), 0.37
+        stages = integrator.bind(dt)
+        if isinstance(stages, LeapFrog):
+            raise NotApplicable("it is a leap-frog scheme")
+        _check_times(integrator, stages, dt)
+        if stages.end:
+            _check_end(integrator, stages, dt)
+
+
+ENTRIES = 6  # of the state with which a step is made
+STAGED_TOLERANCE = 1e-9
+
+Asked = list[tuple[int, Any, Any, Any]]  # of each call of `accelerations`: stage, u, v, a
+
+
+def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool) -> tuple[list[Any], Asked, list[int]]:
+    """Make two steps with random data; accelerations and what is kept are zero in `free` flight.
+
+    Returns
+    -------
+    tuple
+        Displacement and velocity at the begin of each step, what the steps asked for, and how often in each.
+    """
+    from percuss import kernels
+    from percuss.schemes import kernel_of
+    from percuss.specialise import Specialiser
+
+    random = np.random.default_rng(7)
+    asked: Asked = []
+
+    def accelerations(system: Any, stage: int, u: Any, v: Any, a: Any) -> None:  # noqa: ARG001  as the slot has it
+        a[:] = 0.0 if free else random.standard_normal(u.size)
+        asked.append((stage, u.copy(), v.copy(), a.copy()))
+
+    step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
+    u, v = random.standard_normal((2, ENTRIES))
+    kept = random.standard_normal((type(integrator).kept, ENTRIES)) * (0.0 if free else 1.0)
+    begins, counts = [], []
+    for _ in range(2):
+        begins.append((u.copy(), v.copy()))
+        before = len(asked)
+        step(stages.numbers, None, u, v, kept, dt)
+        counts.append(len(asked) - before)
+    return begins, asked, counts
+
+
+def _check_times(integrator: Integrator, stages: Stages, dt: float) -> None:
+    begins, asked, counts = _two_steps(integrator, stages, dt, free=True)
+    number = np.repeat(np.arange(2), counts)
+    for k, (stage, u, _, _) in zip(number, asked, strict=True):
+        start, velocity = begins[k]
+        found = float((u - start) @ velocity / (dt * velocity @ velocity))
+        if abs(found - stages.times[stage]) > STAGED_TOLERANCE:
+            raise CheckFailed(
+                f"`times` says that stage {stage} is at {stages.times[stage]:.9g} of the step, and in free flight it "
+                f"is handed the displacement of {found:.9g}"
+            )
+
+
+def _check_end(integrator: Integrator, stages: Stages, dt: float) -> None:
+    _, asked, _ = _two_steps(integrator, stages, dt, free=False)
+    for (stage, u, v, a), (_, after, _, _) in itertools.pairwise(asked):
+        r_v, r_a, s_a = stages.end[stage]
+        size = float(np.abs(after).max() + np.abs(u).max())
+        if np.abs(u + r_v * v + r_a * a - after).max() > STAGED_TOLERANCE * size:
+            fit = np.linalg.lstsq(np.stack([v, a], axis=1), after - u, rcond=None)[0]
+            raise CheckFailed(
+                f"`end` says of stage {stage} that the displacement to come is u + {r_v:.9g} v + {r_a:.9g} a; the next "
+                f"stage is handed another one, nearest to u + {fit[0]:.9g} v + {fit[1]:.9g} a (the step is {dt:g})"
+            )
+        if abs(s_a - r_a / r_v) > STAGED_TOLERANCE * abs(s_a):
+            raise CheckFailed(
+                f"`end` says of stage {stage} s_a = {s_a:.9g}; the mean velocity until the next stage takes "
+                f"r_a / r_v = {r_a / r_v:.9g}"
+            )

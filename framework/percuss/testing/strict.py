@@ -16,6 +16,7 @@ import numpy as np
 
 from percuss.contracts import ContactPoints, Judged, LeapFrog, Rows, Stages, Trial
 from percuss.testing.kit import CheckFailed, NotApplicable
+from percuss.tryout import read_only
 
 if TYPE_CHECKING:
     from percuss.contracts import ContactLaw, Floats, Integrator
@@ -60,7 +61,7 @@ class StrictSystem:
         self._meet(case)
         self._middle = 0.5 * self.dt  # of the step that is made
         self.scheme = integrator.bind(self.dt)
-        self.bound = law.bind(self.points, self.dt)
+        self.bound = read_only(law.bind(self.points, self.dt))
 
     def _assemble(self, case: Mapping[str, Any]) -> None:
         sizes = {name: one["bar"]["elements"] + 1 for name, one in case["bodies"].items()}
@@ -210,8 +211,9 @@ class StrictSystem:
         seen = [_locked(one) for one in (*gaps, *rates)]
         answers = table.end.answer
         trial = Trial(
-            seen[0], seen[1], seen[2], seen[3], _locked(np.diag(self.delassus)), self.dt, time, answers[0], answers[1]
-        )
+            seen[0], seen[1], seen[2], seen[3], _locked(np.diag(self.delassus)), self.dt, time, answers[0], answers[1],
+            *self._neighbours(),
+        )  # fmt: skip
         kernel: Any = getattr(type(self.law), "multipliers", None)
         if kernel is None:
             raise CheckFailed("bind returned no Rows, and there is no static method `multipliers`")
@@ -219,6 +221,16 @@ class StrictSystem:
         if np.isnan(multiplier).any():
             raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
         return multiplier
+
+    def _neighbours(self) -> tuple[Any, Any, Any, Any]:
+        """Return what a law sees of S off its diagonal, row by row; all contacts are of the one law."""
+        count = len(self.points.names)
+        off = self.delassus - np.diag(np.diag(self.delassus))
+        if not self.law.uses_coupling:
+            off = np.zeros((count, count))
+        row, column = np.nonzero(off)
+        first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
+        return _locked(first, int), _locked(column, int), _locked(off[row, column]), _locked(np.zeros(count))
 
     def _by_rows(
         self,

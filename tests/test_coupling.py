@@ -1,0 +1,284 @@
+"""Kernels of contact laws where contacts share an end: against full matrices and every set of pressing contacts."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dense
+import percuss
+from percuss.explain import explanation
+from percuss.march import March
+from percuss.model import Model
+from percuss.specialise import jit_disabled
+
+LAWS = '''
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+from percuss import ContactLaw, Doc, Ge, Le, Unit, coupled_gap, coupled_rate
+
+
+class Bound(NamedTuple):
+    e: float
+
+
+@dataclass(frozen=True)
+class MoreauJean(ContactLaw):
+    """Impulses at the velocity level.
+
+    Formula: where ``g* <= 0``: ``0 <= lambda, g'_{n+1/2} + e g'_{n-1/2} >= 0``, one of them zero; else ``lambda = 0``.
+    """
+
+    name = "moreau-jean"
+    summary = "impulses at the velocity level"
+    uses_coupling = True
+    e: Annotated[float, Ge(0), Le(1), Unit("1"), Doc("restitution")] = 0.0
+
+    def bind(self, points, dt):
+        return Bound(self.e)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(1000):
+            moved = 0.0
+            for p in range(multiplier.size):
+                if trial.predicted_gap[p] <= 0.0:
+                    before = multiplier[p]
+                    rate = coupled_rate(trial, multiplier, p) + bound.e * trial.rate[p]
+                    multiplier[p] = max(before - rate / (trial.rate_answer * trial.delassus[p]), 0.0)
+                    moved = max(moved, abs(multiplier[p] - before))
+            if moved <= 1e-14 * multiplier.max():
+                break
+
+
+@dataclass(frozen=True)
+class Apart(ContactLaw):
+    """No overlap at the end of the step.
+
+    Formula: ``0 <= lambda, g_{n+1} >= 0``, one of them zero.
+    """
+
+    name = "apart"
+    summary = "no overlap at the end of the step"
+    uses_coupling = True
+
+    def bind(self, points, dt):
+        return Bound(0.0)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(1000):
+            moved = 0.0
+            for p in range(multiplier.size):
+                before = multiplier[p]
+                gap = coupled_gap(trial, multiplier, p)
+                multiplier[p] = max(before - gap / (trial.gap_answer * trial.delassus[p]), 0.0)
+                moved = max(moved, abs(multiplier[p] - before))
+            if moved <= 1e-14 * multiplier.max():
+                break
+
+
+@dataclass(frozen=True)
+class Alone(ContactLaw):
+    """Impulses at the velocity level, each contact by itself.
+
+    Formula: as `moreau-jean`.
+    """
+
+    name = "alone"
+    summary = "impulses at the velocity level, each contact by itself"
+
+    def bind(self, points, dt):
+        return Bound(0.0)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = 0.0
+            if trial.predicted_gap[p] <= 0.0:
+                multiplier[p] = max(-trial.predicted_rate[p] / (trial.rate_answer * trial.delassus[p]), 0.0)
+'''
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    file = tmp_path_factory.mktemp("laws") / "laws.py"
+    file.write_text(LAWS, encoding="utf-8")
+    return file
+
+
+def normals(case, bars):
+    """Return N, (nodes, contacts), and the initial gaps."""
+    N, g0 = np.zeros((bars.x.size, len(case["contacts"]))), np.zeros(len(case["contacts"]))
+    for p, one in enumerate(case["contacts"].values()):
+        ends = one.get("between") or [one["body"]]
+        a = bars.node(ends[0])
+        other = bars.x[bars.node(ends[1])] if len(ends) == 2 else one["wall"]
+        N[a, p] = -1.0
+        if len(ends) == 2:
+            N[bars.node(ends[1]), p] = 1.0
+        g0[p] = other - bars.x[a]
+    return N, g0
+
+
+def march(case, steps, dt, laws):
+    """March by central difference; each step all sets of pressing contacts are tried. Return forces and gaps."""
+    bars = dense.assemble(case)
+    inverse = 1.0 / np.diag(bars.M)
+    N, g0 = normals(case, bars)
+    S = N.T @ (inverse[:, None] * N)
+    u, v = np.zeros(bars.x.size), bars.v.copy()
+    forces, gaps = [], []
+    for _ in range(steps + 1):
+        ahead = v - dt * inverse * (bars.K @ u)
+        gap, rate = g0 + N.T @ u, N.T @ v
+        later = gap + dt * (N.T @ ahead)
+        right, weight, may = np.zeros(g0.size), np.zeros(g0.size), np.ones(g0.size, dtype=bool)
+        for p, law in enumerate(laws):
+            if law["name"] in {"lagrange", "apart"}:
+                right[p], weight[p] = later[p], dt * dt
+            else:
+                right[p], weight[p] = (N.T @ ahead)[p] + law.get("e", 0.0) * rate[p], dt
+                may[p] = later[p] <= 0.0
+        x = pressing(weight[:, None] * S, right, may)
+        forces.append(x)
+        gaps.append(gap)
+        v = ahead + dt * inverse * (N @ x)
+        u = u + dt * v
+    return np.array(forces), np.array(gaps)
+
+
+def pressing(left, right, may):
+    """Return x with ``0 <= x, left x + right >= 0``, one of them zero, for the contacts that `may` press."""
+    best, least = np.zeros(right.size), np.inf
+    some = np.flatnonzero(may)
+    for size in range(some.size + 1):
+        for which in map(list, itertools.combinations(some, size)):
+            x = np.zeros(right.size)
+            x[which] = np.linalg.solve(left[np.ix_(which, which)], -right[which])
+            rest = (left @ x + right)[some] / np.diag(left)[some]
+            miss = -min(rest.min(initial=0.0), x.min(initial=0.0))
+            if miss < least:
+                best, least = x, miss
+    return best
+
+
+SHARED = {
+    "percuss": 1,
+    "bodies": {
+        "hammer": {"bar": {"length": 10, "elements": 50}, "material": {"young": 100, "density": 0.01}, "area": 1,
+                   "velocity": 0.1},
+        "upper": {"bar": {"length": 10, "elements": 50}, "at": 10, "material": {"young": 100, "density": 0.01},
+                  "area": 0.5},
+        "lower": {"bar": {"length": 10, "elements": 50}, "at": 10, "material": {"young": 100, "density": 0.01},
+                  "area": 0.5},
+    },
+    "contacts": {"one": {"between": ["hammer.right", "upper.left"]},
+                 "two": {"between": ["hammer.right", "lower.left"]}},
+    "time": {"end": 0.03, "courant": 0.5},
+}  # fmt: skip
+
+
+def marched(case, *, compiled=False):
+    """Return forces and gaps of a march without its certificate, (steps + 1, contacts)."""
+    made = March(Model(case), compiled=compiled)
+    outcome = made.run()
+    assert outcome.kernels.compiled is compiled or jit_disabled()
+    back = np.argsort(made.order)
+    return outcome.record.multiplier[:, back], outcome.record.gap[:, back]
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
+def test_two_contacts_at_one_end_press_as_a_dense_solution_has_it(file, compiled):
+    """Each contact by itself would press twice as hard: of the two together the bar feels double."""
+    laws = [{"name": "moreau-jean"}] * 2
+    expected, _ = march(SHARED, 30, 1e-3, laws)
+    assert expected.max() == pytest.approx(0.0271484375, rel=1e-9)
+    case = percuss.load({**SHARED, "method": {"integrator": "central-difference", "contact": "moreau-jean"}},
+                        plugins=[file])  # fmt: skip
+    force, _ = marched(case, compiled=compiled)
+    assert force.max() == pytest.approx(expected.max(), rel=1e-12)
+    assert Model(case).ignored_couplings() == []
+
+
+@st.composite
+def stars(draw):
+    """Draw a bar that runs into two or three others and perhaps a wall, all at one end, with a law for each contact."""
+    number = st.integers(50, 150).map(lambda k: k / 100)
+
+    def bar(at, velocity):
+        return {
+            "bar": {"length": draw(number), "elements": draw(st.integers(1, 4))},
+            "material": {"young": 100.0 * draw(number), "density": 0.01 * draw(number)},
+            "area": draw(number),
+            "at": at,
+            "velocity": velocity,
+        }
+
+    bodies = {"hammer": bar(0.0, 1.0)}
+    end = bodies["hammer"]["bar"]["length"]
+    contacts = {}
+    for name in "abc"[: draw(st.integers(1, 3))]:
+        gap = draw(st.integers(1, 40)) * 1.234e-4
+        bodies[name] = bar(end + gap, -0.1)
+        contacts[name] = {"between": ["hammer.right", f"{name}.left"]}
+    if len(contacts) == 1 or draw(st.booleans()):
+        contacts["wall"] = {"body": "hammer.right", "wall": end + draw(st.integers(1, 40)) * 1.357e-4}
+    kinds = [{"name": "moreau-jean", "e": 0.5}, {"name": "moreau-jean", "e": 0.25}, {"name": "apart"},
+             {"name": "lagrange"}]  # fmt: skip
+    for one in contacts.values():
+        one["method"] = draw(st.sampled_from(kinds))
+    return {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": {"steps": 40, "courant": 0.5}}
+
+
+@settings(max_examples=40)
+@given(case=stars())
+def test_laws_of_all_kinds_at_one_end_are_solved_together(file, case):
+    loaded = percuss.load({**case, "method": {"integrator": "central-difference"}}, {"time.on_unstable": "warn"},
+                          plugins=[file])  # fmt: skip
+    laws = [one["method"] for one in case["contacts"].values()]
+    expected = march(case, 40, Model(loaded).dt, laws)
+    force, gap = marched(loaded)
+    assert np.abs(force - expected[0]).max() <= 1e-9 * max(np.abs(expected[0]).max(), 1e-12)
+    assert np.abs(gap - expected[1]).max() <= 1e-11
+    assert Model(loaded).ignored_couplings() == []
+
+
+def test_what_a_kernel_ignores_is_said_by_check_and_by_the_run(file):
+    method = {"integrator": "central-difference", "contact": "alone"}
+    coarse = {f"bodies.{name}.bar.elements": 2 for name in SHARED["bodies"]} | {"time.on_unstable": "warn"}
+    case = percuss.load({**SHARED, "method": method}, coarse, plugins=[file])
+    told = explanation(Model(case))
+    note = ("contacts 'one', 'two' share an end, and the kernel of law alone sees each of its contacts by itself: it "
+            "ignores what the others at that end press in the same step")  # fmt: skip
+    assert f"note: {note}" in told.text
+    assert told.data["certificate"]["ignores"][0].startswith(note)
+    (found,) = [one for one in percuss.run(case, compiled=False).summary["notes"] if "share an end" in one]
+    assert found.startswith(note)
+
+
+def test_nothing_is_said_where_no_end_is_shared_or_laws_are_rows(file):
+    for law in ("alone", "lagrange"):
+        contacts = {"one": SHARED["contacts"]["one"], "behind": {"body": "hammer.left", "wall": -1.0}}
+        bodies = SHARED["bodies"]
+        if law == "lagrange":
+            contacts = SHARED["contacts"]
+        case = {**SHARED, "bodies": bodies, "contacts": contacts, "method": {"contact": law}}
+        assert Model(percuss.load(case, plugins=[file])).ignored_couplings() == []
+
+
+def test_a_law_that_ignores_the_others_is_shown_none_of_them(file, tmp_path):
+    """What is said of it is so: the coupling is kept from a kernel that does not declare that it uses it."""
+    text = LAWS.replace("    uses_coupling = True\n", "")
+    silent = tmp_path / "silent.py"
+    silent.write_text(text, encoding="utf-8")
+    forces = {}
+    for name, files in (("moreau-jean", silent), ("alone", file)):
+        case = {**SHARED, "method": {"integrator": "central-difference", "contact": name}}
+        forces[name], _ = marched(percuss.load(case, plugins=[files]))
+    assert np.allclose(forces["moreau-jean"], forces["alone"], rtol=1e-9, atol=0.0)
