@@ -193,17 +193,16 @@ def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float
 
 def _against(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[str, str]:
     """Return the verdict that follows from a step and the critical one, which is nan where it was not searched for."""
-    margin = dt / critical if critical > 0 else np.inf
-    above = margin > 1.0 + EDGE or (not stable and margin > 1.0 - EDGE)
-    if not np.isnan(critical) and above:
+    margin = np.inf if critical <= 0.0 else dt / critical  # nan compares as neither above nor below
+    if margin > 1.0 + EDGE:
         digits = 6 if margin > 1.0 + 1e-5 else 12
         return "no", f"the step {dt:.{digits}g} is above {critical:.{digits}g}, the critical step {combination}"
+    if margin >= 1.0 - EDGE:
+        return "marginal", f"the step is the critical one {combination}"
     if not stable:
         return "no", f"the step {dt:.6g} is unstable {combination}"
     if np.isnan(critical):
         return "yes", f"at the step {dt:.6g} nothing grows in any set of closed contacts; no longer step was tried"
-    if margin >= 1.0 - EDGE:
-        return "marginal", f"the step is the critical one {combination}"
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
