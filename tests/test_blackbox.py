@@ -1,5 +1,6 @@
 """The step itself against the rows of the laws, closed forms and one another; and that a wrong one would be seen."""
 
+import dataclasses
 import math
 import textwrap
 from dataclasses import dataclass
@@ -22,7 +23,10 @@ from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, wi
 from test_stability import ROWS, wall
 
 WU, CD = "wu-predictor-corrector", "central-difference"
-ROW_LAWS = [law for law in LAWS if "multipliers" not in vars(REGISTRY.get("contacts", law["name"]))]
+# a tie acts whether its gap is open or closed: no run is one of its bodies by themselves
+ROW_LAWS = [
+    law for law in LAWS if law["name"] != "tied" and "multipliers" not in vars(REGISTRY.get("contacts", law["name"]))
+]
 ROW_PAIRS = [pair for pair in PAIRS if pair[1] in ROW_LAWS]
 LONG = 36  # 2**36 steps
 
@@ -183,13 +187,15 @@ def test_the_limit_is_tight(pair, case):
 
 
 @given(case=rows(moving=False, loads=False, bars=2))
-def test_a_law_with_a_kernel_of_its_own_is_judged_as_the_law_it_is(case):
-    """`tied` has no rows; two bars tied are one bar with a heavier node."""
+def test_bars_that_are_tied_keep_the_step_of_the_bars(case):
+    """Two bars tied are one bar with a heavier node."""
     model = drawn_model(case, (CD, {"name": "tied"}))
     found = certificate(model)
-    assert found["by"] == ("black-box" if model.meetings else "pencil")
+    assert found["by"] == "pencil"
     assert found["stable"] in {"yes", "marginal"} or model.dt > found["dt_critical_free"]
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-9)
+    everywhere = list(range(len(model.meetings)))
+    assert examine(Motions(model), found["dt_critical_free"] * (1 - 1e-6), everywhere).stable
 
 
 def test_closing_a_contact_may_raise_the_limit():
@@ -222,8 +228,9 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
         model = model_of(hunek(n=200, integrator=CD, contact=law))
         assert BlackBoxJudge(model).critical() == pytest.approx(RowsJudge(model).critical(), rel=1e-4)
-    model = model_of(hunek(n=200, contact={"name": "tied"}))
-    assert "Krylov" in certificate(model)["why"]
+    found = certificate(model_of(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
+    assert "Krylov" in found["why"]
+    assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
 
 
 # ------------------------------------------------------------------------------------------------- what it cannot say
@@ -298,7 +305,7 @@ def test_nothing_planted_nothing_found(integrator):
 def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch):
     def forgets(model, dt):
         said = closed(model, dt)
-        return judges.Closed(0.0 * said.stiffness, said.inertia, said.predicted, said.unknown, said.energy, "")
+        return dataclasses.replace(said, stiffness=0.0 * said.stiffness)
 
     monkeypatch.setattr(judges, "closed", forgets)
     with pytest.raises((AssertionError, IndexError)):
@@ -306,7 +313,7 @@ def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch
 
 
 def test_a_lumped_mass_penalty_is_seen(monkeypatch):
-    def lumped(self, dt, stiffness, inertia):
+    def lumped(self, dt, stiffness, inertia, tied=()):
         count = self.model.n_nodes
         matrix = np.zeros((count, count))
         for first, mass, diagonal, off in self.bodies:
