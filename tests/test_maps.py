@@ -62,12 +62,13 @@ def test_a_map_over_the_step_has_theta_and_margin():
 
 def test_what_cannot_be_judged_is_a_row_with_its_reason():
     found = percuss.stability(
-        percuss.load(HUNEK, {"bodies.short.bar.elements": 5, "bodies.long.bar.elements": 5, "method.contact": "tied"}),
+        percuss.load(HUNEK, {"bodies.short.bar.elements": 5, "bodies.long.bar.elements": 5,
+                             "method": {"integrator": "noh-bathe", "contact": "lagrange"}}),
         {"time.courant": [0.5]}, None, ["closed-form", "pencil", "black-box"],
     )  # fmt: skip
     assert [row["courant_critical"] is None for row in found] == [True, True, False]
-    assert "tied" in found[0]["reason"]
-    assert "tied" in found[1]["reason"]
+    assert "noh-bathe is no leap-frog scheme" in found[0]["reason"]
+    assert "lagrange" in found[1]["reason"]
 
 
 def test_a_picture_of_a_map_says_what_it_leaves_out():

@@ -101,7 +101,7 @@ def certificate(model: Model) -> dict[str, Any]:
         finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
     if finding.known and finding.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
-    if finding.known and critical < free * (1.0 - EDGE):  # the contacts that limit the step are those just above it
+    if finding.known and 0.0 < critical < free * (1.0 - EDGE):  # the contacts that limit the step are those just above it
         limiting = judge.judge(critical * (1.0 + ABOVE))
         if not limiting.stable and limiting.known:
             finding = dataclasses.replace(finding, worst=limiting.worst, stretch=limiting.stretch)

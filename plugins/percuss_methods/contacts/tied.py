@@ -31,6 +31,11 @@ class Tied(ContactLaw):
 
     during: Annotated[tuple[tuple[float, float], ...], Unit("time"), Doc("intervals (start, stop)")] | None = None
 
+    def __post_init__(self) -> None:
+        for start, stop in self.during or ():
+            if not start <= stop:
+                raise ValueError(f"the interval from {start:g} to {stop:g} ends before it starts")
+
     def bind(self, points: ContactPoints, dt: float) -> Rows:  # noqa: ARG002
         """Return the row ``g' = 0`` at the end of the step, in the intervals."""
         during = None if self.during is None else np.array(self.during, dtype=float).reshape(-1, 2)
