@@ -332,7 +332,7 @@ def test_a_law_that_no_step_makes_stable_is_said(tmp_path):
     (tmp_path / "glue.py").write_text(text)
     case = percuss.load({**wall(1.0, 1.0), "method": {"integrator": CD, "contact": "glue"}},
                         {"time.courant": "auto"}, plugins=[tmp_path / "glue.py"])  # fmt: skip
-    with pytest.raises(percuss.InputError, match="some step is stable"):
+    with pytest.raises(percuss.InputError, match="some step is known to be stable"):
         percuss.run(case)
 
 

@@ -103,6 +103,8 @@ LAWS = {
 def exactly_as_dense(case, integrator, law):
     """Hold a run against the dense solver; return its result."""
     case = {**case, "method": {"integrator": integrator, "contact": law}}
+    if integrator == WU:  # contacts that share an end and differ in eps_m / eps_s may grow, slowly: it is told and run
+        case["time"] = {**case["time"], "on_unstable": "warn"}
     result = run(case)
     truth = march(case)
     allowed = round_off(case, result, ("contact_force", "gap", "displacement", "velocity"))

@@ -101,12 +101,14 @@ def certificate(model: Model) -> dict[str, Any]:
         finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
     if finding.known and finding.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
-    if finding.known and 0.0 < critical < free * (1.0 - EDGE):  # the contacts that limit the step are those just above it
+    if finding.known and 0.0 < critical < free * (
+        1.0 - EDGE
+    ):  # the contacts that limit the step are those just above it
         limiting = judge.judge(critical * (1.0 + ABOVE))
         if not limiting.stable and limiting.known:
             finding = dataclasses.replace(finding, worst=limiting.worst, stretch=limiting.stretch)
-    if not finding.known:
-        critical = np.nan
+    if not finding.known or (not finding.stable and critical > model.dt * (1.0 + EDGE)):
+        critical = np.nan  # a longer step may be stable where this one is not
     verdict, why = _verdict(judge, finding, free, critical)
     energy, energy_why = _energy(judge, finding, verdict)
     stretch = judge.stretches[finding.stretch]
@@ -123,7 +125,7 @@ def certificate(model: Model) -> dict[str, Any]:
         "theta": finding.theta,
         "by": judge.by,
         "why": why,
-        "cure": _cure(judge, critical) if verdict == "no" else "",
+        "cure": (finding.cure or _cure(judge, critical)) if verdict == "no" else "",
         "ignores": model.ignored_couplings(),
     }
 
@@ -202,7 +204,10 @@ def _against(dt: float, critical: float, combination: str, *, stable: bool) -> t
     if not stable:
         return "no", f"the step {dt:.6g} is unstable {combination}"
     if np.isnan(critical):
-        return "yes", f"at the step {dt:.6g} nothing grows in any set of closed contacts; no longer step was tried"
+        return (
+            "yes",
+            f"at the step {dt:.6g} nothing grows in any set of closed contacts; the critical step is not known",
+        )
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 

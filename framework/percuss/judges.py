@@ -20,7 +20,7 @@ from percuss.contact import broadcast, delassus_rows
 from percuss.contracts import Rows
 from percuss.pencil import EDGE, Pencil, critical_step, largest
 from percuss.schemes import reach, scheme
-from percuss.unalike import WORK, WORK_OF_SEARCH, ClosedMatrix, sets_in_question
+from percuss.unalike import WORK, ClosedMatrix, sets_in_question
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,6 +45,7 @@ UNALIKE = (
     "can grow at any theta"
 )
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
+EQUALS = "give contacts that share an end the same eps_m / eps_s, or judge contact at the current gap"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
 ALIKE = 1e-9  # of dt^2: a smaller difference of two eps_m / eps_s is round-off
@@ -113,6 +114,8 @@ class Finding:
         Whether anything can be said.
     stretch
         Number of the stretch of the run it is about.
+    cure
+        What cures an unstable step, where neither a shorter step nor another value of one option does.
     """
 
     stable: bool
@@ -121,6 +124,7 @@ class Finding:
     doubt: str = ""
     known: bool = True
     stretch: int = 0
+    cure: str = ""
 
 
 def closed(model: Model, dt: float) -> Closed:
@@ -374,7 +378,7 @@ class RowsJudge:
         if stable is None:
             slow = f"with contacts {named(self.model, worst)} closed it may grow, too slowly to be told from rounding"
             return Finding(False, worst, doubt=f"{reason}; {slow}", known=False)
-        return Finding(stable, worst)
+        return Finding(True) if stable else Finding(False, worst, doubt=reason, cure=EQUALS)
 
     @cached_property
     def _matrix(self) -> ClosedMatrix:
@@ -404,12 +408,8 @@ class RowsJudge:
         unalike = self._unalike(bound) if 0.0 < bound < np.inf else []
         if not unalike:
             return bound
-        sets = sum(1 for _ in itertools.islice(sets_in_question(unalike, closed(self.model, bound)), MOST_SETS))
-        if self._matrix.work(sets) > WORK_OF_SEARCH:
-            return np.nan
-        if self.judge(bound * (1.0 - EDGE)).stable:
-            return bound
-        return largest(lambda dt: self.judge(dt).stable, bound, LOOSE)
+        # what grows because they are unalike does so at shorter steps too, ever more slowly: there is no critical one
+        return bound if self.judge(bound * (1.0 - EDGE)).stable else np.nan
 
 
 class EveryStretch:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 SLOW = 1e-7  # growth in a step: less is not told from rounding with certainty
 WORK = 1e8  # cubes of the size of the matrix, over all sets of closed contacts, up to which one step is examined
-WORK_OF_SEARCH = 4e6  # up to which the critical step is searched for
 
 
 class ClosedMatrix:
