@@ -159,16 +159,16 @@ def test_unequal_contacts_on_one_end_can_grow_at_any_theta():
     for name, at, n, young, area in (("a", -1.0, 6, 1.0, 1.0), ("b", 0.0, 5, 2.0, 0.5), ("c", 0.0, 7, 0.5, 0.7)):
         material = {"young": young, "density": 1.0}
         case["bodies"][name] = {"bar": {"length": 1.0, "elements": n}, "at": at, "material": material, "area": area}
-    for name, stiffness, mass in (("b", 15.0, 2.0), ("c", 5.0, 0.05)):
+    for name, stiffness, mass in (("b", 34.0, 2.0), ("c", 3.0, 0.009)):
         law = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": mass}
         case["contacts"][f"a{name}"] = {"between": ["a.right", f"{name}.left"], "method": law}
     case["method"] = {"integrator": WU, "contact": "penalty"}
     model = loaded(case)
     found = certificate(model)
     largest, _, closed = largest_radius(Bodies(case), WU, model.dt, 1.0)
-    assert largest > 1.0 + 1e-4
+    assert largest > 1.004
     assert closed == (0, 1)
-    assert found["theta"] < 1.0
+    assert found["theta"] < 0.4
     assert (found["stable"], found["worst"], found["dt_critical"]) == ("no", ["ab", "ac"], None)
     assert "share an end and differ in eps_m / eps_s" in found["why"]
     assert found["cure"].startswith("give contacts that share an end the same eps_m / eps_s")
