@@ -279,6 +279,17 @@ def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
     assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 
+def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(tmp_path):
+    """Soft at first and far too stiff from half of the run on."""
+    soft = "0.1 * bound.stiffness[p] * overlap"
+    assert certificate(Model(law_file(tmp_path, soft)))["stable"] == "yes"
+    case = law_file(tmp_path, f"{soft} * (1.0 if trial.time < 0.5 else 1e4)")
+    case = case.with_overrides({"time": {"end": 1.0, "courant": 0.5}})
+    found = certificate(Model(case))
+    assert (found["stable"], found["dt_critical"]) == ("unknown", None)
+    assert "mine changes with time" in found["why"]
+
+
 # --------------------------------------------------------------------------------------------------- planted defects
 
 

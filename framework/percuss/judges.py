@@ -20,6 +20,7 @@ from percuss.contact import broadcast, delassus_rows
 from percuss.contracts import Rows
 from percuss.pencil import EDGE, Pencil, critical_step, largest
 from percuss.schemes import reach, scheme
+from percuss.tryout import changes_with_time
 from percuss.unalike import WORK, ClosedMatrix, sets_in_question
 
 if TYPE_CHECKING:
@@ -515,7 +516,21 @@ class BlackBoxJudge:
                 doubt = "the model is large: growth was looked for by a Krylov iteration, and none found"
             if found.radius > radius * (1.0 + 1e-6):
                 radius, worst = found.radius, list(one)
-        return Finding(True, worst, theta, doubt, known=complete)
+        if self._changing:
+            names = ", ".join(self._changing)
+            doubt = f"{names} changes with time, and no growth was found as it acts at the start"
+        return Finding(True, worst, theta, doubt, known=complete and not self._changing)
+
+    @cached_property
+    def _changing(self) -> list[str]:
+        """Names of laws with a kernel whose force changes with time."""
+        end = self.model.whole.steps * self.model.whole.dt
+        return [
+            entry["law"].name
+            for entry in self.model.laws
+            if not isinstance(entry["bound"], Rows)
+            and changes_with_time(entry["law"], entry["bound"], entry["points"], self.model.dt, end)
+        ]
 
     def critical(self) -> float:
         """Return the largest stable step, within `LOOSE`; a combination stable at the free step is so below it.

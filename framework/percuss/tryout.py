@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 OWN = ("percuss", "percuss_methods")
 DEPTHS = (1e-6, 1e-3)  # of the gaps that a kernel is tried with
+SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which a law is asked whether it changes with time
 LAST = 32  # points of a law whose every instance is tried; with more, the first instance of its class
 LOWEST_INDEX = -2  # a lower index of a bound array is taken for a mistake: the last two are read on purpose
 _TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
@@ -105,6 +106,19 @@ def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
                 f"{again[point]:.17g} when it is asked the same again after other calls: the kernel keeps state "
                 "between calls, or draws random numbers; what it needs is in what `bind` returns and in the trial"
             )
+
+
+def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: float, end: float) -> bool:
+    """Return whether the kernel of a law answers the same state differently at different times up to `end`."""
+    kernel: Any = kernel_of(law)
+    kernel = getattr(kernel, "py_func", kernel)
+    for state in _states(len(points.names), dt):
+        trial = _trial(points, dt, state, law)
+        answer = _called(law, kernel, bound, trial)
+        for share in SHARES_OF_THE_RUN:
+            if not np.array_equal(answer, _called(law, kernel, bound, trial._replace(time=share * end))):
+                return True
+    return False
 
 
 class _Watched(np.ndarray):
