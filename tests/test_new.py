@@ -83,7 +83,7 @@ def test_a_method_conforms(written, kind):
 
 def test_a_measure_is_used_by_a_study(written):
     study = percuss.study(written / "some-measure.study.yaml", written / "rows.sqlite", workers=1)
-    assert list(study.columns) == ["some-measure"]
+    assert list(study.columns) == ["some-measure", "node_steps", "seconds"]  # what each run costs stands in every row
     assert all(abs(row["some-measure"] - 0.2) < 0.01 for row in study.rows())
 
 
