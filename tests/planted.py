@@ -492,7 +492,7 @@ class Impulsive(ContactLaw):
     references = ("Jean: The non-smooth contact dynamics method, CMAME 177 (1999)",)
     guarantees = ("never pulls",)
     uses_coupling = True
-    expected_failures = {"exact-impact": "a contact may open for a step while it presses"}
+    expected_failures = {"energy-never-grows": "an impulse that stops the rate also moves the end of the step"}
 
     def bind(self, points, dt):
         return NOTHING
@@ -501,14 +501,14 @@ class Impulsive(ContactLaw):
     def multipliers(bound, trial, multiplier):
         multiplier[:] = 0.0
         for _ in range(1000):
-            moved = 0.0
+            moved, largest = 0.0, 0.0
             for p in range(multiplier.size):
                 if trial.predicted_gap[p] <= 0.0:
                     before = multiplier[p]
                     rate = coupled_rate(trial, multiplier, p)
                     multiplier[p] = max(before - rate / (trial.rate_answer * trial.delassus[p]), 0.0)
-                    moved = max(moved, abs(multiplier[p] - before))
-            if moved <= 1e-14 * np.max(multiplier):
+                    moved, largest = max(moved, abs(multiplier[p] - before)), max(largest, multiplier[p])
+            if moved <= 1e-14 * largest:
                 break
 
 

@@ -366,7 +366,6 @@ def test_a_mass_that_underflows_is_a_matter_of_units():
     [
         ({"name": "row", "rate": 1e-4}, "row weighs the gap rate"),
         ({"name": "nitsche"}, "nitsche is judged at the current or predicted gap without a compliance"),
-        ({"name": "row", "at_end": True}, "row is judged at the end of the step and may pull"),
         ({"name": "nitsche-kernel"}, "nitsche-kernel has a kernel of its own"),
     ],
 )
