@@ -166,7 +166,8 @@ def growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
     from percuss.model import Model
 
     model = Model(subject.load(case))
-    rigid = all(isinstance(e["bound"], Rows) and not np.any(e["bound"].sigma) for e in model.laws)
+    bounds = [entry["bound"] for entry in model.laws]
+    rigid = all(isinstance(row, Rows) and row.sign == ">= 0" and not np.any(row.sigma) for row in bounds)
     whole = rigid or result.summary["energy_growth"]["quantity"] != "kinetic + elastic - work"
     if model.stages is None and whole:
         return float(result.summary["energy_growth"]["largest"])
