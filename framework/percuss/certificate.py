@@ -15,6 +15,7 @@ from percuss.judges import (
     NEVER_GROWS,
     NOT_GUARANTEED,
     BlackBoxJudge,
+    Closed,
     EveryStretch,
     Finding,
     RowsJudge,
@@ -101,9 +102,8 @@ def certificate(model: Model) -> dict[str, Any]:
         finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
     if finding.known and finding.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
-    if finding.known and 0.0 < critical < free * (
-        1.0 - EDGE
-    ):  # the contacts that limit the step are those just above it
+    if finding.known and 0.0 < critical < free * (1.0 - EDGE):
+        # the contacts that limit the step are those that are unstable just above it
         limiting = judge.judge(critical * (1.0 + ABOVE))
         if not limiting.stable and limiting.known:
             finding = dataclasses.replace(finding, worst=limiting.worst, stretch=limiting.stretch)
@@ -219,24 +219,21 @@ def _energy(judge: EveryStretch, finding: Finding, verdict: str) -> tuple[str, s
         if verdict == "no" or (finding.theta is not None and finding.theta >= 1.0):
             more = ", with theta below 1" if finding.theta is not None else ""
             return NOT_GUARANTEED, f"that takes a stable closed step{more}"
-        if laws.energy == NEVER_GROWS and (jump := _stiffening(judge)):
+        if laws.energy == NEVER_GROWS and (jump := _stiffening(model, laws)):
             return NOT_GUARANTEED, jump
     return laws.energy, laws.why
 
 
-def _stiffening(judge: EveryStretch) -> str:
+def _stiffening(model: Model, laws: Closed) -> str:
     """Return the words for a contact that a change of supports stiffens at the end of the step, "" for none.
 
     ``kappa = 1 / (1/eps_s + (eps_m/eps_s - dt^2) s)`` rises with s where eps_m / eps_s is below dt^2, and falls with it
     above. The energy that a closed contact stores rises with kappa, and no work goes with that.
     """
-    model = judge.model
-    laws = closed(model, model.dt)
     soft = laws.predicted & (laws.stiffness > 0)
-    compliance = np.divide(1.0, laws.stiffness, out=np.zeros_like(laws.stiffness), where=soft)
     before: Any = None
     for first, _ in model.segments():
-        after = compliance + np.where(soft, laws.surplus, 0.0) * model.delassus((first + 0.5) * model.dt)
+        after = laws.compliance + np.where(soft, laws.surplus, 0.0) * model.delassus((first + 0.5) * model.dt)
         stiffer = [] if before is None else [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]
         if stiffer:
             return (

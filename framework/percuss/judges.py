@@ -340,14 +340,14 @@ class RowsJudge:
 
     def judge(self, dt: float) -> Finding:
         """Return what is to be said of a step."""
-        finding = self._by_rows(dt)
-        if finding.stable and (unalike := self._unalike(dt)):
-            return dataclasses.replace(self._by_matrix(dt, unalike), theta=finding.theta)
+        laws = closed(self.model, dt)
+        finding = self._by_rows(dt, laws)
+        if finding.stable and (unalike := self._unalike(laws)):
+            return dataclasses.replace(self._by_matrix(dt, laws, unalike), theta=finding.theta)
         return finding
 
-    def _by_rows(self, dt: float) -> Finding:
+    def _by_rows(self, dt: float, laws: Closed) -> Finding:
         """Return what inertia of the pencil and theta say of a step."""
-        laws = closed(self.model, dt)
         current = ~laws.predicted
         if self.reach == 0.0:
             return Finding(False)
@@ -364,13 +364,12 @@ class RowsJudge:
             return dataclasses.replace(self._coarse.judge(dt), theta=theta)
         return Finding(False, group, theta)
 
-    def _unalike(self, dt: float) -> list[Any]:
+    def _unalike(self, laws: Closed) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
-        return [group for group, alike in self._groups(closed(self.model, dt)) if not alike]
+        return [group for group, alike in self._groups(laws) if not alike]
 
-    def _by_matrix(self, dt: float, unalike: list[Any]) -> Finding:
+    def _by_matrix(self, dt: float, laws: Closed, unalike: list[Any]) -> Finding:
         """Return what the amplification matrix says of groups of which theta does not tell all."""
-        laws = closed(self.model, dt)
         reason = UNALIKE.format(named(self.model, [int(p) for group in unalike for p in group]))
         sets = list(itertools.islice(sets_in_question(unalike, laws), MOST_SETS))
         if len(sets) == MOST_SETS or self._matrix.work(len(sets)) > WORK:
@@ -386,15 +385,10 @@ class RowsJudge:
         return ClosedMatrix(self.pencil)
 
     @cached_property
-    def _small(self) -> BlackBoxJudge | None:
-        """The judge by the step itself, where the model is small enough to be examined whole."""
-        return BlackBoxJudge(self.model) if 2 * self.model.mass.size * self.model.dim <= DENSE else None
-
-    @cached_property
     def _coarse(self) -> BlackBoxJudge | None:
         """The judge of steps above theta = 1, where a bar so short that contact damps all of it may stay stable."""
         short = any(body.stiffness.size < SHORT for body in self.model.bodies.values())
-        return self._small if short else None
+        return BlackBoxJudge(self.model) if short and 2 * self.model.mass.size <= DENSE else None
 
     @cached_property
     def free(self) -> float:
@@ -405,9 +399,8 @@ class RowsJudge:
         """Return the largest stable step, laws bound anew for each step tried; nan where that is not known."""
         if self.free in {0.0, np.inf}:  # no step, or any: all nodes are held
             return self.free
-        bound = critical_step(lambda dt: self._by_rows(dt).stable, self.free)
-        unalike = self._unalike(bound) if 0.0 < bound < np.inf else []
-        if not unalike:
+        bound = critical_step(lambda dt: self._by_rows(dt, closed(self.model, dt)).stable, self.free)
+        if not 0.0 < bound < np.inf or not self._unalike(closed(self.model, bound)):
             return bound
         # what grows because they are unalike does so at shorter steps too, ever more slowly: there is no critical one
         return bound if self.judge(bound * (1.0 - EDGE)).stable else np.nan

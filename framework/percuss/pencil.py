@@ -71,6 +71,15 @@ class Pencil:
                 return None
         return out
 
+    def normals(self, first: int, count: int) -> Floats:
+        """Return N of all contacts along the axis of a body, at `count` of its nodes from `first` on, (count, P)."""
+        columns = np.zeros((count, len(self.model.meetings)))
+        for p, meeting in enumerate(self.model.meetings):
+            for node, normal in meeting.rows():
+                if first <= node < first + count:
+                    columns[node - first, p] += float(normal @ self.model.body_of(node).mesh.direction)
+        return columns
+
     def compliance(self, factors: list[Any]) -> Floats:
         """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
         from scipy.linalg import cho_solve_banded
@@ -78,12 +87,7 @@ class Pencil:
         meetings = self.model.meetings
         out = np.zeros((len(meetings), len(meetings)))
         for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
-            columns = np.zeros((mass.size, len(meetings)))
-            for p, meeting in enumerate(meetings):
-                for node, normal in meeting.rows():
-                    if first <= node < first + mass.size:
-                        axis = self.model.body_of(node).mesh.direction
-                        columns[node - first, p] += float(normal @ axis)
+            columns = self.normals(first, mass.size)
             touched = np.flatnonzero(columns.any(axis=0))
             if touched.size:
                 solved = cho_solve_banded((factor, False), columns[:, touched], check_finite=False)

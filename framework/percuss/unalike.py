@@ -38,8 +38,7 @@ class ClosedMatrix:
         sizes = [mass.size for _, mass, _, _ in pencil.bodies]
         self.size = sum(sizes)
         self.scaled = np.zeros((self.size, self.size))  # M^-1/2 K M^-1/2
-        meetings = pencil.model.meetings
-        self.normal = np.zeros((self.size, len(meetings)))  # M^-1/2 N
+        self.normal = np.zeros((self.size, len(pencil.model.meetings)))  # M^-1/2 N
         rigid = []
         at = 0
         for (first, mass, diagonal, off), size in zip(pencil.bodies, sizes, strict=True):
@@ -47,11 +46,7 @@ class ClosedMatrix:
             place = np.arange(at, at + size)
             self.scaled[place, place] = diagonal / mass
             self.scaled[place[:-1], place[1:]] = self.scaled[place[1:], place[:-1]] = off / (root[:-1] * root[1:])
-            for p, meeting in enumerate(meetings):
-                for node, normal in meeting.rows():
-                    if first <= node < first + size:
-                        axis = pencil.model.body_of(node).mesh.direction
-                        self.normal[at + node - first, p] += float(normal @ axis) / root[node - first]
+            self.normal[place] = pencil.normals(first, size) / root[:, None]
             if size == pencil.model.body_of(first).mass.size:  # neither end is held along the axis
                 motion = np.zeros(self.size)
                 motion[place] = root / np.linalg.norm(root)
