@@ -39,6 +39,7 @@ RESTARTS = 12  # half as many for states above
 HUGE = 5000
 LINEAR = 1e-6
 BARELY = 1e-6  # below 1, where the radius of what contact does not damp ends
+UNFELT = 1e-7  # of a motion: a smaller change of the closed gaps is round-off
 MOST_TOGETHER = 3  # contacts of which every combination is tried; above, none, each one, and all
 
 
@@ -49,7 +50,8 @@ class Found:
     Attributes
     ----------
     radius
-        Largest modulus of the eigenvalues left after deflation; nan where the step is not linear.
+        Largest modulus of the eigenvalues left after deflation; above theta = 1 of those whose motion a closed gap
+        feels, unless another grows. nan where the step is not linear.
     theta
         Of steps whose contact answers the predicted overlap alone: the largest part of it that is taken back, else
         None.
@@ -70,8 +72,12 @@ class Found:
     @property
     def stable(self) -> bool:
         """Whether nothing was found to grow; above theta = 1 growth starts so slowly that a radius of 1 is none."""
-        beyond = self.theta is not None and self.theta > 1.0 + EDGE
-        return not self.radius > (1.0 - BARELY if beyond else 1.0 + EDGE)
+        return not self.radius > (1.0 - BARELY if _beyond(self.theta) else 1.0 + EDGE)
+
+
+def _beyond(theta: float | None) -> bool:
+    """Return whether contact takes back more than what it answers."""
+    return theta is not None and theta > 1.0 + EDGE
 
 
 class ClosedStep:
@@ -310,7 +316,15 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
     matrix = step.matrix()
     rest = matrix - idle @ (idle.T @ matrix)
     rest -= (rest @ idle) @ idle.T
-    return Found(float(np.abs(np.linalg.eigvals(rest)).max(initial=0.0)), theta, whole=True)
+    if not _beyond(theta):
+        return Found(float(np.abs(np.linalg.eigvals(rest)).max(initial=0.0)), theta, whole=True)
+    values, motions_of = np.linalg.eig(rest)
+    moduli = np.abs(values)
+    gaps = np.kron(np.eye(step.parts), motions.gaps[step.closed])
+    felt = np.linalg.norm(gaps @ motions_of, axis=0) > UNFELT * np.linalg.norm(gaps)
+    others = moduli[~felt].max(initial=0.0)  # motions of bodies that contact leaves alone neither grow nor decay
+    radius = moduli[felt].max(initial=0.0)
+    return Found(float(max(radius, others) if others > 1.0 + EDGE else radius), theta, whole=True)
 
 
 def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:

@@ -300,7 +300,7 @@ def not_started(model: Model, known: dict[str, Any]) -> dict[str, Any]:
     worst = [meeting.nodes[0] for meeting in model.meetings if meeting.name in known["worst"]]
     body = max(model.bodies.values(), key=lambda one: float(one.frequency.max()))
     node = worst[0] if worst else body.start + int(np.argmax(body.frequency))
-    return _stop(model, 0, node, NOT_STARTED, f"{known['why']}: {known['cure']}")
+    return stopped(model, 0, node, NOT_STARTED, f"{known['why']}: {known['cure']}")
 
 
 def _cause(model: Model, *, by_contact: bool) -> str:
@@ -340,10 +340,11 @@ def likely_cause(march: March, step: int, *, by_contact: bool, unsolved: bool = 
         what = "a value is no longer finite"
     elif unsolved:
         what = f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
-    return _stop(model, step, node, what, UNSOLVED if unsolved else _cause(model, by_contact=by_contact))
+    return stopped(model, step, node, what, UNSOLVED if unsolved else _cause(model, by_contact=by_contact))
 
 
-def _stop(model: Model, step: int, node: int, what: str, cause: str) -> dict[str, Any]:
+def stopped(model: Model, step: int, node: int, what: str, cause: str) -> dict[str, Any]:
+    """Return how a run stopped: after which step, at which node, what was seen and why."""
     body = model.body_of(node)
     return {
         "step": step,

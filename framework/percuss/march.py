@@ -486,30 +486,25 @@ class March:
         total = self.few.totals[0]
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + loop.NOISE * total.step_energy
         by_contact = not total.contact_work <= limit
-        stop = likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
         if self.own_laws and not np.isfinite(self.few.points.multiplier).all():
-            stop |= self._unset(row, before, first + s)
-        return first + s, stop
+            unset = self._unset(row, before, first + s)
+            if unset is not None:
+                return first + s, unset
+        return first + s, likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
 
-    def _unset(self, drive: Any, before: list[Any], step: int) -> dict[str, Any]:
-        """Return what and why, of a step in which the kernel of a law left a contact without a multiplier."""
+    def _unset(self, drive: Any, before: list[Any], step: int) -> dict[str, Any] | None:
+        """Return how a run stopped, where the kernel of a law left a contact without a multiplier, else None."""
+        from percuss.certificate import stopped
+
         after = [array.copy() for array in self.changing()]
         self._restore(before)
         fault = diagnosis.without_multiplier(self, drive, step)
         self._restore(after)
         if fault is None:
-            return {}
+            return None
         (meeting,) = (one for one in self.model.meetings if one.name == fault.contact)
         node = meeting.nodes[0]
-        body = self.model.body_of(node)
-        return {
-            "node": node,
-            "body": body.name,
-            "node_in_body": node - body.start,
-            "position": [float(x) for x in self.model.nodes[node]],
-            "what": fault.what,
-            "cause": fault.cause,
-        }
+        return stopped(self.model, step, node, fault.what, fault.cause)
 
     def _restore(self, values: list[Any]) -> None:
         for array, value in zip(self.changing(), values, strict=True):

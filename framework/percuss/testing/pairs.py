@@ -168,7 +168,7 @@ def growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
     model = Model(subject.load(case))
     bounds = [entry["bound"] for entry in model.laws]
     if any(isinstance(row, Rows) and np.any(row.rate) and row.sign == "free" and row.active == "all" for row in bounds):
-        return 0.0  # a tie is no contact: it takes up the gap rate of its ends as it begins, and says so
+        raise NotApplicable("a tie is no contact: it takes up the gap rate of its ends as it begins, and says so")
     rigid = all(isinstance(row, Rows) and row.sign == ">= 0" and not np.any(row.sigma) for row in bounds)
     whole = rigid or result.summary["energy_growth"]["quantity"] != "kinetic + elastic - work"
     if model.stages is None and whole:
