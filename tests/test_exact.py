@@ -722,6 +722,17 @@ def test_work_and_impulse_are_those_of_the_histories(row, manner, share):
     assert abs(solution.work(end) - work) <= 1e-7 * max(size * row.speed, 1e-300)  # the fallen heights are a sum
 
 
+def test_an_exact_solution_alone_is_saved_read_again_and_described(tmp_path):
+    made = run_exact(percuss.load(CASES / "hunek.yaml"))
+    made.save(tmp_path / "exact.nc")
+    read = percuss.open_result(tmp_path / "exact.nc")
+    assert made.summary["dt"] is None
+    for name, values in made.arrays.items():
+        np.testing.assert_array_equal(read.arrays[name], values)
+    assert repr(read) == repr(made)
+    assert "exact solution alone, tip: impulse 0.02" in repr(made)
+
+
 def run_exact_of(case):
     """Return the summary of the exact solution of a case without elements."""
     for body in case["bodies"].values():

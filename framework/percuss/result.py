@@ -138,7 +138,8 @@ class Result:
 
     def _at_the_end(self) -> bool:
         """Whether energies stand at t_{n+1}, as those of a scheme in stages do."""
-        return bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * self.summary["dt"])
+        dt = self.summary["dt"]
+        return dt is not None and bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * dt)
 
     @cached_property
     def histories(self) -> xr.Dataset:
@@ -230,9 +231,9 @@ class Result:
 
     def __repr__(self) -> str:
         contacts = ", ".join(f"{k}: impulse {v['impulse']:.6g}" for k, v in self.summary["contacts"].items())
-        return (
-            f"<percuss.Result {self.title!r}: {self.status}, {self.summary['steps']} steps, {contacts or 'no contact'}>"
-        )
+        steps = self.summary["steps"]
+        length = "exact solution alone" if steps is None else f"{steps} steps"
+        return f"<percuss.Result {self.title!r}: {self.status}, {length}, {contacts or 'no contact'}>"
 
 
 class replacing:  # noqa: N801 - reads as a word in a with statement
