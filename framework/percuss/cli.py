@@ -361,7 +361,7 @@ def _drawable(path: Path) -> None:
 
 def _writable(path: Path) -> None:
     """Refuse a place that cannot be written to before anything is run."""
-    from percuss.result import replacing
+    from percuss.files import replacing
 
     attempt = replacing(path, path.suffix)
     attempt.__enter__()

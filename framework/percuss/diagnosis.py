@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import PercussError, PluginError
-from percuss.escape import kernel_of
-from percuss.tryout import fault_of, seen
+from percuss.tryout import fault_of, kernel_of, seen
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats, Trial

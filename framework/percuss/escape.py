@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact import OTHER, POINT
-from percuss.contracts import ContactLaw, Trial
-from percuss.errors import PluginError
+from percuss.contracts import Trial
 from percuss.specialise import Specialiser, compile_error
+from percuss.tryout import kernel_of
 
 if TYPE_CHECKING:
     from percuss.contracts import Floats, Integers
@@ -141,23 +141,6 @@ def bind(maker: Specialiser, entries: list[dict[str, Any]], plain: frozenset[str
         behind = part.bind(one_law, plain=python)
     slots = {first_law: behind} if behind is not None else {}
     return maker.with_slots(slots).bind(laws, plain=bool(plain))
-
-
-def kernel_of(law: ContactLaw) -> Callable[..., None]:
-    """Return a law's own kernel.
-
-    Raises
-    ------
-    PluginError
-        If it has none, and its `bind` returned no rows either.
-    """
-    kernel = getattr(type(law), "multipliers", None)
-    if kernel is None:
-        raise PluginError(
-            f"contact law {law.name}: bind returned no Rows, and the class has no static method "
-            "`multipliers(bound, trial, multiplier)`"
-        )
-    return kernel  # type: ignore[no-any-return]
 
 
 def why_not(entry: dict[str, Any]) -> Exception | None:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import InputError, PercussError, Problem
+from percuss.files import replacing
 from percuss.ledger import open_accounts
-from percuss.result import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,10 +13,10 @@ import numpy as np
 
 from percuss.certificate import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
+from percuss.files import replacing
 from percuss.given import expect_case, expect_names
 from percuss.judges import BlackBoxJudge, ClosedForm, EveryStretch, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
-from percuss.result import replacing
 
 if TYPE_CHECKING:
     from percuss.case import Case

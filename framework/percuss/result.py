@@ -10,7 +10,6 @@ import os
 import platform
 import subprocess
 import sys
-import tempfile
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import InputError, Problem
+from percuss.files import replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -234,42 +234,6 @@ class Result:
         steps = self.summary["steps"]
         length = "exact solution alone" if steps is None else f"{steps} steps"
         return f"<percuss.Result {self.title!r}: {self.status}, {length}, {contacts or 'no contact'}>"
-
-
-class replacing:  # noqa: N801 - reads as a word in a with statement
-    """Give a path beside the wanted one, and rename it onto that only if all went well."""
-
-    def __init__(self, path: str | os.PathLike[str], suffix: str) -> None:
-        self.target = Path(path)
-        self.suffix = suffix
-
-    def __enter__(self) -> Path:
-        folder = self.target.parent
-        if not folder.is_dir():
-            raise InputError(
-                [Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")]
-            )
-        if self.target.is_dir():
-            raise InputError(
-                [Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")]
-            )
-        try:
-            handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
-        except OSError as error:
-            problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
-            raise InputError([problem]) from error
-        os.close(handle)
-        self.beside = Path(name)
-        return self.beside
-
-    def __exit__(self, kind: object, error: object, trace: object) -> None:
-        if kind is None:
-            umask = os.umask(0)
-            os.umask(umask)
-            self.beside.chmod(0o666 & ~umask)  # mkstemp is private; a result is an ordinary file
-            self.beside.replace(self.target)
-        else:
-            self.beside.unlink(missing_ok=True)
 
 
 def open_result(path: str | os.PathLike[str]) -> Result:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from percuss.errors import InputError, Problem
+from percuss.files import replacing
 from percuss.records import Record, unpacked
-from percuss.result import replacing
 from percuss.tasks import LOST
 
 __all__ = ["Store"]

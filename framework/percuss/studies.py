@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
+from percuss.files import replacing
 from percuss.given import expect_files, expect_mapping_or_path
-from percuss.result import machine, replacing
+from percuss.result import machine
 from percuss.store import Store
 from percuss.tasks import LOST
 

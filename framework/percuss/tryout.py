@@ -12,7 +12,7 @@ import itertools
 import sys
 import traceback
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,6 @@ import numpy as np
 
 from percuss.contracts import Rows, Trial
 from percuss.errors import PluginError
-from percuss.escape import kernel_of
 
 if TYPE_CHECKING:
     from percuss.contracts import ContactLaw, ContactPoints
@@ -226,6 +225,23 @@ def _mutable(kernel: Any) -> dict[str, str]:
         for part, value in vars(owner).items()
     }
     return {name: repr(value) for name, value in {**found, **inside}.items() if isinstance(value, kinds)}
+
+
+def kernel_of(law: ContactLaw) -> Callable[..., None]:
+    """Return a law's own kernel.
+
+    Raises
+    ------
+    PluginError
+        If it has none, and its `bind` returned no rows either.
+    """
+    kernel = getattr(type(law), "multipliers", None)
+    if kernel is None:
+        raise PluginError(
+            f"contact law {law.name}: bind returned no Rows, and the class has no static method "
+            "`multipliers(bound, trial, multiplier)`"
+        )
+    return kernel  # type: ignore[no-any-return]
 
 
 def fault_of(error: BaseException) -> str:
