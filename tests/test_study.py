@@ -18,7 +18,7 @@ from percuss import vary
 from percuss.errors import InputError
 from percuss.registry import Registry
 from percuss.sampling import Sample, combinations
-from percuss.schema import study_schema
+from percuss.studysections import study_schema
 from percuss.studyspec import read_study
 
 ROOT = Path(__file__).parent.parent

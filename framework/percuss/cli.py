@@ -299,7 +299,8 @@ def schema(
     """Print the JSON schema of a case, with every registered component; editors complete cases with it."""
     with reporting(as_json=False):
         from percuss.registry import Registry
-        from percuss.schema import case_schema, study_schema
+        from percuss.schema import case_schema
+        from percuss.studysections import study_schema
 
         registry = Registry.load(plugin or [])
         print_json(study_schema(registry) if study else case_schema(registry))

@@ -14,8 +14,6 @@ from percuss.registry import Registry
 from percuss.sections import CaseSection, Each, Items, Named, Part
 from percuss.wording import fact
 
-__all__ = ["case_schema", "study_schema"]
-
 
 def case_schema(registry: Registry) -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a case.
@@ -34,45 +32,11 @@ def case_schema(registry: Registry) -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "percuss case",
         "description": "A case of percuss, format 1",
-        **_section(CaseSection, registry),
+        **section_schema(CaseSection, registry),
     }
 
 
-def study_schema(registry: Registry) -> dict[str, Any]:
-    """Return the JSON schema (draft 2020-12) of a study.
-
-    Parameters
-    ----------
-    registry
-        Its integrators and contact laws appear by name.
-    """
-    from percuss.columns import METRICS
-    from percuss.studysections import MeasureSection, RangeSection, StudySection
-
-    made = _section(StudySection, registry)
-    properties = {key.replace("_", "-"): value for key, value in made["properties"].items()}
-    values = {"type": "object"}
-    properties["set"] |= values
-    properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
-    properties["paired"] |= {"type": "array", "items": values}
-    for family, one in properties["methods"]["properties"].items():
-        named = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
-        one |= {"type": "array", "items": {"anyOf": named}}
-    ranges = {"type": "object", "additionalProperties": _section(RangeSection, registry)}
-    properties["sample"]["properties"]["of"] |= ranges
-    bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
-    properties["measure"] |= {"type": "array", "items": {"anyOf": [bare, _section(MeasureSection, registry)]}}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "percuss study",
-        "description": "A study of percuss, format 1",
-        **made,
-        "properties": properties,
-        "required": [key.replace("_", "-") for key in made["required"]],
-    }
-
-
-def _section(section: type, registry: Registry, family: str = "") -> dict[str, Any]:
+def section_schema(section: type, registry: Registry, family: str = "") -> dict[str, Any]:
     """Return the schema of a section; with a `family`, one key of it is the name of a component."""
 
     def schema_for(option: Option) -> dict[str, Any] | None:
@@ -97,15 +61,15 @@ def _entry(option: Option, registry: Registry) -> dict[str, Any] | None:
     if named is not None:
         return _named(named, registry)
     if part is not None:
-        return _section(part.section, registry)
+        return section_schema(part.section, registry)
     if each is not None:
         return {
             "type": "object",
             "propertyNames": {"pattern": f"^{NAME_PATTERN.pattern}$"},
-            "additionalProperties": _section(each.section, registry, each.family),
+            "additionalProperties": section_schema(each.section, registry, each.family),
             **({"minProperties": 1} if option.required else {}),
         }
-    return {"type": "array", "items": _section(items.section, registry)} if items is not None else None
+    return {"type": "array", "items": section_schema(items.section, registry)} if items is not None else None
 
 
 def _has_default(option: Option, registry: Registry) -> bool:
