@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import percuss
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run hangs on round-off and is compared with nothing

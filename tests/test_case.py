@@ -8,7 +8,7 @@ import pytest
 
 from percuss.case import Address, Case, load
 from percuss.errors import InputError, RunError
-from percuss.registry import _load
+from percuss.methods.registry import _load
 from percuss.source import Source
 
 BAR = {"length": 10, "elements": 4}
@@ -287,7 +287,7 @@ def forget_files():
 @pytest.mark.usefixtures("forget_files")
 def test_a_plug_in_beside_the_case(tmp_path):
     (tmp_path / "soft_law.py").write_text(
-        "from dataclasses import dataclass\nfrom percuss.contracts import ContactLaw, Rows\n"
+        "from dataclasses import dataclass\nfrom percuss.methods.interfaces import ContactLaw, Rows\n"
         "@dataclass(frozen=True)\nclass Soft(ContactLaw):\n    '''Soft.'''\n"
         "    name = 'soft'\n    summary = 'Soft'\n    stiffness: float = 1.0\n"
         "    def bind(self, points, dt):\n        return Rows('explicit', 1 / self.stiffness)\n"
@@ -306,7 +306,7 @@ def test_components_that_fail_to_load_are_named():
         broken = (type("Broken", (), {"source": "percuss-soft 1.0", "error": "ImportError: no soft"})(),)
 
         def __getattr__(self, name):
-            from percuss.registry import Registry
+            from percuss.methods.registry import Registry
 
             return getattr(Registry.load(), name)
 

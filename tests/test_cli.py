@@ -204,7 +204,7 @@ def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
     (tmp_path / "picky.py").write_text(
         "from dataclasses import dataclass\n"
         "from percuss import ContactLaw\n"
-        "from percuss.contracts import Rows\n"
+        "from percuss.methods.interfaces import Rows\n"
         "@dataclass(frozen=True)\n"
         "class Picky(ContactLaw):\n"
         "    '''A law that works with Wu only.'''\n"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 from percuss.testing.kit import Subject, checks, named, perform
 
 REGISTRY = Registry.load()

@@ -336,7 +336,7 @@ def test_an_integrator_that_shows_its_laws_too_much_is_seen(tmp_path):
         textwrap.dedent(
             '''
             from dataclasses import dataclass
-            from percuss.contracts import Integrator, Judged, LeapFrog, end_of_step
+            from percuss.methods.interfaces import Integrator, Judged, LeapFrog, end_of_step
 
 
             @dataclass(frozen=True)

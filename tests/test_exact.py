@@ -1144,7 +1144,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from percuss.contracts import Load, Material, Shape
+from percuss.methods.interfaces import Load, Material, Shape
 from percuss_methods.shapes.bar import Bar
 
 
@@ -1461,7 +1461,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from percuss.contracts import Load
+from percuss.methods.interfaces import Load
 
 
 @dataclass(frozen=True)

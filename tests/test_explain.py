@@ -10,11 +10,11 @@ import pytest
 
 import percuss
 from percuss.certificate import SAFETY, settled
-from percuss.contracts import FAMILIES
 from percuss.describe import component_data, component_text
 from percuss.explain import explanation
+from percuss.methods.interfaces import FAMILIES
+from percuss.methods.registry import Registry
 from percuss.options import options_of
-from percuss.registry import Registry
 from percuss.source import Source
 from strategies import hunek
 

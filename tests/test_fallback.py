@@ -18,7 +18,7 @@ IMPORTS = """
 from dataclasses import dataclass
 from typing import NamedTuple
 import numpy as np
-from percuss.contracts import ContactLaw, Element, Material, Load
+from percuss.methods.interfaces import ContactLaw, Element, Material, Load
 
 
 class Bound(NamedTuple):
@@ -165,7 +165,7 @@ MATERIAL = """
 import math
 from dataclasses import dataclass
 import numpy as np
-from percuss.contracts import Material
+from percuss.methods.interfaces import Material
 
 SCALE = 1.0
 

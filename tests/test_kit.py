@@ -12,7 +12,7 @@ import pytest
 import dense
 import planted
 from percuss import PluginError
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, StrictSystem, conformance
 from percuss.testing.kit import Subject, checks, known_checks, named, perform
 

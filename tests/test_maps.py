@@ -313,7 +313,7 @@ def test_a_law_that_no_step_makes_stable_is_said(tmp_path):
     text = (
         "from dataclasses import dataclass\n"
         "from percuss import ContactLaw\n"
-        "from percuss.contracts import ContactPoints\n"
+        "from percuss.methods.interfaces import ContactPoints\n"
         "from typing import NamedTuple\n"
         "class Bound(NamedTuple):\n"
         "    stiffness: object\n"

@@ -310,7 +310,7 @@ def plug_in(tmp_path, text):
     head = """
         from dataclasses import dataclass
         import numpy as np
-        from percuss.contracts import Load
+        from percuss.methods.interfaces import Load
     """
     file.write_text(textwrap.dedent(head) + textwrap.dedent(text), encoding="utf-8")
     return file

@@ -13,9 +13,9 @@ import pytest
 
 import percuss
 from percuss import measures, scaffold
-from percuss.contracts import FAMILIES
 from percuss.errors import InputError
-from percuss.registry import Registry
+from percuss.methods.interfaces import FAMILIES
+from percuss.methods.registry import Registry
 from percuss.testing import conformance
 
 KINDS = list(scaffold.KINDS)

@@ -113,7 +113,7 @@ def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
 
 
 def test_every_method_named_is_registered() -> None:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
 
     registry = Registry.load()
     for family in ("integrators", "contacts", "loads"):

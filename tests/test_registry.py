@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss import admission, hookspecs
-from percuss.contracts import FAMILIES
 from percuss.describe import component_text, registry_data
 from percuss.errors import PluginError
-from percuss.registry import Broken, Provenance, Registry, shown
+from percuss.methods import admission, hookspecs
+from percuss.methods.interfaces import FAMILIES
+from percuss.methods.registry import Broken, Provenance, Registry, shown
 
 IMPORTS = """\
 from dataclasses import dataclass
-from percuss.contracts import Component, ContactLaw, Integrator, Load, Rows
-from percuss.hookspecs import hookimpl
+from percuss.methods.interfaces import Component, ContactLaw, Integrator, Load, Rows
+from percuss.methods.hookspecs import hookimpl
 
 """
 
@@ -138,10 +138,10 @@ def test_without_distributions_there_is_nothing():
 
 def test_the_registry_is_light_and_plugins_come_in_only_with_load():
     code = (
-        "import sys, percuss.registry\n"
+        "import sys, percuss.methods.registry\n"
         "heavy = ['numba', 'pydantic', 'xarray', 'matplotlib', 'scipy', 'percuss_methods']\n"
         "print([name for name in heavy if name in sys.modules])\n"
-        "percuss.registry.Registry.load()\n"
+        "percuss.methods.registry.Registry.load()\n"
         "print('percuss_methods' in sys.modules)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -9,8 +9,8 @@ import jsonschema
 import pytest
 import yaml
 
-from percuss.contracts import ContactLaw, Doc, Gt, Load, Rows, Unit
-from percuss.registry import Registry
+from percuss.methods.interfaces import ContactLaw, Doc, Gt, Load, Rows, Unit
+from percuss.methods.registry import Registry
 from percuss.schema import case_schema
 from percuss.source import Source
 

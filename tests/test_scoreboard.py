@@ -6,7 +6,7 @@ import pytest
 
 import scoreboard
 from percuss.certificate import SAFETY
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 
 README = (scoreboard.ROOT / "README.md").read_text(encoding="utf-8")
 NUMBER = r"\d+(?:\.\d+)?"

@@ -14,7 +14,7 @@ import pytest
 
 import percuss
 from percuss.fingerprint import Fingerprint, layout
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 from percuss.specialise import Specialiser
 from strategies import hunek
 

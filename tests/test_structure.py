@@ -13,8 +13,8 @@ import pytest
 
 import percuss
 import percuss_methods
-from percuss.contracts import FAMILIES, Component
-from percuss.registry import Registry
+from percuss.methods.interfaces import FAMILIES, Component
+from percuss.methods.registry import Registry
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAMEWORK = Path(percuss.__file__).parent
@@ -149,7 +149,7 @@ def test_a_method_file_explains_itself(path):
 
 
 def test_the_hooks_fit_a_page():
-    path = FRAMEWORK / "hookspecs.py"
+    path = FRAMEWORK / "methods" / "hookspecs.py"
     tree = ast.parse(path.read_text(encoding="utf-8"))
     hooks = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     assert len(hooks) == len(FAMILIES)

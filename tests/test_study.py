@@ -16,7 +16,7 @@ import yaml
 import percuss
 from percuss import vary
 from percuss.errors import InputError
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 from percuss.sampling import Sample, combinations
 from percuss.studysections import study_schema
 from percuss.studyspec import read_study
@@ -32,7 +32,7 @@ import os, signal
 from dataclasses import dataclass
 from typing import Annotated
 from percuss import ContactLaw
-from percuss.contracts import Gt, Rows, Unit
+from percuss.methods.interfaces import Gt, Rows, Unit
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ UTIL = "SOFT = {soft}\n"
 LAW = """\
 from dataclasses import dataclass
 from percuss import ContactLaw
-from percuss.contracts import Rows
+from percuss.methods.interfaces import Rows
 from {util} import SOFT
 
 
@@ -65,7 +65,7 @@ from dataclasses import dataclass
 from typing import Annotated
 import numpy as np
 from percuss import Mesh, Region, Shape
-from percuss.contracts import Gt, Unit
+from percuss.methods.interfaces import Gt, Unit
 from importlib import import_module
 
 
@@ -220,15 +220,15 @@ def test_a_data_file_that_a_single_file_reads_counts(tmp_path):
 
 
 def test_versions_and_own_sources_in_all_folders_count(monkeypatch):
-    from percuss import sourcedigest
+    from percuss.methods import source_digest
 
-    folder = Path(sourcedigest.__file__).parent
+    folder = Path(source_digest.__file__).parent
     read = []
     real = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read.append(path) or real(path))
-    sourcedigest.own_digest()
+    source_digest.own_digest()
     assert {one for one in folder.rglob("*.py") if one.is_file()} <= set(read)
-    assert {"python", "numpy", "numba", "scipy"} <= set(sourcedigest.surroundings())
+    assert {"python", "numpy", "numba", "scipy"} <= set(source_digest.surroundings())
 
 
 def write_case(folder, name="case.yaml", contact=None, **more):

@@ -11,9 +11,9 @@ import percuss
 from percuss import plot, truth
 from percuss.columns import named
 from percuss.comparison import compare, metrics
-from percuss.contracts import ExactContact
 from percuss.convergence import orders
 from percuss.measures import verify
+from percuss.methods.interfaces import ExactContact
 from percuss.model import Model
 from percuss.tell import tell_result
 from percuss_methods.solutions._row import RowOfBars

@@ -2,8 +2,8 @@
 
 The public door. ``load`` a case, ``run`` it, look at the `Result`; subclass a component family to bring a method.
 What stands in ``__all__``, here and in `percuss.testing`, is all that a plug-in may import, and stable: `CONTRACT`
-is its version, which grows when a plug-in has to change; `percuss.contracts` has the details. Everything is imported
-when it is first used.
+is its version, which grows when a plug-in has to change; `percuss.methods.interfaces` has the details. Everything is
+imported when it is first used.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ CONTRACT = 1
 _MODULES = {
     "case": "Case load",
     "comparison": "compare",
-    "contracts": (
+    "methods.interfaces": (
         "AllowInf BodyMesh ContactLaw ContactPoints DataFile Doc Element Exact ExactContact Floats Ge Gt "
         "Integers Integrator Judged Le LeapFrog Load Lt Mass Material Measure Mesh Region Rows Shape Solution "
         "Stages Trial Unit end_of_step"
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
-    "hookspecs": "hookimpl",
+    "methods.hookspecs": "hookimpl",
     "kernels": "accelerations coupled_gap coupled_rate energy_density stress",
     "maps": "stability",
     "result": "Result open_result",
@@ -90,7 +90,11 @@ __all__ = [
 if TYPE_CHECKING:
     from percuss.case import Case, load
     from percuss.comparison import compare
-    from percuss.contracts import (
+    from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
+    from percuss.kernels import accelerations, coupled_gap, coupled_rate, energy_density, stress
+    from percuss.maps import stability
+    from percuss.methods.hookspecs import hookimpl
+    from percuss.methods.interfaces import (
         AllowInf,
         BodyMesh,
         ContactLaw,
@@ -123,10 +127,6 @@ if TYPE_CHECKING:
         Unit,
         end_of_step,
     )
-    from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
-    from percuss.hookspecs import hookimpl
-    from percuss.kernels import accelerations, coupled_gap, coupled_rate, energy_density, stress
-    from percuss.maps import stability
     from percuss.result import Result, open_result
     from percuss.runner import run
     from percuss.studies import Study, open_study, study

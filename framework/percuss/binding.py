@@ -12,7 +12,7 @@ from percuss.fingerprint import layout
 from percuss.specialise import Specialiser, compile_error, jit_disabled
 
 if TYPE_CHECKING:
-    from percuss.contracts import Integrator
+    from percuss.methods.interfaces import Integrator
     from percuss.staged import Staged
 
 Parts = Sequence[tuple[Any, Any]]  # element and material class of each group of bodies

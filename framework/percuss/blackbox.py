@@ -28,7 +28,7 @@ from percuss.staged import State
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
     from percuss.model import Model
 
 DEPTH = 64.0  # of overlap and closing, over what a perturbation makes of either

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss import kernels
-from percuss.contracts import BodyMesh
+from percuss.methods.interfaces import BodyMesh
 from percuss.specialise import Specialiser
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from percuss.contracts import Element, Floats, Integers, Material
+    from percuss.methods.interfaces import Element, Floats, Integers, Material
     from percuss.model import Model
     from percuss.parts import Body
 

@@ -12,8 +12,8 @@ from percuss import overrides as overriding
 from percuss.errors import InputError, PluginError, Problem
 from percuss.expectations import expectations
 from percuss.given import expect_files, expect_mapping_or_path, expect_paths
+from percuss.methods.registry import Registry
 from percuss.reading import Reader
-from percuss.registry import Registry
 from percuss.sections import MethodSpec, TimeSpec
 from percuss.source import Source
 from percuss.specs import Address, BodySpec, ContactSpec, Expectation, LoadSpec, RecordSpec

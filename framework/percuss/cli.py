@@ -271,7 +271,7 @@ def plugins(
     """List the registered components and where they come from, or describe one."""
     with reporting(as_json):
         from percuss import describe
-        from percuss.registry import Registry
+        from percuss.methods.registry import Registry
 
         registry = Registry.load(plugin or [])
         if name:
@@ -298,7 +298,7 @@ def schema(
 ) -> None:
     """Print the JSON schema of a case, with every registered component; editors complete cases with it."""
     with reporting(as_json=False):
-        from percuss.registry import Registry
+        from percuss.methods.registry import Registry
         from percuss.schema import case_schema
         from percuss.studysections import study_schema
 

@@ -35,9 +35,9 @@ def reporting(as_json: bool) -> Iterator[None]:
         print(f"error: {text}", file=sys.stderr)
         raise typer.Exit(2) from None
     except Exception as error:
-        from percuss.tryout import fault_of
+        from percuss.methods.blame import line_in_plugin
 
-        where = fault_of(error)
+        where = line_in_plugin(error)
         if not where:  # a defect of percuss itself: all of it is wanted
             raise
         text = f"{where}: {type(error).__name__}: {error}"

@@ -12,7 +12,7 @@ from percuss.cli_base import print_json, reporting
 from percuss.errors import InputError, PercussError, PluginError, Problem
 
 if TYPE_CHECKING:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
     from percuss.testing import Report
 
 
@@ -76,7 +76,7 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
     import platformdirs
 
     from percuss.describe import components_named
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
     from percuss.testing.kit import Outcome, Report, Subject, checks, perform
 
     try:

@@ -11,7 +11,7 @@ from percuss.measures import CannotMeasure, measure
 from percuss.quantities import QUANTITIES, SUMMARY
 
 if TYPE_CHECKING:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
     from percuss.result import Result
     from percuss.studysections import MeasureSection
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contracts import ContactPoints, Judged, LeapFrog, Rows
 from percuss.errors import PluginError
+from percuss.methods.interfaces import ContactPoints, Judged, LeapFrog, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
 
 TOLERANCE = 1e-14
 ROUNDING = float(np.finfo(np.float64).eps)

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import percuss
-from percuss.admission import OLDEST
-from percuss.contracts import FAMILIES, AllowInf, Component
 from percuss.errors import InputError, Problem, suggestion
+from percuss.methods.admission import OLDEST
+from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 from percuss.options import Option, options_of, schema_of
 from percuss.wording import describe, fact
 from percuss.yamltext import flow
 
 if TYPE_CHECKING:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
 
 __all__ = ["Docs", "component_data", "component_text", "components_named", "docs", "registry_data"]
 

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import PercussError, PluginError
-from percuss.tryout import fault_of, kernel_of, seen
+from percuss.methods.blame import line_in_plugin
+from percuss.methods.kernel_trial import kernel_of, seen
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Trial
     from percuss.march import March
+    from percuss.methods.interfaces import Floats, Trial
 
 SENTINEL = -1.2345678901234567e-301  # no kernel arrives at this number by itself
 
@@ -156,7 +157,7 @@ def told(march: March, drive: Any, step: int, raised: BaseException) -> PercussE
         error = error.__cause__ or raised
     if isinstance(error, NoMultiplier):
         error = raised
-    where = fault_of(error)
+    where = line_in_plugin(error)
     what = f"{type(error).__name__}: {error}"
     if isinstance(error, ValueError) and "read-only" in str(error):
         what = "it changes what it was handed; it may write to the multiplier alone"

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.contact import OTHER, POINT
-from percuss.contracts import Trial
+from percuss.methods.interfaces import Trial
+from percuss.methods.kernel_trial import kernel_of
 from percuss.specialise import Specialiser, compile_error
-from percuss.tryout import kernel_of
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Integers
+    from percuss.methods.interfaces import Floats, Integers
 
 Answer = tuple[float, float]
 

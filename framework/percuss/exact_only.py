@@ -17,7 +17,7 @@ from percuss.runner import plain, plugins_used
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.contracts import Exact
+    from percuss.methods.interfaces import Exact
 
 SAMPLES = 2001
 FIELD_POINTS = 200  # a bar

@@ -12,8 +12,8 @@ import numpy as np
 from percuss import limits
 from percuss.certificate import SAFETY, certificate
 from percuss.contact import broadcast, judge
-from percuss.contracts import Component, Rows
 from percuss.describe import docs
+from percuss.methods.interfaces import Component, Rows
 from percuss.options import options_of
 from percuss.truth import why_not_covered
 from percuss.wording import found

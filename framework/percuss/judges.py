@@ -17,16 +17,16 @@ import numpy as np
 
 from percuss.blackbox import DENSE, Motions, combinations, examine
 from percuss.contact import broadcast, delassus_rows
-from percuss.contracts import Rows
+from percuss.methods.interfaces import Rows
+from percuss.methods.kernel_trial import changes_with_time
 from percuss.pencil import EDGE, Pencil, critical_step, largest
 from percuss.schemes import reach, scheme
-from percuss.tryout import changes_with_time
 from percuss.unalike import WORK, ClosedMatrix, sets_in_question
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.contracts import Floats, Judged
+    from percuss.methods.interfaces import Floats, Judged
     from percuss.model import Model
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Integers, Trial
+    from percuss.methods.interfaces import Floats, Integers, Trial
 
 BLOCK = 1024  # nodes a block: its displacement, velocity, mass and force stay in the first-level cache
 

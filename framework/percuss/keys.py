@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import percuss
 from percuss import overrides
 from percuss.errors import PercussError
-from percuss.sourcedigest import SourceDigests, content_digest, own_digest, surroundings
+from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 
 if TYPE_CHECKING:
     from percuss.case import Case

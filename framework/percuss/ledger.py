@@ -20,8 +20,8 @@ from percuss.contact import ROUNDING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from percuss.contracts import Floats
     from percuss.march import March, Outcome
+    from percuss.methods.interfaces import Floats
 
 # Of the largest energy, or of the momentum: what the accounts of a run may be off by. The identities above hold to
 # round-off for linear bodies. The momentum of any body changes by the forces from outside alone.

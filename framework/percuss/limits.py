@@ -15,7 +15,7 @@ from percuss.errors import InputError, Problem, TooLargeError
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.contracts import Mesh
+    from percuss.methods.interfaces import Mesh
     from percuss.model import Model
     from percuss.parts import Body
     from percuss.specs import BodySpec

@@ -14,7 +14,7 @@ from percuss.contact import BY_CURRENT, NOTHING, rounded, solve, stored
 from percuss.kernels import Bulk, kinetic
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Integers
+    from percuss.methods.interfaces import Floats, Integers
 
 NOISE = 1e-8  # of what forces in balance would bring of energy in one step: works below are round-off
 

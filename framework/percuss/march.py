@@ -14,14 +14,14 @@ from percuss import diagnosis, escape, kernels, loop, recording
 from percuss.binding import Kernels, bind, bind_around
 from percuss.compiling import compile_seconds
 from percuss.contact import NEVER, carry_over, point_records
-from percuss.contracts import Rows
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
+from percuss.methods.interfaces import Rows
 from percuss.specialise import compile_error
 from percuss.staged import Staged
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
     from percuss.model import Model
 
 CHUNK_SECONDS = 0.5
@@ -127,7 +127,7 @@ class March:
 
     def _groups(self) -> tuple[list[kernels.Group], list[tuple[Any, Any]]]:
         """Gather the bodies that share element and material classes, and bind their elements."""
-        from percuss.contracts import BodyMesh
+        from percuss.methods.interfaces import BodyMesh
 
         kinds: dict[tuple[type, type], list[Any]] = {}
         for body in self.model.bodies.values():

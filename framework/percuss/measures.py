@@ -14,7 +14,7 @@ from percuss.result import HALF_STEP as RECORDED
 
 if TYPE_CHECKING:
     from percuss.case import Case, Expectation
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
     from percuss.result import Result
 
 HALF_STEP = (*RECORDED, "energy")

@@ -14,11 +14,11 @@ import numpy as np
 
 from percuss import limits
 from percuss.contact import NOTHING, Side, broadcast, delassus_rows, intervals, judge, own_multipliers
-from percuss.contracts import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
 from percuss.errors import InputError, Problem, RefusedPair
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
+from percuss.methods.kernel_trial import bound_of
 from percuss.parts import Body, Hold, Meeting, Pull, Push, end_reserves
 from percuss.schemes import refuse_end, refuse_unseen, scheme
-from percuss.tryout import bound_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

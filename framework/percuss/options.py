@@ -16,8 +16,8 @@ from typing import Annotated, Any, NamedTuple, TypeVar, Union, cast, get_args, g
 
 import pydantic
 
-from percuss.contracts import DataFile, Doc, Unit
 from percuss.errors import PluginError, suggestion
+from percuss.methods.interfaces import DataFile, Doc, Unit
 from percuss.tables import read_table
 from percuss.wording import Expects, advice, describe, fact, found, is_union, item_type, words
 from percuss.yamltext import KeyPath

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Set
 from typing import Any
 
 from percuss.errors import InputError, Problem, suggestion
+from percuss.methods.registry import Registry
 from percuss.options import options_of
-from percuss.registry import Registry
 from percuss.sections import CaseSection, Each, Named, Part
 from percuss.source import Source
 from percuss.wording import fact

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.contracts import ContactLaw, Floats, Mesh
+from percuss.methods.interfaces import ContactLaw, Floats, Mesh
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

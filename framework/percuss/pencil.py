@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
     from percuss.model import Model
 
 EDGE = 1e-9  # margins this close to the limit are marginal

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from percuss.contracts import NAME_PATTERN, Component, ContactLaw, Element, Load, Material, Shape
 from percuss.errors import InputError, PluginError, Problem, suggestion
+from percuss.methods.interfaces import NAME_PATTERN, Component, ContactLaw, Element, Load, Material, Shape
 from percuss.options import Option, options_of, validate
 from percuss.sections import (
     BodySection,
@@ -29,7 +29,7 @@ from percuss.wording import fact, found
 from percuss.yamltext import KeyPath, dotted
 
 if TYPE_CHECKING:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
 
 __all__ = ["SINGULAR", "Reader"]
 

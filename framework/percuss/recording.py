@@ -11,7 +11,7 @@ from percuss import loop
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from percuss.contracts import Floats, Integers
+    from percuss.methods.interfaces import Floats, Integers
     from percuss.model import Model
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from percuss.columns import Column
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
     from percuss.result import Result
     from percuss.tasks import Row
 

@@ -22,7 +22,7 @@ from percuss.files import replacing
 if TYPE_CHECKING:
     import xarray as xr
 
-    from percuss.contracts import Exact
+    from percuss.methods.interfaces import Exact
 
 FORMAT = "percuss-result-2"  # the first one had no checksums
 AGAIN = "Make the run again, or take a copy of the file that is whole."

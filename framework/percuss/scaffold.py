@@ -14,15 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import percuss
-from percuss.contracts import FAMILIES, NAME_PATTERN
 from percuss.errors import InputError, Problem, suggestion
-from percuss.registry import Registry
+from percuss.files import PACKAGE
+from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
+from percuss.methods.registry import Registry
 from percuss.yamltext import flow
 
 __all__ = ["KINDS", "Scaffold", "scaffold"]
 
 KINDS = {{"masses": "mass"}.get(family, family[:-1]): family for family in FAMILIES}
-TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = PACKAGE / "templates"
 DISTRIBUTION = re.compile(r"[A-Za-z]([A-Za-z0-9_-]*[A-Za-z0-9])?")
 
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from percuss.contracts import NAME_PATTERN
+from percuss.methods.interfaces import NAME_PATTERN
+from percuss.methods.registry import Registry
 from percuss.options import Option, described, option_schema, options_of, schema_of
-from percuss.registry import Registry
 from percuss.sections import CaseSection, Each, Items, Named, Part
 from percuss.wording import fact
 

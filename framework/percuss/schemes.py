@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import kernels
-from percuss.contracts import Integrator, Judged, LeapFrog, Rows, Stages
 from percuss.errors import PluginError, RefusedPair
+from percuss.methods.blame import line_in_plugin
+from percuss.methods.interfaces import Integrator, Judged, LeapFrog, Rows, Stages
 from percuss.specialise import Specialiser
-from percuss.tryout import fault_of
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
 
 IN_A_STAGE = Judged("current", "current", "bulk", (0.0, 0.0, 1.0))
 GROWS = 1e-9  # of a step: a smaller growth is round-off
@@ -149,7 +149,7 @@ def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
     try:
         step(stages.numbers, (pushed,), u, v, kept, dt)
     except Exception as error:
-        where = fault_of(error)
+        where = line_in_plugin(error)
         text = f"{where + ': ' if where else ''}integrator {integrator.name}: step: {type(error).__name__}: {error}"
         if isinstance(error, IndexError) and not integrator.kept:
             text += " (`kept` is 0: say how many rows the scheme keeps)"

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from percuss.contracts import ContactLaw, Doc, Ge, Gt, Integrator, Mass, Unit
+from percuss.methods.interfaces import ContactLaw, Doc, Ge, Gt, Integrator, Mass, Unit
 from percuss.quantities import STATISTICS
 from percuss.specs import ActsAs, Vector
 from percuss.wording import Expects

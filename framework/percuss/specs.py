@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from percuss.contracts import ContactLaw, Element, Load, Material, Shape
+from percuss.methods.interfaces import ContactLaw, Element, Load, Material, Shape
 from percuss.yamltext import KeyPath
 
 __all__ = ["Address", "BodySpec", "ContactSpec", "Expectation", "LoadSpec", "RecordSpec"]

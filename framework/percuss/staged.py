@@ -10,9 +10,9 @@ from percuss.schemes import ends_of
 from percuss.stages import PULL, Given, System
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Stages
     from percuss.kernels import Bulk
     from percuss.loop import Few, Record
+    from percuss.methods.interfaces import Floats, Stages
     from percuss.model import Model
 
 

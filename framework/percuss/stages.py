@@ -17,7 +17,7 @@ from percuss.kernels import Bulk, Group, accelerations, internal_force, kinetic
 from percuss.loop import NOISE, Few, Record, account, elastic, find_multipliers, judge, look, pushed, snapshot
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats, Integers
+    from percuss.methods.interfaces import Floats, Integers
 
 # an acceleration of whole bodies: `axes` from `axis` on at amplitude 1, on the nodes from `start` to `stop`
 PULL = np.dtype([("start", "i8"), ("stop", "i8"), ("axis", "i8"), ("column", "i8"), ("momentum", "f8")])

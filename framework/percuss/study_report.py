@@ -9,7 +9,6 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +16,12 @@ import numpy as np
 
 from percuss import study_data
 from percuss.figures import COLOURS, MORE_COLOURS, number, one_line
-from percuss.files import replacing
+from percuss.files import PACKAGE, replacing
 from percuss.runner import plain
 from percuss.study_data import Columns, StudyLike
 
 if TYPE_CHECKING:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
 
 AGAIN = "study.yaml"
 MOST_REASONS = 100
@@ -323,7 +322,7 @@ def _lost(table: Any) -> str:
 
 
 def _methods(study: StudyLike) -> str:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
 
     registry: Registry = getattr(study, "registry", None) or Registry.load()
     families = {"integrators": "integrator", "contacts": "contact"}
@@ -423,7 +422,7 @@ def _table(head: Iterable[str], lines: Iterable[Iterable[str]]) -> str:
 
 
 def _file(*names: str) -> str:
-    return resources.files("percuss").joinpath("web", *names).read_text(encoding="utf-8")
+    return (PACKAGE / "web").joinpath(*names).read_text(encoding="utf-8")
 
 
 def _unmapped(text: str) -> str:

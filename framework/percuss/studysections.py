@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from percuss.contracts import Doc, Ge, Le, Unit
-from percuss.registry import Registry
+from percuss.methods.interfaces import Doc, Ge, Le, Unit
+from percuss.methods.registry import Registry
 from percuss.schema import section_schema
 from percuss.sections import During, Items, Part
 from percuss.wording import Expects

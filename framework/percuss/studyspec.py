@@ -11,8 +11,8 @@ from percuss import vary
 from percuss.case import Case, load
 from percuss.columns import METRICS, Column, column, named
 from percuss.errors import InputError, Problem, suggestion
+from percuss.methods.registry import Registry
 from percuss.reading import SINGULAR, Reader
-from percuss.registry import Registry
 from percuss.sampling import Sample
 from percuss.source import Source
 from percuss.specs import Address

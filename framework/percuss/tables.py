@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from percuss.contracts import DataFile
+from percuss.methods.interfaces import DataFile
 
 __all__ = ["read_table"]
 

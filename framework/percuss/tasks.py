@@ -14,7 +14,7 @@ from percuss.runner import AGAINST, NOT_VALID, run, timed_run
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
     from percuss.result import Result
 
 TIED = "tied"

@@ -9,13 +9,13 @@ from rich.markup import escape
 from rich.table import Table
 
 import percuss
-from percuss.admission import OLDEST
 from percuss.comparison import ERRORS, Row, metrics
 from percuss.convergence import WORDS
 from percuss.ledger import ledger_words
+from percuss.methods.admission import OLDEST
 
 if TYPE_CHECKING:
-    from percuss.registry import Registry
+    from percuss.methods.registry import Registry
     from percuss.result import Result
     from percuss.waves import Waves
 

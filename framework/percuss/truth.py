@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from percuss.case import Case
-    from percuss.contracts import Exact, ExactContact, Floats, Solution
+    from percuss.methods.interfaces import Exact, ExactContact, Floats, Solution
     from percuss.model import Model
     from percuss.result import Result
 

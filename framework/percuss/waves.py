@@ -17,7 +17,7 @@ from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.judges import closed
 
 if TYPE_CHECKING:
-    from percuss.contracts import Floats
+    from percuss.methods.interfaces import Floats
     from percuss.model import Model
 
 

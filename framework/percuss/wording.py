@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-from percuss.contracts import DataFile, Unit
 from percuss.errors import nearest
+from percuss.methods.interfaces import DataFile, Unit
 from percuss.yamltext import flow
 
 __all__ = ["Expects", "advice", "describe", "fact", "found", "has_type", "is_union", "item_type", "words"]

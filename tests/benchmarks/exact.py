@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 import percuss
+from percuss.methods.registry import Registry
 from percuss.model import Model
-from percuss.registry import Registry
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import percuss
-from percuss.registry import Registry
+from percuss.methods.registry import Registry
 
 BOUND = 1.1
 SAME = 1e-9  # of the peak force

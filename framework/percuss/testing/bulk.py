@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from percuss.bodies import PROBING_STRAIN, ElementProbe
-from percuss.contracts import BodyMesh, Mesh, Region
 from percuss.errors import RunError
+from percuss.methods.interfaces import BodyMesh, Mesh, Region
 from percuss.specialise import Specialiser
 from percuss.testing.drawn import for_all, rows
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from percuss.contracts import ContactPoints, Rows, Trial
 from percuss.errors import InputError, RunError, nearest
+from percuss.methods.interfaces import ContactPoints, Rows, Trial
+from percuss.methods.kernel_trial import read_only
 from percuss.testing.common import STEEL
 from percuss.testing.drawn import for_all, round_off, rows, with_examples
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check, forbidden
 from percuss.testing.strict import StrictSystem
-from percuss.tryout import read_only
 
 COUNTS = (0, 1, 2, 5)
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")

@@ -162,7 +162,7 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa
 
     from hypothesis import strategies as st
 
-    from percuss.contracts import DataFile
+    from percuss.methods.interfaces import DataFile
     from percuss.wording import is_union
 
     if get_origin(annotation) is Annotated:

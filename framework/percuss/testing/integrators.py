@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from percuss.contracts import Integrator, LeapFrog, Stages
 from percuss.errors import RunError, nearest
+from percuss.methods.interfaces import Integrator, LeapFrog, Stages
 from percuss.testing.common import STEEL
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
 

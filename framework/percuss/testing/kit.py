@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from percuss.contracts import FAMILIES, Component
 from percuss.errors import PercussError, PluginError, RefusedPair, RunError, nearest
-from percuss.registry import Provenance, Registry
+from percuss.methods.interfaces import FAMILIES, Component
+from percuss.methods.registry import Provenance, Registry
 
 __all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks", "conformance"]
 

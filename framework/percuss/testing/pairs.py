@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from percuss.contracts import LeapFrog, Rows
 from percuss.errors import InputError, RefusedPair, RunError
+from percuss.methods.interfaces import LeapFrog, Rows
 from percuss.testing import drawn
 from percuss.testing.common import STEEL
 from percuss.testing.drawn import for_all, must_agree, number, replaced, rows, with_examples

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contracts import ContactPoints, Judged, LeapFrog, Rows, Stages, Trial
+from percuss.methods.interfaces import ContactPoints, Judged, LeapFrog, Rows, Stages, Trial
+from percuss.methods.kernel_trial import read_only
 from percuss.testing.kit import CheckFailed, NotApplicable
-from percuss.tryout import read_only
 
 if TYPE_CHECKING:
-    from percuss.contracts import ContactLaw, Floats, Integrator
+    from percuss.methods.interfaces import ContactLaw, Floats, Integrator
 
 TOUCHING = 1e-9  # of an element: a smaller initial gap is none
 

@@ -14,7 +14,6 @@ import inspect
 import os
 import re
 import sys
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,13 +22,14 @@ from typing import Any, NamedTuple
 
 import pluggy
 
-from percuss import hookspecs
-from percuss.admission import PREFIX, admitted, told
-from percuss.companions import companions, importing
 from percuss.compiling import LOCK
-from percuss.contracts import FAMILIES, Component
 from percuss.errors import PluginError, nearest, suggestion
-from percuss.sourcedigest import data_named, remember
+from percuss.methods import hookspecs
+from percuss.methods.admission import PREFIX, admitted
+from percuss.methods.blame import PLUGIN_MODULES, begin_of, described, place_of
+from percuss.methods.interfaces import FAMILIES, Component
+from percuss.methods.local_modules import companions, importing
+from percuss.methods.source_digest import data_named, remember
 
 __all__ = ["Broken", "Provenance", "Registry"]
 
@@ -366,7 +366,7 @@ def _ask(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken
         if implementation.plugin is plugin
     ]
     offers: list[tuple[str, object]] = []
-    broken += [Broken(source.label, fault, _begins(one) or source.file) for fault, one in manager.faults]
+    broken += [Broken(source.label, fault, begin_of(one) or source.file) for fault, one in manager.faults]
     for family, function in hooks:
         with _isolate(broken, source, PREFIX + family, function):
             offers += [(family, offer) for offer in _call(function)]
@@ -380,6 +380,7 @@ def _ask(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken
         with _isolate(broken, source, PREFIX + family if hooks else "", offer):
             component = admitted(family, offer)
             file = getattr(sys.modules.get(component.__module__), "__file__", None) or source.file
+            PLUGIN_MODULES.add(component.__module__.partition(".")[0])
             found.append(_Found(component, replace(source, module=component.__module__, file=file)))
     return found
 
@@ -406,28 +407,5 @@ def _isolate(broken: list[Broken], source: Provenance, what: str = "", thing: An
     try:
         yield
     except (Exception, SystemExit) as error:  # noqa: BLE001  nothing a plug-in does may stop the others
-        place = _place(error, source) or _begins(thing) or source.file
-        broken.append(Broken(source.label, ": ".join(filter(None, (what, told(error)))), place))
-
-
-def _place(error: BaseException, source: Provenance) -> str:
-    """Return ``file:line`` of the innermost step of an error that is inside the plug-in, else nothing."""
-    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
-        return f"{error.filename}:{error.lineno}"
-    packages: Any = (importlib, pluggy, sys.modules.get("importlib_metadata", pluggy))  # it takes over once imported
-    own = str(Path(__file__).parent) + os.sep
-    machinery = ("<frozen", own, *(str(Path(one.__file__).parent) for one in packages))
-    trace = ((step.filename, step.lineno) for step in traceback.extract_tb(error.__traceback__))
-    steps = [step for step in trace if not step[0].startswith(machinery)]
-    home = Path(source.file or (steps[0][0] if steps else ""))
-    if not source.file and (home.parent / "__init__.py").exists():
-        home = home.parent  # an installed package is all its files
-    return next((f"{file}:{line}" for file, line in reversed(steps) if file.startswith(str(home))), "")
-
-
-def _begins(thing: Any) -> str:
-    """Return ``file:line`` where a class or function begins, else nothing."""
-    try:
-        return f"{inspect.getsourcefile(thing)}:{inspect.getsourcelines(thing)[1]}"
-    except (OSError, TypeError, SyntaxError):
-        return ""
+        place = place_of(error, source.file) or begin_of(thing) or source.file
+        broken.append(Broken(source.label, ": ".join(filter(None, (what, described(error)))), place))

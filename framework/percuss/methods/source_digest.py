@@ -19,11 +19,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from percuss.companions import installed, managed
 from percuss.errors import InputError, Problem
+from percuss.files import PACKAGE
+from percuss.methods.local_modules import installed, managed
 
 if TYPE_CHECKING:
-    from percuss.registry import Provenance
+    from percuss.methods.registry import Provenance
 
 __all__ = ["SourceDigests", "content_digest", "data_named", "own_digest", "remember", "surroundings"]
 
@@ -66,14 +67,13 @@ def own_digest() -> str:
     InputError
         If one of them was edited after this process imported it.
     """
-    folder = Path(__file__).parent
     digest = hashlib.sha256()
     modules = {Path(file): name for name, file in _loaded_files() if name.partition(".")[0] == "percuss"}
-    for path in sorted(folder.rglob("*.py")):
+    for path in sorted(PACKAGE.rglob("*.py")):
         content = path.read_bytes()
         if path in modules:
             _expect_as_imported(modules[path], path, content)
-        digest.update(f"{path.relative_to(folder).as_posix()}\0{content_digest(content)}\0".encode())
+        digest.update(f"{path.relative_to(PACKAGE).as_posix()}\0{content_digest(content)}\0".encode())
     return digest.hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""A law's own kernel tried before it runs, in plain Python, and where in a plug-in an error came from.
+"""A law's own kernel tried before it runs, in plain Python.
 
 Compiled code writes where it was told not to and leaves unset what a kernel forgets; numbers that come of that look
 like any others. Calls in plain Python, with arrays that cannot be written and multipliers that are no number, tell
@@ -9,22 +9,19 @@ depends on what was asked before, or on chance.
 from __future__ import annotations
 
 import itertools
-import sys
-import traceback
 import weakref
 from collections.abc import Callable, Iterator
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contracts import Rows, Trial
 from percuss.errors import PluginError
+from percuss.methods.blame import line_in_plugin
+from percuss.methods.interfaces import Rows, Trial
 
 if TYPE_CHECKING:
-    from percuss.contracts import ContactLaw, ContactPoints
+    from percuss.methods.interfaces import ContactLaw, ContactPoints
 
-OWN = ("percuss", "percuss_methods")
 DEPTHS = (1e-6, 1e-3)  # of the gaps that a kernel is tried with
 SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which a law is asked whether it changes with time
 LAST = 32  # points of a law whose every instance is tried; with more, the first instance of its class
@@ -194,7 +191,7 @@ def _called(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
         text = f"{type(error).__name__}: {error}"
         if isinstance(error, ValueError) and "read-only" in str(error):
             text = "it changes what it was handed; it may write to the multiplier alone"
-        where = fault_of(error)
+        where = line_in_plugin(error)
         raise PluginError(f"{where + ': ' if where else ''}contact law {law.name}: multipliers: {text}") from error
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
@@ -242,22 +239,3 @@ def kernel_of(law: ContactLaw) -> Callable[..., None]:
             "`multipliers(bound, trial, multiplier)`"
         )
     return kernel  # type: ignore[no-any-return]
-
-
-def fault_of(error: BaseException) -> str:
-    """Return ``file:line`` of the innermost step of an error that is in a plug-in of somebody else's, else nothing."""
-    plugins = _plugin_modules()
-    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        module = frame.f_globals.get("__name__", "")
-        if module.startswith("percuss_file_") or module.partition(".")[0] in plugins:
-            return f"{frame.f_code.co_filename}:{line}"
-    return ""
-
-
-def _plugin_modules() -> set[str]:
-    """Return the top modules of the plug-ins that are loaded, less percuss's own."""
-    registry: ModuleType | None = sys.modules.get("percuss.registry")
-    if registry is None:
-        return set()
-    sources = registry.Registry.load().sources.values()
-    return {source.module.partition(".")[0] for source in sources} - set(OWN)

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import inspect
 import math
-import re
-import sys
 
 import percuss
-from percuss.contracts import FAMILIES, NAME_PATTERN, Component
-from percuss.errors import PluginError, nearest, suggestion
+from percuss.errors import PluginError, suggestion
+from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component
 
-__all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted", "told"]
+__all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted"]
 
 PREFIX = "percuss_"
 # contract -> what a plug-in written for the one before has to change; never taken out, so that any can be brought up
 CHANGES = {1: "the first"}
 OLDEST = 1  # contract that is still kept: a method that states an older one is refused
-
-_NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
 
 
 def admitted(family: str, offer: object) -> type[Component]:
@@ -99,18 +95,3 @@ def _check_version(component: type[Component]) -> None:
         raise PluginError(
             f"{written} and keeps those from {OLDEST} on: change it ({since}), then state contract_version = {here}"
         )
-
-
-def told(error: BaseException) -> str:
-    """Return what an error in a plug-in says; where it asks percuss for a name that is not there, which is near."""
-    text = error.msg if isinstance(error, SyntaxError) else str(error).strip()
-    version = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
-    if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
-        text = f"{version} has no module '{error.name}'; a plug-in imports from percuss and percuss.testing alone"
-    elif isinstance(error, ImportError) and (missing := _NAME_MISSING.match(text)):
-        name, module = missing.groups()
-        near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))
-        advice = f"did you mean '{near}'?" if near else "was it written for another percuss?"
-        advice = "it stands in percuss itself" if name in percuss.__all__ else advice
-        text = f"{version} has no '{name}' in {module}; {advice}"
-    return text if isinstance(error, PluginError) else ": ".join(filter(None, (type(error).__name__, text)))

@@ -1,0 +1,47 @@
+"""Files: where those of percuss lie, and writing one so that it appears whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from percuss.errors import InputError, Problem
+
+PACKAGE = Path(__file__).parent  # the folder of percuss's own modules
+
+
+class replacing:  # noqa: N801 - reads as a word in a with statement
+    """Give a path beside the wanted one, and rename it onto that only if all went well."""
+
+    def __init__(self, path: str | os.PathLike[str], suffix: str) -> None:
+        self.target = Path(path)
+        self.suffix = suffix
+
+    def __enter__(self) -> Path:
+        folder = self.target.parent
+        if not folder.is_dir():
+            raise InputError(
+                [Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")]
+            )
+        if self.target.is_dir():
+            raise InputError(
+                [Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")]
+            )
+        try:
+            handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
+        except OSError as error:
+            problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
+            raise InputError([problem]) from error
+        os.close(handle)
+        self.beside = Path(name)
+        return self.beside
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        if kind is None:
+            umask = os.umask(0)
+            os.umask(umask)
+            self.beside.chmod(0o666 & ~umask)  # mkstemp is private; a result is an ordinary file
+            self.beside.replace(self.target)
+        else:
+            self.beside.unlink(missing_ok=True)

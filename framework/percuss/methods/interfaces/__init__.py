@@ -1,0 +1,61 @@
+"""The families of components: what a method must say, with shapes and units.
+
+A component is a frozen dataclass. Its fields are its options, filled from YAML; ``Annotated`` bounds and units on
+them are what validation, schema and help read. Its class facts (`name`, `summary`, `references`, ...) stand beside
+them as plain class attributes. What depends on a model or on the time step appears in `bind`, never in the options.
+
+A kernel is a static method that the time loop calls. Where it can be compiled it is; it may read its arguments and
+module-level constants and call plain helper functions, and it keeps nothing between calls.
+"""
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from percuss.methods.interfaces.base import NAME_PATTERN, AllowInf, Component, DataFile, Doc, Floats, Integers, Unit
+from percuss.methods.interfaces.body import BodyMesh, Element, Mass, Material, Mesh, Region, Shape
+from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, Rows, Trial
+from percuss.methods.interfaces.integrator import Integrator, Judged, LeapFrog, Stages, end_of_step
+from percuss.methods.interfaces.load import Load
+from percuss.methods.interfaces.measure import Measure
+from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
+
+__all__ = [
+    "FAMILIES",
+    "NAME_PATTERN",
+    "AllowInf",
+    "BodyMesh",
+    "Component",
+    "ContactLaw",
+    "ContactPoints",
+    "DataFile",
+    "Doc",
+    "Element",
+    "Exact",
+    "ExactContact",
+    "Floats",
+    "Ge",
+    "Gt",
+    "Integers",
+    "Integrator",
+    "Judged",
+    "Le",
+    "LeapFrog",
+    "Load",
+    "Lt",
+    "Mass",
+    "Material",
+    "Measure",
+    "Mesh",
+    "Region",
+    "Rows",
+    "Shape",
+    "Solution",
+    "Stages",
+    "Trial",
+    "Unit",
+    "end_of_step",
+]
+
+FAMILIES: dict[str, type[Component]] = {
+    contract.family: contract
+    for contract in (Integrator, ContactLaw, Load, Shape, Element, Material, Mass, Solution, Measure)
+}

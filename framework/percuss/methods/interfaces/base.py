@@ -1,0 +1,150 @@
+"""What every family of components shares: facts, options with units and bounds, data files."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+NAME_PATTERN = re.compile(r"[A-Za-z][\w-]*")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Physical dimension of an option, in words: ``Unit("force/length")``; ``Unit("1")`` is a pure number."""
+
+    unit: str
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(core_schema)
+        schema["x-unit"] = self.unit
+        return schema
+
+
+@dataclass(frozen=True)
+class AllowInf:
+    """Marks a number that may be infinite; every other one is finite. ``nan`` is never a value."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(source)
+        schema["allow_inf_nan"] = True
+        return schema
+
+
+@dataclass(frozen=True)
+class Doc:
+    """One line that says what an option is; shown in the schema and by ``percuss plugins NAME``."""
+
+    text: str
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
+        schema: dict[str, Any] = handler(core_schema)
+        schema["description"] = self.text
+        return schema
+
+
+@dataclass(frozen=True, eq=False)
+class DataFile:
+    """A CSV file of numbers named in a case, relative to it; read once, when the case is checked.
+
+    Two data files are equal where path and numbers are.
+
+    Attributes
+    ----------
+    path
+        As written in the case.
+    table : (columns, rows) array
+        Its numbers; a first line of which no field begins as a number does is skipped.
+    """
+
+    path: str
+    table: Floats
+
+    def __eq__(self, other: object) -> bool:
+        # an array has no truth value, so that the comparison that a dataclass writes for itself would fail
+        if not isinstance(other, DataFile):
+            return NotImplemented
+        return self.path == other.path and np.array_equal(self.table, other.table, equal_nan=True)
+
+    def __hash__(self) -> int:
+        return hash((self.path, self.table.shape))
+
+    def columns(self, count: int) -> Floats:
+        """Return the (count, rows) numbers.
+
+        Raises
+        ------
+        ValueError
+            If the file does not have `count` columns.
+        """
+        if self.table.shape[0] != count:
+            raise ValueError(f"{self.path} has {self.table.shape[0]} columns, expected {count}")
+        return self.table
+
+
+class Component(ABC):
+    r"""Root of every contract. A class is either a contract or a finished method, never both.
+
+    Attributes
+    ----------
+    name
+        As written in a case; matches ``[A-Za-z][\w-]*``.
+    summary
+        One line for tables and help.
+    references
+        Sources, with DOI where there is one.
+    examples
+        Option sets that make sense; the conformance kit runs them.
+    shorthand
+        Name of the option meant where a case gives a bare value in place of a mapping; empty if none.
+    expected_failures
+        Checks that the method is known not to pass, to the reason: ``"energy-never-grows"``, or with one partner only
+        ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
+    contract_version
+        The `percuss.CONTRACT` that it was written for; may be left out. A percuss that no longer keeps that contract
+        refuses the component and says what changed, an older percuss asks to be upgraded.
+    """
+
+    family: ClassVar[str]
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    references: ClassVar[tuple[str, ...]] = ()
+    examples: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)
+    shorthand: ClassVar[str] = ""
+    expected_failures: ClassVar[Mapping[str, str]] = {}
+    contract_version: ClassVar[int | None] = None
+
+    def __init_subclass__(cls, *, contract: str = "", **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if contract:
+            cls.family = contract
+            return
+        finished = [base.__name__ for base in cls.__mro__[1:] if "name" in vars(base) and issubclass(base, Component)]
+        if finished:
+            msg = f"{cls.__name__} subclasses the finished method {finished[0]}: subclass its contract instead"
+            raise TypeError(msg)
+        for fact in ("name", "summary"):
+            if not isinstance(vars(cls).get(fact), str):
+                raise TypeError(f'{cls.__name__} does not say its `{fact}`: add `{fact} = "..."` to the class')
+        known = {fact for base in cls.__mro__[1:] for fact in (*vars(base), *vars(base).get("__annotations__", {}))}
+        for option, value in vars(cls).items():
+            plain = isinstance(value, int | float | str | None) and option.islower() and not option.startswith("_")
+            if plain and option not in known and option not in vars(cls).get("__annotations__", {}):
+                raise TypeError(
+                    f"{cls.__name__}.{option} has no annotation, so that no case can set it: write "
+                    f"`{option}: {type(value).__name__} = {value!r}`, or {option.upper()} for a constant"
+                )
+        if not NAME_PATTERN.fullmatch(cls.name):
+            raise TypeError(
+                f"{cls.__name__} has the name {cls.name!r}: start with a letter, then letters, digits, _, -"
+            )
+        if not (vars(cls).get("__doc__") or "").strip():
+            raise TypeError(f"{cls.__name__} has no docstring: give formula, source and stability limit")
