@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pandas as pd
 
-from percuss.case import load
+from percuss.case.case import load
 from percuss.comparison import compare, metrics, worst
 
 BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from percuss.case import Address, Case, load
+from percuss.case.case import Address, Case, load
+from percuss.case.source import Source
 from percuss.errors import InputError, RunError
 from percuss.methods.registry import _load
-from percuss.source import Source
 
 BAR = {"length": 10, "elements": 4}
 STEEL = {"young": 100, "density": 0.01}

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 import percuss
+from percuss.case.options import options_of
+from percuss.case.source import Source
 from percuss.certificate import SAFETY, settled
 from percuss.describe import component_data, component_text
 from percuss.explain import explanation
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
-from percuss.options import options_of
-from percuss.source import Source
 from strategies import hunek
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from percuss.case import load
+from percuss.case.case import load
+from percuss.case.source import Source
 from percuss.errors import InputError
-from percuss.source import Source
 
 TABLE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))
 

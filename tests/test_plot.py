@@ -11,7 +11,7 @@ import pytest
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
 from percuss import figures, overlay, plot, report
-from percuss.case import load
+from percuss.case.case import load
 from percuss.errors import InputError, PercussError, RunError
 from percuss.result import Result, open_result
 from percuss.runner import run

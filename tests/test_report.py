@@ -456,7 +456,7 @@ def test_cost_is_that_of_the_method_alone(small):
     known = study_data.columns(study)
     assert known.costs == ("node_steps", "seconds")
     assert known.measures["seconds"] == "seconds of the march alone"
-    result = percuss.run(percuss.case.load(TWO_BARS))
+    result = percuss.run(percuss.load(TWO_BARS))
     assert metric(result, "node_steps") == result.summary["steps"] * (20 + 1 + 40 + 1)
 
 

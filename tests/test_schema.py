@@ -9,10 +9,10 @@ import jsonschema
 import pytest
 import yaml
 
+from percuss.case.json_schema import case_schema
+from percuss.case.source import Source
 from percuss.methods.interfaces import ContactLaw, Doc, Gt, Load, Rows, Unit
 from percuss.methods.registry import Registry
-from percuss.schema import case_schema
-from percuss.source import Source
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
 BASE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))["base"]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from percuss import vary
-from percuss.tables import read_table
+from percuss.case.csv_file import read_table
 from strategies import hunek
 
 VALUES = st.floats(allow_nan=False, allow_infinity=False)

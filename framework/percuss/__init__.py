@@ -14,7 +14,7 @@ __version__ = "0.1.0"
 CONTRACT = 1
 
 _MODULES = {
-    "case": "Case load",
+    "case.case": "Case load",
     "comparison": "compare",
     "methods.interfaces": (
         "AllowInf BodyMesh ContactLaw ContactPoints DataFile Doc Element Exact ExactContact Floats Ge Gt "
@@ -88,7 +88,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from percuss.case import Case, load
+    from percuss.case.case import Case, load
     from percuss.comparison import compare
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.kernels import accelerations, coupled_gap, coupled_rate, energy_density, stress

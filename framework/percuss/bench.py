@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import percuss
-from percuss.case import Case, load
+from percuss.case.case import Case, load
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
 from percuss.methods.local_modules import companions
@@ -25,9 +25,9 @@ from percuss.records import Record, record
 from percuss.tasks import LOST, Task, perform_timed
 
 if TYPE_CHECKING:
+    from percuss.case.source import Source
     from percuss.columns import Column
     from percuss.keys import Keys
-    from percuss.source import Source
 
 __all__ = ["Bench", "Interrupted", "Job", "packed"]
 

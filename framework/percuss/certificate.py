@@ -26,7 +26,7 @@ from percuss.model import Model
 from percuss.pencil import EDGE
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
     from percuss.march import March
 
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"

@@ -18,7 +18,7 @@ from percuss.cli_verify import verify
 from percuss.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
     from percuss.result import Result
 
 app = typer.Typer(
@@ -298,8 +298,8 @@ def schema(
 ) -> None:
     """Print the JSON schema of a case, with every registered component; editors complete cases with it."""
     with reporting(as_json=False):
+        from percuss.case.json_schema import case_schema
         from percuss.methods.registry import Registry
-        from percuss.schema import case_schema
         from percuss.studysections import study_schema
 
         registry = Registry.load(plugin or [])
@@ -312,7 +312,7 @@ def schema(
 def _load(
     path: Path, sets: list[str] | None, files: list[Path] | None, read: Callable[..., Case] | None = None
 ) -> Case:
-    from percuss.case import load
+    from percuss.case.case import load
 
     overrides = {}
     problems = []

@@ -55,7 +55,7 @@ def verify(
 def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
     """Run a case and return what it expected and what came out."""
     from percuss import measures
-    from percuss.case import load
+    from percuss.case.case import load
     from percuss.ledger import open_accounts
     from percuss.runner import run
 

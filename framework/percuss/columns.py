@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.quantities import QUANTITIES, SUMMARY
 from percuss.errors import nearest, suggestion
 from percuss.measures import CannotMeasure, measure
-from percuss.quantities import QUANTITIES, SUMMARY
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry

@@ -6,14 +6,14 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.arguments import expect_case, expect_names
 from percuss.columns import ERRORS, metric, worst
 from percuss.errors import InputError, PercussError, Problem, suggestion
-from percuss.given import expect_case, expect_names
 from percuss.sampling import combinations
 from percuss.tasks import Row, perform, tasks
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
 
 __all__ = ["ERRORS", "Row", "compare", "metrics", "own_laws", "worst"]
 

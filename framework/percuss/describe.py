@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import percuss
+from percuss.case.options import Option, options_of, schema_of
+from percuss.case.type_words import describe, fact
+from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.admission import OLDEST
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
-from percuss.options import Option, options_of, schema_of
-from percuss.wording import describe, fact
-from percuss.yamltext import flow
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry

@@ -16,7 +16,7 @@ from percuss.result import Result, machine
 from percuss.runner import plain, plugins_used
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
     from percuss.methods.interfaces import Exact
 
 SAMPLES = 2001
@@ -27,8 +27,8 @@ def load_for_exact(
     path: str | Path, overrides: Mapping[str, Any] | None = None, *, plugins: Sequence[str | Path] = ()
 ) -> Case:
     """Return a case of which neither elements nor a time step need be given; see `percuss.load`."""
-    from percuss.case import load
-    from percuss.source import Source
+    from percuss.case.case import load
+    from percuss.case.source import Source
 
     source = Source.read(path)
     bodies = source.get(("bodies",))

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss import limits
+from percuss.case.options import options_of
+from percuss.case.type_words import found
 from percuss.certificate import SAFETY, certificate
 from percuss.contact import broadcast, judge
 from percuss.describe import docs
 from percuss.methods.interfaces import Component, Rows
-from percuss.options import options_of
 from percuss.truth import why_not_covered
-from percuss.wording import found
 
 if TYPE_CHECKING:
+    from percuss.case.specs import LoadSpec
     from percuss.model import Model
     from percuss.parts import Meeting
-    from percuss.specs import LoadSpec
 
 MOST_LETTERS = 60  # of the value of an option, as a table's
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import percuss
-from percuss import overrides
+from percuss.case import overrides
 from percuss.errors import PercussError
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
     from percuss.columns import Column
     from percuss.tasks import Task
 

@@ -14,11 +14,11 @@ import numpy as np
 from percuss.errors import InputError, Problem, TooLargeError
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
+    from percuss.case.specs import BodySpec
     from percuss.methods.interfaces import Mesh
     from percuss.model import Model
     from percuss.parts import Body
-    from percuss.specs import BodySpec
 
 __all__ = ["check_step", "checked", "memory", "meshed", "recordable", "steps"]
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.arguments import expect_case, expect_names
 from percuss.certificate import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
 from percuss.files import replacing
-from percuss.given import expect_case, expect_names
 from percuss.judges import BlackBoxJudge, ClosedForm, EveryStretch, NoClosedFormError, RowsJudge, closed
 from percuss.model import Model
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
 
 WAYS = ("closed-form", "pencil", "black-box")
 STEP = ("time.courant", "time.step")

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES
 from percuss.errors import PercussError
-from percuss.quantities import QUANTITIES
 from percuss.result import HALF_STEP as RECORDED
 
 if TYPE_CHECKING:
-    from percuss.case import Case, Expectation
+    from percuss.case.case import Case, Expectation
     from percuss.methods.interfaces import Floats
     from percuss.result import Result
 

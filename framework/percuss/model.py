@@ -23,7 +23,7 @@ from percuss.schemes import refuse_end, refuse_unseen, scheme
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from percuss.case import Address, Case, ContactSpec, LoadSpec
+    from percuss.case.case import Address, Case, ContactSpec, LoadSpec
 
 LARGEST_COURANT = 0.99  # of a body: above it no penalty without mass is worth having with central difference
 TOUCHING = 1e-9  # of an element length: a smaller initial gap or overlap is none

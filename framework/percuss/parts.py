@@ -12,7 +12,7 @@ from percuss.methods.interfaces import ContactLaw, Floats, Mesh
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.specs import BodySpec, LoadSpec
+    from percuss.case.specs import BodySpec, LoadSpec
 
 
 @dataclass(frozen=True)

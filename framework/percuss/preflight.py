@@ -10,10 +10,10 @@ from percuss.errors import InputError, Problem
 from percuss.tasks import perform, tasks
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
+    from percuss.case.yaml_text import KeyPath
     from percuss.studyspec import StudySpec
     from percuss.tasks import Task
-    from percuss.yamltext import KeyPath
 
 __all__ = ["check_measures", "check_points", "first_steps"]
 

@@ -121,7 +121,7 @@ class Result:
         known, covered = self.summary["exact"], self.summary.get("exact_covered")
         until = known["reached"] if known else covered["until"] if covered else None
         if self.solution is None and until is not None:
-            from percuss.case import load
+            from percuss.case.case import load
             from percuss.model import Model
             from percuss.truth import exact_solution
 

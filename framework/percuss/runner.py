@@ -10,9 +10,9 @@ import numpy as np
 
 from percuss import certificate, growth, ledger, limits, truth
 from percuss.bodies import stress_field
+from percuss.case.arguments import expect_case
 from percuss.compiling import Stopwatch
 from percuss.errors import RunError
-from percuss.given import expect_case
 from percuss.march import GROWTH, March, Outcome, Progress
 from percuss.model import resolved_methods
 from percuss.recording import field_elements
@@ -21,7 +21,7 @@ from percuss.result import Result, machine
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from percuss.case import Case
+    from percuss.case.case import Case
 
 
 REPEATS, REPEATING = 5, 0.3  # how often a march is made of which the time is asked, within so many seconds

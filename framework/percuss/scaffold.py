@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import percuss
+from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.files import PACKAGE
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
-from percuss.yamltext import flow
 
 __all__ = ["KINDS", "Scaffold", "scaffold"]
 

@@ -13,10 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
 from percuss.files import replacing
-from percuss.given import expect_files, expect_mapping_or_path
 from percuss.result import machine
 from percuss.store import Store
 from percuss.tasks import LOST

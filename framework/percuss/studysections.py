@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+from percuss.case.json_schema import section_schema
+from percuss.case.layout import During, Items, Part
+from percuss.case.type_words import Expects
 from percuss.methods.interfaces import Doc, Ge, Le, Unit
 from percuss.methods.registry import Registry
-from percuss.schema import section_schema
-from percuss.sections import During, Items, Part
-from percuss.wording import Expects
 
 __all__ = [
     "Condition",

@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from percuss import vary
-from percuss.case import Case, load
+from percuss.case.case import Case, load
+from percuss.case.reader import SINGULAR, Reader
+from percuss.case.source import Source
+from percuss.case.specs import Address
+from percuss.case.type_words import found
+from percuss.case.yaml_text import KeyPath, flow
 from percuss.columns import METRICS, Column, column, named
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
-from percuss.reading import SINGULAR, Reader
 from percuss.sampling import Sample
-from percuss.source import Source
-from percuss.specs import Address
 from percuss.studysections import (
     Condition,
     KeepSection,
@@ -25,8 +27,6 @@ from percuss.studysections import (
     SampleSection,
     StudySection,
 )
-from percuss.wording import found
-from percuss.yamltext import KeyPath, flow
 
 __all__ = ["StudySpec", "read_study"]
 

@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.options import options_of
 from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
-from percuss.options import options_of
 from percuss.runner import AGAINST, NOT_VALID, run, timed_run
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
     from percuss.methods.registry import Registry
     from percuss.result import Result
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from percuss.case import Case
+    from percuss.case.case import Case
     from percuss.methods.interfaces import Exact, ExactContact, Floats, Solution
     from percuss.model import Model
     from percuss.result import Result

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.csv_file import NOT_FINITE, NUMBER
 from percuss.errors import InputError, Problem
-from percuss.tables import NOT_FINITE, NUMBER
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
 MOST = 1_000_000

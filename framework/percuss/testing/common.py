@@ -115,7 +115,7 @@ def check_options_documented(subject: Subject) -> None:
 
     The unit is read by the schema, by messages and by the check that nothing changes with the units.
     """
-    from percuss.options import options_of, schema_of
+    from percuss.case.options import options_of, schema_of
     from percuss.testing.drawn import factor
 
     schema = schema_of(subject.component)["properties"]
@@ -137,7 +137,7 @@ def check_options_bounded(subject: Subject) -> None:
     from hypothesis import strategies as st
     from hypothesis.errors import Unsatisfiable
 
-    from percuss.options import options_of, validate
+    from percuss.case.options import options_of, validate
 
     for key, option in options_of(subject.component).items():
         for wrong in (math.nan, {"no": "mapping"}):
@@ -182,7 +182,7 @@ def check_schema(subject: Subject) -> None:
 
     Editors complete cases with it, and other tools check them.
     """
-    from percuss.options import schema_of
+    from percuss.case.options import schema_of
     from percuss.runner import plain
 
     schema = schema_of(subject.component)

@@ -80,7 +80,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
 
 def _shown(value: Any) -> str:
     """Return a drawn value as it would be written in a case."""
-    from percuss.yamltext import flow
+    from percuss.case.yaml_text import flow
 
     if isinstance(value, Mapping):
         return "\n".join(f"{key}: {_shown(item)}" for key, item in value.items()) if "bodies" in value else flow(value)
@@ -162,8 +162,8 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa
 
     from hypothesis import strategies as st
 
+    from percuss.case.type_words import is_union
     from percuss.methods.interfaces import DataFile
-    from percuss.wording import is_union
 
     if get_origin(annotation) is Annotated:
         low, high, at_low, at_high = bounds(annotation)
@@ -315,7 +315,7 @@ def converted(case: Mapping[str, Any]) -> dict[str, Any]:
 
 def converted_options(subject: Subject, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options in the other units, each by the unit that it states; defaults that have one are among them."""
-    from percuss.options import options_of
+    from percuss.case.options import options_of
 
     known = options_of(subject.component)
     defaults = {

@@ -98,7 +98,7 @@ class Subject:
     @property
     def examples(self) -> list[dict[str, Any]]:
         """The option sets that it says make sense; a data file stands beside the file of the component."""
-        from percuss.options import options_of, takes_file
+        from percuss.case.options import options_of, takes_file
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
         files = [key for key, option in options_of(self.component).items() if takes_file(option.annotation)]
@@ -113,7 +113,7 @@ class Subject:
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance, its options checked as those of a case are."""
-        from percuss.options import validate
+        from percuss.case.options import validate
 
         made, faults = validate(self.component, options, kind=f"the {self.family} {self.name}", folder=Path())
         if made is None:
@@ -143,7 +143,7 @@ class Subject:
 
     def load(self, case: Mapping[str, Any]) -> Any:
         """Return a case given as a mapping, read with the component at hand."""
-        from percuss.case import load
+        from percuss.case.case import load
 
         self.loaded[:] = [case]
         return load(case, registry=self.registry)

@@ -1,6 +1,6 @@
 """The JSON schema of a case, from the components at hand: with it an editor completes and checks a case.
 
-It is made from the classes that `percuss.case` validates with, so the two cannot drift apart. What a
+It is made from the classes that `percuss.case.case` validates with, so the two cannot drift apart. What a
 class checks in its ``__post_init__``, and what depends on several parts of a case, is beyond a schema.
 """
 
@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from percuss.case.layout import CaseSection, Each, Items, Named, Part
+from percuss.case.options import Option, described, option_schema, options_of, schema_of
+from percuss.case.type_words import fact
 from percuss.methods.interfaces import NAME_PATTERN
 from percuss.methods.registry import Registry
-from percuss.options import Option, described, option_schema, options_of, schema_of
-from percuss.sections import CaseSection, Each, Items, Named, Part
-from percuss.wording import fact
 
 
 def case_schema(registry: Registry) -> dict[str, Any]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from percuss.case.layout import ExpectSection
+from percuss.case.quantities import QUANTITIES, SUMMARY, Quantity
+from percuss.case.reader import Reader
+from percuss.case.specs import Address, Expectation
+from percuss.case.type_words import found
+from percuss.case.yaml_text import KeyPath
 from percuss.errors import suggestion
-from percuss.quantities import QUANTITIES, SUMMARY, Quantity
-from percuss.reading import Reader
-from percuss.sections import ExpectSection
-from percuss.specs import Address, Expectation
-from percuss.wording import found
-from percuss.yamltext import KeyPath
 
 __all__ = ["expectations"]
 

@@ -16,11 +16,11 @@ from typing import Annotated, Any, NamedTuple, TypeVar, Union, cast, get_args, g
 
 import pydantic
 
+from percuss.case.csv_file import read_table
+from percuss.case.type_words import Expects, advice, describe, fact, found, is_union, item_type, words
+from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
 from percuss.methods.interfaces import DataFile, Doc, Unit
-from percuss.tables import read_table
-from percuss.wording import Expects, advice, describe, fact, found, is_union, item_type, words
-from percuss.yamltext import KeyPath
 
 __all__ = ["Expects", "Fault", "Option", "options_of", "schema_of", "validate"]
 

@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from percuss import overrides as overriding
+from percuss.case import overrides as overriding
+from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths
+from percuss.case.expectations import expectations
+from percuss.case.layout import MethodSpec, TimeSpec
+from percuss.case.reader import Reader
+from percuss.case.source import Source
+from percuss.case.specs import Address, BodySpec, ContactSpec, Expectation, LoadSpec, RecordSpec
+from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
-from percuss.expectations import expectations
-from percuss.given import expect_files, expect_mapping_or_path, expect_paths
 from percuss.methods.registry import Registry
-from percuss.reading import Reader
-from percuss.sections import MethodSpec, TimeSpec
-from percuss.source import Source
-from percuss.specs import Address, BodySpec, ContactSpec, Expectation, LoadSpec, RecordSpec
-from percuss.yamltext import KeyPath
 
 __all__ = [
     "Address",

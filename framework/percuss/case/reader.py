@@ -7,10 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from percuss.errors import InputError, PluginError, Problem, suggestion
-from percuss.methods.interfaces import NAME_PATTERN, Component, ContactLaw, Element, Load, Material, Shape
-from percuss.options import Option, options_of, validate
-from percuss.sections import (
+from percuss.case.layout import (
     BodySection,
     CaseSection,
     ContactSection,
@@ -23,10 +20,13 @@ from percuss.sections import (
     RecordSection,
     TimeSpec,
 )
-from percuss.source import Source
-from percuss.specs import Address, BodySpec, ContactSpec, LoadSpec, RecordSpec
-from percuss.wording import fact, found
-from percuss.yamltext import KeyPath, dotted
+from percuss.case.options import Option, options_of, validate
+from percuss.case.source import Source
+from percuss.case.specs import Address, BodySpec, ContactSpec, LoadSpec, RecordSpec
+from percuss.case.type_words import fact, found
+from percuss.case.yaml_text import KeyPath, dotted
+from percuss.errors import InputError, PluginError, Problem, suggestion
+from percuss.methods.interfaces import NAME_PATTERN, Component, ContactLaw, Element, Load, Material, Shape
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from percuss.case.yaml_text import KeyPath
 from percuss.methods.interfaces import ContactLaw, Element, Load, Material, Shape
-from percuss.yamltext import KeyPath
 
 __all__ = ["Address", "BodySpec", "ContactSpec", "Expectation", "LoadSpec", "RecordSpec"]
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
 from percuss.errors import InputError, Problem
-from percuss.yamltext import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
 
 __all__ = ["KeyPath", "Mark", "Source", "dotted", "flow"]
 

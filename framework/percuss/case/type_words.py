@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
+from percuss.case.yaml_text import flow
 from percuss.errors import nearest
 from percuss.methods.interfaces import DataFile, Unit
-from percuss.yamltext import flow
 
 __all__ = ["Expects", "advice", "describe", "fact", "found", "has_type", "is_union", "item_type", "words"]
 

@@ -11,10 +11,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from percuss.case.quantities import STATISTICS
+from percuss.case.specs import ActsAs, Vector
+from percuss.case.type_words import Expects
 from percuss.methods.interfaces import ContactLaw, Doc, Ge, Gt, Integrator, Mass, Unit
-from percuss.quantities import STATISTICS
-from percuss.specs import ActsAs, Vector
-from percuss.wording import Expects
 
 __all__ = [
     "BodySection",

@@ -19,7 +19,7 @@ def _wrong(function: str, message: str, value: Any, advice: str) -> InputError:
 
 def expect_case(function: str, value: Any, *, many: bool = False, **paths: Any) -> None:
     """Raise InputError unless `value` is a case, and each of `paths` fit for `expect_paths`."""
-    from percuss.case import Case
+    from percuss.case.case import Case
 
     if not isinstance(value, Case):
         example = repr(value) if isinstance(value, str) else "'case.yaml'"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 from typing import Any
 
+from percuss.case.layout import CaseSection, Each, Named, Part
+from percuss.case.options import options_of
+from percuss.case.source import Source
+from percuss.case.type_words import fact
+from percuss.case.yaml_text import KeyPath, dotted, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
-from percuss.options import options_of
-from percuss.sections import CaseSection, Each, Named, Part
-from percuss.source import Source
-from percuss.wording import fact
-from percuss.yamltext import KeyPath, dotted, flow
 
 __all__ = ["apply"]
 
