@@ -12,7 +12,7 @@ from benchmarks.gain import gains, row
 from percuss.certificate import certificate
 from percuss.explain import explanation
 from percuss.methods.registry import Registry
-from percuss.model import Model
+from percuss.solver.model import Model
 from strategies import hunek, run
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))

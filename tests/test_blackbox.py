@@ -11,12 +11,13 @@ import pytest
 from hypothesis import assume, event, given
 
 import percuss
-from percuss import judges, loop
+from percuss import judges
 from percuss.blackbox import ClosedStep, Motions, combinations, examine
 from percuss.certificate import certificate
 from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
-from percuss.model import Model
 from percuss.pencil import Pencil
+from percuss.solver.compiled import leapfrog_loop
+from percuss.solver.model import Model
 from percuss.testing import Subject
 from percuss.testing.pairs import impact
 from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
@@ -353,7 +354,7 @@ def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
                 for k in range(p.start, p.stop):
                     special[entries[k].place].new_v += 2.0 * dt * entries[k].response * p.multiplier
 
-    monkeypatch.setattr(loop, "correct", twice)
+    monkeypatch.setattr(leapfrog_loop, "correct", twice)
     with pytest.raises(AssertionError):
         limit_of(unlike_pair(integrator))
 
@@ -364,13 +365,13 @@ def planted_run(monkeypatch, name, defect):
     case = hunek(n=10, integrator=CD, contact=law)
     case["bodies"]["long"] |= {"area": 2.0, "fixed": []}
     if defect is not None:
-        monkeypatch.setattr(loop, name, defect)
+        monkeypatch.setattr(leapfrog_loop, name, defect)
     return percuss.run(percuss.load(case), compiled=False).summary
 
 
 def test_a_clamped_tension_is_seen(monkeypatch):
     """Bipenalty pulls before release; without that it is no longer the closed linear step that keeps its energy."""
-    solve = loop.solve
+    solve = leapfrog_loop.solve
 
     def clamped(points, others, dt):
         sound = solve(points, others, dt)

@@ -17,7 +17,7 @@ from percuss import certificate, maps, scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
 from percuss.explain import explanation
 from percuss.judges import ClosedForm, NoClosedFormError
-from percuss.model import Model
+from percuss.solver.model import Model
 from percuss.testing import Subject, checks
 from percuss.testing.drawn import rows
 from percuss.testing.kit import perform

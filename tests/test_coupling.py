@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 import dense
 import percuss
 from percuss.explain import explanation
-from percuss.march import March
-from percuss.model import Model
-from percuss.specialise import jit_disabled
+from percuss.solver.compiler.specialise import jit_disabled
+from percuss.solver.march import March
+from percuss.solver.model import Model
 
 LAWS = '''
 from dataclasses import dataclass

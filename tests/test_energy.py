@@ -10,7 +10,7 @@ from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 import percuss
-from percuss import loop
+from percuss.solver.compiled import leapfrog_loop
 from strategies import INTEGRATORS, LEAPFROG, PAIRS, number, pair_id, rows, run, with_pair
 
 WU, CD = "wu-predictor-corrector", "central-difference"
@@ -286,8 +286,8 @@ def test_a_contact_that_lets_go_a_step_late_is_seen(monkeypatch, law):
         points.last[let_go] = -2
         return sound
 
-    right = loop.solve
-    monkeypatch.setattr(loop, "solve", late)
+    right = leapfrog_loop.solve
+    monkeypatch.setattr(leapfrog_loop, "solve", late)
     result = run(warned(between_two_walls(NEVER[law], WU, 150)), compiled=False)
     assert rise(result) > 1e-6
     assert noted(result, WU, NEVER[law]["name"])
@@ -302,7 +302,7 @@ def twice(points, entries, special, dt):
 
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
-    monkeypatch.setattr(loop, "correct", twice)
+    monkeypatch.setattr(leapfrog_loop, "correct", twice)
     result = run(warned(between_two_walls(NEVER[law], WU, 300)), compiled=False)
     assert rise(result) > 1e-6
     assert result.summary["energy"]["ledger_error"] > 1e-6
@@ -321,8 +321,8 @@ def test_a_spring_that_follows_a_step_late_is_seen(monkeypatch):
         return sound
 
     before = [np.zeros(2)]
-    right = loop.solve
-    monkeypatch.setattr(loop, "solve", behind)
+    right = leapfrog_loop.solve
+    monkeypatch.setattr(leapfrog_loop, "solve", behind)
     law = {"name": "penalty", "beta_s": 0.1}
     result = run(warned(between_two_walls(law, CD, 300)), compiled=False)
     assert drift(result) > 1e-6

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 import characteristics
 import percuss
 from percuss.exact_only import run_exact
-from percuss.model import Model
+from percuss.solver.model import Model
 from strategies import REGISTRY, hunek, number
 
 CASES = Path(__file__).parent.parent / "cases"

@@ -7,9 +7,9 @@ import pytest
 
 import percuss
 from percuss.cli import app
-from percuss.march import March
-from percuss.model import Model
-from percuss.specialise import jit_disabled
+from percuss.solver.compiler.specialise import jit_disabled
+from percuss.solver.march import March
+from percuss.solver.model import Model
 
 LAW = '''
 from dataclasses import dataclass
@@ -115,18 +115,18 @@ def test_a_multiplier_that_is_not_set_stops_the_run_and_is_named(file, mistake, 
     march, outcome = made(file, mistake, compiled=compiled)
     dt = march.model.dt
     assert outcome.status == "unstable"
-    assert outcome.stop["step"] == np.floor(0.1 / dt) + 1
-    assert outcome.stop["time"] == pytest.approx(outcome.stop["step"] * dt)
-    assert (outcome.stop["body"], outcome.stop["node_in_body"]) == ("b", 4)
+    assert outcome.stop.step == np.floor(0.1 / dt) + 1
+    body = march.model.body_of(outcome.stop.node)
+    assert (body.name, outcome.stop.node - body.start) == ("b", 4)
     what, cause = MISTAKES[mistake]
-    assert outcome.stop["what"] == what
-    assert cause in outcome.stop["cause"]
-    assert "the kernel was called with gap " in outcome.stop["cause"]
+    assert outcome.stop.what == what
+    assert cause in outcome.stop.cause
+    assert "the kernel was called with gap " in outcome.stop.cause
 
 
 def test_of_a_scheme_of_stages_it_is_named_too(file):
     _, outcome = made(file, 1, compiled=False, integrator="noh-bathe")
-    assert outcome.stop["what"] == MISTAKES[1][0]
+    assert outcome.stop.what == MISTAKES[1][0]
     with pytest.raises(percuss.PluginError, match=r"faulty\.py:\d+: contact law faulty: multipliers: ValueError: too"):
         made(file, 4, compiled=False, integrator="noh-bathe")
 

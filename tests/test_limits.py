@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss import limits
 from percuss.certificate import settled
 from percuss.errors import InputError
+from percuss.solver import size_limits
 from strategies import hunek
 
 ROOT = Path(__file__).parent.parent
@@ -35,7 +35,7 @@ ABSURD = [
 
 @pytest.fixture
 def machine(monkeypatch):
-    monkeypatch.setattr(limits, "memory", lambda: 16 * GIB)
+    monkeypatch.setattr(size_limits, "memory", lambda: 16 * GIB)
 
 
 @pytest.mark.parametrize(("change", "said"), ABSURD, ids=[change for change, _ in ABSURD])
@@ -62,7 +62,7 @@ def test_the_command_line_says_so_without_a_traceback(command, change):
 
 def test_what_is_proposed_instead_fits(machine):
     model = settled(percuss.load(HUNEK, {"time.end": 1e8, "record.every": 10_000}))
-    assert limits.recordable(model) is model
+    assert size_limits.recordable(model) is model
 
 
 def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):

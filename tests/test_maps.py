@@ -14,7 +14,7 @@ from hypothesis import assume, event, given
 
 import percuss
 from percuss.certificate import SAFETY, certificate, settled
-from percuss.model import Model
+from percuss.solver.model import Model
 from percuss.stability_plot import stability_figure
 from percuss.waves import waves
 from strategies import INTEGRATORS, LAWS, LEAPFROG, hunek, pair_id, rows, with_pair

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss import march
-from percuss.kernels import BLOCK
+from percuss.solver import march
+from percuss.solver.compiled.bulk import BLOCK
 from strategies import INTEGRATORS, LEAPFROG, hunek, run
 
 STEEL = {"young": 100.0, "density": 0.01}

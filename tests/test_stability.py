@@ -7,7 +7,7 @@ import pytest
 
 import percuss
 from percuss.certificate import certificate
-from percuss.model import Model
+from percuss.solver.model import Model
 
 HUNEK = Path(__file__).parent.parent / "cases" / "hunek.yaml"
 BAR = {"material": {"young": 1.0, "density": 1.0}, "area": 1.0}

@@ -15,8 +15,8 @@ from percuss.certificate import certificate, settled
 from percuss.explain import explanation
 from percuss.judges import BlackBoxJudge, RowsJudge
 from percuss.maps import stability
-from percuss.march import March
-from percuss.model import Model
+from percuss.solver.march import March
+from percuss.solver.model import Model
 from percuss.waves import waves
 from strategies import INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair
 

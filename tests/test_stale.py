@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.fingerprint import Fingerprint, layout
 from percuss.methods.registry import Registry
-from percuss.specialise import Specialiser
+from percuss.solver.compiler.fingerprint import Fingerprint, layout
+from percuss.solver.compiler.specialise import Specialiser
 from strategies import hunek
 
 DEEP = os.environ.get("HYPOTHESIS_PROFILE") == "deep"

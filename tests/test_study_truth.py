@@ -406,11 +406,11 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
 
 
 def test_memory_that_another_machine_may_have_is_no_failure_of_a_method(tmp_path, monkeypatch):
-    from percuss import limits
+    from percuss.solver import size_limits
 
     study = given(tmp_path, vary={"time.end": [0.4, 4000.0]})
     with monkeypatch.context() as patched:
-        patched.setattr(limits, "memory", lambda: 2**21)
+        patched.setattr(size_limits, "memory", lambda: 2**21)
         made = percuss.study(study, tmp_path / "a.sqlite", workers=1)
     assert list(made.table.status) == ["done", "lost"]
     assert "expected records that fit into memory" in made.table.reason[1]
@@ -441,7 +441,7 @@ def test_the_cost_of_a_row_is_its_march(tmp_path):
 
 def test_the_least_of_the_repeats_counts(monkeypatch):
     from percuss import runner
-    from percuss.march import March
+    from percuss.solver.march import March
 
     times = iter([0.5, 0.2, 0.3, 0.9])
     real, made = March.run, []
@@ -462,7 +462,7 @@ def test_the_least_of_the_repeats_counts(monkeypatch):
 
 def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
     from percuss import runner
-    from percuss.march import March
+    from percuss.solver.march import March
 
     real, made = March.run, []
 

@@ -14,7 +14,7 @@ from percuss.comparison import compare, metrics
 from percuss.convergence import orders
 from percuss.measures import verify
 from percuss.methods.interfaces import ExactContact
-from percuss.model import Model
+from percuss.solver.model import Model
 from percuss.tell import tell_result
 from percuss_methods.solutions._row import RowOfBars
 from strategies import hunek, run

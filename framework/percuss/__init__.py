@@ -23,7 +23,7 @@ _MODULES = {
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "methods.hookspecs": "hookimpl",
-    "kernels": "accelerations coupled_gap coupled_rate energy_density stress",
+    "methods.slots": "accelerations coupled_gap coupled_rate energy_density stress",
     "maps": "stability",
     "result": "Result open_result",
     "runner": "run",
@@ -91,7 +91,6 @@ if TYPE_CHECKING:
     from percuss.case.case import Case, load
     from percuss.comparison import compare
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
-    from percuss.kernels import accelerations, coupled_gap, coupled_rate, energy_density, stress
     from percuss.maps import stability
     from percuss.methods.hookspecs import hookimpl
     from percuss.methods.interfaces import (
@@ -127,6 +126,7 @@ if TYPE_CHECKING:
         Unit,
         end_of_step,
     )
+    from percuss.methods.slots import accelerations, coupled_gap, coupled_rate, energy_density, stress
     from percuss.result import Result, open_result
     from percuss.runner import run
     from percuss.studies import Study, open_study, study

@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import loop
 from percuss.errors import PercussError
-from percuss.march import March
 from percuss.pencil import EDGE, Pencil
-from percuss.staged import State
+from percuss.solver.compiled import leapfrog_loop
+from percuss.solver.march import March
+from percuss.solver.multistage import State
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.methods.interfaces import Floats
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
 DEPTH = 64.0  # of overlap and closing, over what a perturbation makes of either
 FAR = 1e12  # of an open gap whose law is rows
@@ -117,7 +117,7 @@ class ClosedStep:
             return type(drive := self.march.staged.drive(0, 1))(*(0.0 * part for part in drive))
         width = len(self.model.case.loads) + 1
         bodies = len(self.model.bodies) * self.model.dim
-        return loop.Drive(np.zeros((1, width)), np.zeros((1, width)), np.zeros((1, bodies)))
+        return leapfrog_loop.Drive(np.zeros((1, width)), np.zeros((1, width)), np.zeros((1, bodies)))
 
     def _hold(self) -> Floats:
         """Set the gaps deep in contact or far out of it; return the state from which all steps are made, (parts, n)."""

@@ -1,4 +1,4 @@
-"""What can be said of stability: the certificate of a run before its first step, and the cause of one that blew up."""
+"""The certificate of a run: what can be said of its stability before its first step."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.bodies import tangent_as_declared
-from percuss.contact import SWEEPS
 from percuss.errors import InputError
 from percuss.judges import (
     BETWEEN,
@@ -22,15 +20,13 @@ from percuss.judges import (
     closed,
     named,
 )
-from percuss.model import Model
 from percuss.pencil import EDGE
+from percuss.solver.bodies import tangent_as_declared
+from percuss.solver.model import Model
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.march import March
 
-UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
-NOT_STARTED = "the certificate says no, so no step was made"
 LEAST = 1e-4  # of the free step: a smaller critical one counts as none
 ABOVE = 1e-6  # by so much above the critical step it is asked which contacts limit it
 SAFETY = 0.9  # of the critical step, where the case leaves the step open
@@ -293,76 +289,3 @@ def _option_at_most(judge: EveryStretch, law: Any, option: str, value: float) ->
         middle = float(np.sqrt(lo * hi))
         lo, hi = (middle, hi) if holds(middle) else (lo, middle)
     return lo
-
-
-def not_started(model: Model, known: dict[str, Any]) -> dict[str, Any]:
-    """Return step, time, node and cause of a run that its certificate forbids, as `likely_cause` does of one."""
-    worst = [meeting.nodes[0] for meeting in model.meetings if meeting.name in known["worst"]]
-    body = max(model.bodies.values(), key=lambda one: float(one.frequency.max()))
-    node = worst[0] if worst else body.start + int(np.argmax(body.frequency))
-    return stopped(model, 0, node, NOT_STARTED, f"{known['why']}: {known['cure']}")
-
-
-def _cause(model: Model, *, by_contact: bool) -> str:
-    """Return why a run blew up: what the certificate says, where it says no."""
-    known = certificate(model)
-    if known["stable"] == "no":
-        return f"{known['why']}: {known['cure']}"
-    if known["stable"] == "marginal" and not by_contact:
-        return "at the critical step the highest frequency of a bar with free ends grows with time: lower it"
-    if by_contact:
-        return "contact adds energy each time it closes or opens; this pair of methods gives no bound on it"
-    return f"unknown: {known['why']}"
-
-
-def likely_cause(march: March, step: int, *, by_contact: bool, unsolved: bool = False) -> dict[str, Any]:
-    """Return step, time, node and likely cause of a run that was stopped.
-
-    Parameters
-    ----------
-    march
-        The run, as it stands after the step.
-    step
-        The step after which it was stopped.
-    by_contact
-        Whether the work of the contacts ran away, rather than the bodies' own energy.
-    unsolved
-        Whether the sweeps over contacts that share an end did not converge.
-    """
-    model = march.model
-    finite = np.isfinite(march.u) & np.isfinite(march.v)
-    points = march.few.points
-    closed = [p for p in range(points.size) if points[p].multiplier != 0.0]
-    node = _worst_node(march, finite, closed if by_contact or unsolved else [])
-    energy = "the work of the contacts" if by_contact else "the kinetic energy"
-    what = f"{energy} exceeds all energy put in many times"
-    if not finite.all():
-        what = "a value is no longer finite"
-    elif unsolved:
-        what = f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
-    return stopped(model, step, node, what, UNSOLVED if unsolved else _cause(model, by_contact=by_contact))
-
-
-def stopped(model: Model, step: int, node: int, what: str, cause: str) -> dict[str, Any]:
-    """Return how a run stopped: after which step, at which node, what was seen and why."""
-    body = model.body_of(node)
-    return {
-        "step": step,
-        "time": step * model.dt,
-        "node": node,
-        "body": body.name,
-        "node_in_body": node - body.start,
-        "position": [float(x) for x in model.nodes[node]],
-        "what": what,
-        "cause": cause,
-    }
-
-
-def _worst_node(march: March, finite: Any, closed: list[int]) -> int:
-    if not finite.all():
-        return int(np.argmin(finite)) // march.dim
-    if closed:
-        few = march.few
-        worst = max(closed, key=lambda p: abs(few.points[p].multiplier))
-        return int(few.special[few.entries[few.points[worst].start].place].dof) // march.dim
-    return int(np.argmax(np.abs(march.v))) // march.dim

@@ -14,9 +14,9 @@ from typing import Any
 
 import percuss
 from percuss.bench import Bench, Job
-from percuss.compiling import LOCK
 from percuss.errors import InputError, Problem, RunError
 from percuss.records import Record
+from percuss.solver.compiler.compiling import LOCK
 from percuss.store import WORKER
 from percuss.tasks import LOST
 from percuss.workers import Batches

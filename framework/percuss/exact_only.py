@@ -11,9 +11,9 @@ import numpy as np
 
 from percuss import truth
 from percuss.errors import InputError, Problem
-from percuss.model import Model
 from percuss.result import Result, machine
 from percuss.runner import plain, plugins_used
+from percuss.solver.model import Model
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import limits
 from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate import SAFETY, certificate
-from percuss.contact import broadcast, judge
 from percuss.describe import docs
 from percuss.methods.interfaces import Component, Rows
+from percuss.solver import size_limits
+from percuss.solver.contact_rows import broadcast, judge
 from percuss.truth import why_not_covered
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
-    from percuss.model import Model
-    from percuss.parts import Meeting
+    from percuss.solver.entities import Meeting
+    from percuss.solver.model import Model
 
 MOST_LETTERS = 60  # of the value of an option, as a table's
 
@@ -38,7 +38,7 @@ def explanation(model: Model) -> Explanation:
     """Return what the run of a model will do."""
     from percuss.runner import plain
 
-    known = certificate(limits.recordable(model))
+    known = certificate(size_limits.recordable(model))
     measured = _measured(model, known["energy"])
     contacts = [_contact(model, p, meeting) for p, meeting in enumerate(model.meetings)]
     loads = [_load(spec) for spec in model.case.loads.values()]

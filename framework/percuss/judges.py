@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blackbox import DENSE, Motions, combinations, examine
-from percuss.contact import broadcast, delassus_rows
 from percuss.methods.interfaces import Rows
 from percuss.methods.kernel_trial import changes_with_time
 from percuss.pencil import EDGE, Pencil, critical_step, largest
-from percuss.schemes import reach, scheme
+from percuss.solver.contact_rows import broadcast, delassus_rows
+from percuss.solver.integrator_check import reach, scheme
 from percuss.unalike import WORK, ClosedMatrix, sets_in_question
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.methods.interfaces import Floats, Judged
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
 NOT_GUARANTEED, UNKNOWN = "not guaranteed", "unknown"
@@ -272,7 +272,7 @@ class RowsJudge:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.model.Model.stretches`.
+        A stretch of a run, `percuss.solver.model.Model.stretches`.
     """
 
     by = "pencil"

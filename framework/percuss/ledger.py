@@ -4,9 +4,9 @@ Energies are staggered, at t_{n+1/2}: kinetic ``v M v / 2``, elastic ``u_n K u_{
 on linear bodies the change of their sum over a step is ``lambda (g_{n+1} - g_{n-1}) / 2`` of the contacts plus
 ``(f_ext + reactions) (u_{n+1} - u_{n-1}) / 2``, to round-off; both works are summed in every step.
 
-Of schemes in stages (`percuss.stages`) energies are those of the state at t_{n+1}, and the work of a force is its
-impulse in the step times ``(v_n + v_{n+1}) / 2``, which is what the kinetic energy takes up, to round-off. What is
-left of the closure is what the scheme makes of the strain energy: it does not vanish.
+Of schemes in stages (`percuss.solver.compiled.multistage_loop`) energies are those of the state at t_{n+1}, and the
+work of a force is its impulse in the step times ``(v_n + v_{n+1}) / 2``, which is what the kinetic energy takes up,
+to round-off. What is left of the closure is what the scheme makes of the strain energy: it does not vanish.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.contact import ROUNDING
+from percuss.solver.compiled.contact_equation import ROUNDING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from percuss.march import March, Outcome
     from percuss.methods.interfaces import Floats
+    from percuss.solver.march import March, Outcome
 
 # Of the largest energy, or of the momentum: what the accounts of a run may be off by. The identities above hold to
 # round-off for linear bodies. The momentum of any body changes by the forces from outside alone.

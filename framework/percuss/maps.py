@@ -16,7 +16,7 @@ from percuss.certificate import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
 from percuss.files import replacing
 from percuss.judges import BlackBoxJudge, ClosedForm, EveryStretch, NoClosedFormError, RowsJudge, closed
-from percuss.model import Model
+from percuss.solver.model import Model
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

@@ -16,7 +16,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
 EDGE = 1e-9  # margins this close to the limit are marginal
 STEPS_OF_SEARCH = 60
@@ -29,8 +29,8 @@ class Pencil:
     Parameters
     ----------
     model
-        A stretch of a run (`percuss.model.Model.stretches`); of a whole run, a drive that is off at any time counts as
-        absent.
+        A stretch of a run (`percuss.solver.model.Model.stretches`); of a whole run, a drive that is off at any time
+        counts as absent.
     """
 
     def __init__(self, model: Model) -> None:

@@ -122,7 +122,7 @@ class Result:
         until = known["reached"] if known else covered["until"] if covered else None
         if self.solution is None and until is not None:
             from percuss.case.case import load
-            from percuss.model import Model
+            from percuss.solver.model import Model
             from percuss.truth import exact_solution
 
             self.solution = exact_solution(Model(load(self.provenance["case"])), until)[0]

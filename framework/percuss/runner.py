@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import certificate, growth, ledger, limits, truth
-from percuss.bodies import stress_field
+from percuss import cause, certificate, growth, ledger, truth
 from percuss.case.arguments import expect_case
-from percuss.compiling import Stopwatch
 from percuss.errors import RunError
-from percuss.march import GROWTH, March, Outcome, Progress
-from percuss.model import resolved_methods
-from percuss.recording import field_elements
 from percuss.result import Result, machine
+from percuss.solver import size_limits
+from percuss.solver.bodies import stress_field
+from percuss.solver.compiler.compiling import Stopwatch
+from percuss.solver.march import GROWTH, March, Outcome, Progress
+from percuss.solver.model import Model, resolved_methods
+from percuss.solver.recording import field_elements
+from percuss.solver.stop import NOT_STARTED, Stop
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,13 +103,13 @@ def _run(
     repeats: int | None = 1,
     timed: bool = False,
 ) -> Result:
-    march = March(limits.recordable(certificate.settled(case)), compiled=compiled)
+    march = March(size_limits.recordable(certificate.settled(case)), compiled=compiled)
     seconds = march.seconds
     seconds["build"] = watch.lap()
     known = certificate.certificate(march.model)
     seconds["certificate"] = watch.lap()
     if known["stable"] == "no" and case.time.on_unstable == "stop":
-        outcome = march.refuse(certificate.not_started(march.model, known))
+        outcome = march.refuse(cause.not_started(march.model, known))
     else:
         marginal = known["stable"] == "marginal"
         march.settle()  # compiles before the march of this process begins, for which other threads wait
@@ -127,7 +129,7 @@ def _run(
         result.summary["exact"]["fragile"] = truth.is_fragile(result, twin)
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
     if outcome.status == "unstable":
-        raise RunError(stop_message(outcome.stop), result)
+        raise RunError(stop_message(result.summary["stop"]), result)
     return result
 
 
@@ -146,11 +148,28 @@ def _repeat(march: March, outcome: Outcome, repeats: int | None, *, marginal: bo
         outcome.seconds["march"] = min(outcome.seconds["march"], again.seconds["march"])
 
 
+def _where_stopped(model: Model, stop: Stop | None, known: dict[str, Any]) -> dict[str, Any] | None:
+    """Return step, time, node and likely cause of a run that was stopped, None of one that was not."""
+    if stop is None:
+        return None
+    body = model.body_of(stop.node)
+    return {
+        "step": stop.step,
+        "time": stop.step * model.dt,
+        "node": stop.node,
+        "body": body.name,
+        "node_in_body": stop.node - body.start,
+        "position": [float(x) for x in model.nodes[stop.node]],
+        "what": stop.what,
+        "cause": cause.likely_cause(stop, known),
+    }
+
+
 def stop_message(stop: Mapping[str, Any]) -> str:
     """Return the words for a run that was stopped: what, step, time, node and likely cause."""
     when = f"stopped at step {stop['step']}, time {stop['time']:.9g}"
     return (
-        f"{'not started' if stop['what'] == certificate.NOT_STARTED else when}, node {stop['node']} "
+        f"{'not started' if stop['what'] == NOT_STARTED else when}, node {stop['node']} "
         f"(node {stop['node_in_body']} of body '{stop['body']}'): {stop['what']}\n"
         f"  likely cause: {stop['cause']}"
     )
@@ -193,7 +212,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
     summary = {
         "status": outcome.status,
-        "stop": outcome.stop or None,
+        "stop": _where_stopped(march.model, outcome.stop, known),
         "steps": outcome.done,
         "nodes": model.n_nodes,
         "dt": model.dt,

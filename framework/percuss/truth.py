@@ -9,8 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.methods.interfaces import Exact, ExactContact, Floats, Solution
-    from percuss.model import Model
     from percuss.result import Result
+    from percuss.solver.model import Model
 
 NOTHING = 1e-18
 ERRORS = (

@@ -18,7 +18,7 @@ from percuss.judges import closed
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
 
 @dataclass(frozen=True)

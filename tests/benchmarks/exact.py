@@ -16,7 +16,7 @@ import numpy as np
 
 import percuss
 from percuss.methods.registry import Registry
-from percuss.model import Model
+from percuss.solver.model import Model
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

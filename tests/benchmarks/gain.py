@@ -16,8 +16,8 @@ import numpy as np
 
 import percuss
 from percuss import ledger
-from percuss.march import March
-from percuss.model import Model
+from percuss.solver.march import March
+from percuss.solver.model import Model
 
 CLOSINGS = 10
 LONGEST = 64

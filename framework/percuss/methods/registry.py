@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import pluggy
 
-from percuss.compiling import LOCK
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
@@ -30,6 +29,7 @@ from percuss.methods.blame import PLUGIN_MODULES, begin_of, described, place_of
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.local_modules import companions, importing
 from percuss.methods.source_digest import data_named, remember
+from percuss.solver.compiler.compiling import LOCK
 
 __all__ = ["Broken", "Provenance", "Registry"]
 

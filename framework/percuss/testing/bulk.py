@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from percuss.bodies import PROBING_STRAIN, ElementProbe
 from percuss.errors import RunError
 from percuss.methods.interfaces import BodyMesh, Mesh, Region
-from percuss.specialise import Specialiser
+from percuss.solver.bodies import PROBING_STRAIN, ElementProbe
+from percuss.solver.compiler.specialise import Specialiser
 from percuss.testing.drawn import for_all, rows
 from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
 
@@ -81,10 +81,10 @@ def _check_line(subject: Subject, mesh: Mesh, dim: int) -> None:
 
 def _kernels(element: Any, material: Any) -> tuple[Any, Any]:
     """Return internal force and energy of an element with a material, as plain Python."""
-    from percuss import kernels
+    from percuss.methods import slots
 
-    slots: dict[Any, Any] = {kernels.stress: material.stress, kernels.energy_density: material.energy_density}
-    maker = Specialiser(slots, jit=False)
+    filled: dict[Any, Any] = {slots.stress: material.stress, slots.energy_density: material.energy_density}
+    maker = Specialiser(filled, jit=False)
     return maker.bind(element.internal_force), maker.bind(element.energy)
 
 

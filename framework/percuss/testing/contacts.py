@@ -152,7 +152,7 @@ def check_inputs_untouched(subject: Subject) -> None:
 
     They are shared with the rest of the run; plain NumPy would refuse, compiled code would not.
     """
-    from percuss.specialise import Specialiser, compile_error
+    from percuss.solver.compiler.specialise import Specialiser, compile_error
 
     points, dt = some_points(3), 1e-3
     for options in subject.examples:

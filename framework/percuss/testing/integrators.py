@@ -186,9 +186,9 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
     tuple
         Displacement and velocity at the begin of each step, what the steps asked for, and how often in each.
     """
-    from percuss import kernels
-    from percuss.schemes import kernel_of
-    from percuss.specialise import Specialiser
+    from percuss.methods import slots
+    from percuss.solver.compiler.specialise import Specialiser
+    from percuss.solver.integrator_check import kernel_of
 
     random = np.random.default_rng(7)
     asked: Asked = []
@@ -197,7 +197,7 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
         a[:] = 0.0 if free else random.standard_normal(u.size)
         asked.append((stage, u.copy(), v.copy(), a.copy()))
 
-    step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
+    step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
     u, v = random.standard_normal((2, ENTRIES))
     kept = random.standard_normal((type(integrator).kept, ENTRIES)) * (0.0 if free else 1.0)
     begins, counts = [], []

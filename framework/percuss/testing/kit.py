@@ -38,7 +38,7 @@ class NotApplicable(Exception):
 
 def forbidden(stopped: RunError) -> bool:
     """Whether a run was not started because of its certificate, in place of being stopped."""
-    from percuss.certificate import NOT_STARTED
+    from percuss.solver.stop import NOT_STARTED
 
     return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
 

@@ -15,7 +15,7 @@ CLOSE = 1e-9
 
 def _solved(subject: Subject, engine: Any, case: dict[str, Any]) -> tuple[Any, float]:
     """Return the exact solution of a case and the time that it reached."""
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
     model = Model(subject.load(case))
     why = engine.covers(model)

@@ -163,7 +163,7 @@ def _other(subject: Subject) -> str:
 
 def growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
     """Return by how much the energy of a run grew, over the largest."""
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
     model = Model(subject.load(case))
     bounds = [entry["bound"] for entry in model.laws]
@@ -348,7 +348,7 @@ def check_certificate(subject: Subject) -> None:
     A pair whose rows say one thing and whose run does another would be certified wrongly.
     """
     from percuss.judges import BlackBoxJudge, RowsJudge, closed
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
     def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = one

@@ -161,8 +161,8 @@ class StrictSystem:
 
     def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
         """Yield the same of a scheme with a step of its own; force is impulse over step."""
-        from percuss import kernels
-        from percuss.specialise import Specialiser
+        from percuss.methods import slots
+        from percuss.solver.compiler.specialise import Specialiser
 
         dt, size, points = self.dt, self.mass.size, len(self.points.names)
         ends = stages.end or ((dt, dt * dt, dt),) * len(stages.times)
@@ -184,7 +184,7 @@ class StrictSystem:
             a[:size] = bulk + self.response * (self.normal @ multiplier)
             a[size:] = multiplier  # every entry of a state is treated alike: this one's velocity is the impulse
 
-        step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
+        step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
         u, v = np.zeros(size + points), np.append(self.velocity, np.zeros(points))
         kept = np.zeros((type(self.integrator).kept, u.size))
         for row in kept:

@@ -96,7 +96,7 @@ class Exact(ABC):
 class Solution(Component, contract="solutions"):
     """An exact solution of a class of cases.
 
-    It is handed a `percuss.model.Model`, of which it must not use the mesh beyond the ends of its bodies.
+    It is handed a `percuss.solver.model.Model`, of which it must not use the mesh beyond the ends of its bodies.
 
     Attributes
     ----------

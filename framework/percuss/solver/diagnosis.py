@@ -17,8 +17,8 @@ from percuss.methods.blame import line_in_plugin
 from percuss.methods.kernel_trial import kernel_of, seen
 
 if TYPE_CHECKING:
-    from percuss.march import March
     from percuss.methods.interfaces import Floats, Trial
+    from percuss.solver.march import March
 
 SENTINEL = -1.2345678901234567e-301  # no kernel arrives at this number by itself
 
@@ -100,7 +100,7 @@ def repeat_in_python(march: March, drive: Any, step: int) -> BaseException | Non
     step
         Number of the step.
     """
-    from percuss.binding import bind
+    from percuss.solver.build import bind
 
     laws = [
         {**entry, "kernel": probed(kernel_of(entry["law"]), entry["law"].name, entry["points"].names)}

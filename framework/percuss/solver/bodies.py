@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss import kernels
+from percuss.methods import slots
 from percuss.methods.interfaces import BodyMesh
-from percuss.specialise import Specialiser
+from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.methods.interfaces import Element, Floats, Integers, Material
-    from percuss.model import Model
-    from percuss.parts import Body
+    from percuss.solver.entities import Body
+    from percuss.solver.model import Model
 
 PROBING_STRAIN = 1e-7  # small against every strain at which a material or an element is no longer as it is at rest
 SAME_STIFFNESS = 1e-4  # relative difference up to which a stiffness about rest is the one declared
@@ -49,7 +49,7 @@ class ElementProbe:
             self._stresses.append(float(value))
             return value
 
-        self._force = Specialiser({kernels.stress: noted}, jit=False).bind(element.internal_force)
+        self._force = Specialiser({slots.stress: noted}, jit=False).bind(element.internal_force)
 
     def force(self, number: int, displacement: Floats) -> Floats:
         """Return the force of an element on its two nodes, (2 dim,), at their `displacement`, (2 dim,)."""

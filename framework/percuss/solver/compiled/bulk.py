@@ -1,6 +1,5 @@
-"""The slots a step may call, and the templates of the compiled loop that call them.
+"""The bulk update: bodies advance by a step without contact, block by block.
 
-A slot is a function without a body of its own; `percuss.specialise` binds it to the kernel a plug-in brings.
 Everything here also runs as plain Python: one source, two speeds. Displacement and velocity are flat, node by node
 with `dim` components each, displacement at t_n and velocity at t_n - dt/2; arrays called `special` hold the same for
 the few nodes at which something other than the bulk acts (contacts, supports, drives, end loads, probes).
@@ -8,82 +7,14 @@ the few nodes at which something other than the bulk acts (contacts, supports, d
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from percuss.methods.slots import energy, internal_force, unbound
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats, Integers, Trial
+    from percuss.methods.interfaces import Floats, Integers
 
 BLOCK = 1024  # nodes a block: its displacement, velocity, mass and force stay in the first-level cache
-
-
-def coupled_push(trial: Trial, multiplier: Floats, p: int) -> float:
-    """Return the gap acceleration of point p that all contacts at its ends bring, its own included.
-
-    It is ``sum over q of S_pq lambda_q``, with the `multiplier` of the law's own points as they are at the moment, and
-    those of other laws as they were last found in this step.
-    """
-    push = trial.delassus[p] * multiplier[p] + trial.pushed_by_others[p]
-    for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
-        push += trial.coupling[k] * multiplier[trial.neighbour[k]]
-    return push  # type: ignore[no-any-return]
-
-
-def coupled_gap(trial: Trial, multiplier: Floats, p: int) -> float:
-    """Return the predicted gap of point p with what all contacts at its ends press."""
-    return trial.predicted_gap[p] + trial.gap_answer * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
-
-
-def coupled_rate(trial: Trial, multiplier: Floats, p: int) -> float:
-    """Return the predicted gap rate of point p with what all contacts at its ends press."""
-    return trial.predicted_rate[p] + trial.rate_answer * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
-
-
-def _unbound() -> NoReturn:
-    raise NotImplementedError("a slot is called before a kernel is bound to it")
-
-
-def stress(parameters: Floats, strain: float) -> float:
-    """Slot: the stress at `strain`; bound to the body's material."""
-    _unbound()
-
-
-def energy_density(parameters: Floats, before: float, after: float) -> float:
-    """Slot: the staggered strain-energy density; bound to the body's material."""
-    _unbound()
-
-
-def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Slot: set `a` to the accelerations in a stage of the step; bound to `percuss.stages.accelerate`."""
-    _unbound()
-
-
-def internal_force(
-    element: Any,
-    parameters: Floats,
-    first: int,
-    dim: int,
-    displacement: Floats,
-    force: Floats,
-) -> None:
-    """Slot: set `force` to the internal force of a run of elements; bound to the body's element."""
-    _unbound()
-
-
-def energy(
-    element: Any,
-    parameters: Floats,
-    first: int,
-    dim: int,
-    displacement: Floats,
-    velocity: Floats,
-    dt: float,
-) -> float:
-    """Slot: the staggered strain energy of a run of elements; bound to the body's element."""
-    _unbound()
-
-
-# a sum over elements: its terms may be added in any order
-energy.reduction = True  # type: ignore[attr-defined]
 
 
 class Group(NamedTuple):
@@ -227,7 +158,7 @@ def bulk_head(
     dt: float,
 ) -> None:
     """Slot: advance the first group of bodies."""
-    _unbound()
+    unbound()
 
 
 def bulk_tail(
@@ -242,7 +173,7 @@ def bulk_tail(
     dt: float,
 ) -> None:
     """Slot: advance the other groups."""
-    _unbound()
+    unbound()
 
 
 def bulk_chain(
@@ -273,12 +204,12 @@ def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> fl
 
 def elastic_head(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Slot: strain energy of the first group of bodies."""
-    _unbound()
+    unbound()
 
 
 def elastic_tail(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Slot: strain energy of the other groups."""
-    _unbound()
+    unbound()
 
 
 def elastic_chain(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:

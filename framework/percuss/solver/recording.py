@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss import loop
+from percuss.solver.compiled import leapfrog_loop
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from percuss.methods.interfaces import Floats, Integers
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
 
-def prepared(model: Model, probes: Sequence[int], place: Mapping[int, int], points: int) -> tuple[loop.Record, Floats]:
+def prepared(
+    model: Model, probes: Sequence[int], place: Mapping[int, int], points: int
+) -> tuple[leapfrog_loop.Record, Floats]:
     """Return the empty record of a run, and the times of its rows.
 
     Parameters
@@ -44,7 +46,7 @@ def prepared(model: Model, probes: Sequence[int], place: Mapping[int, int], poin
     def empty(rows: int, columns: int) -> Floats:
         return np.full((rows, columns), np.nan)
 
-    record = loop.Record(
+    record = leapfrog_loop.Record(
         every=every,
         last=steps,
         multiplier=empty(rows, points),

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import kernels
 from percuss.errors import PluginError, RefusedPair
+from percuss.methods import slots
 from percuss.methods.blame import line_in_plugin
 from percuss.methods.interfaces import Integrator, Judged, LeapFrog, Rows, Stages
-from percuss.specialise import Specialiser
+from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -143,7 +143,7 @@ def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
         asked.append(stage)
         known(system, stage, u, v, a)
 
-    step = Specialiser({kernels.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
+    step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
     pushed = np.array([0.0, 1.0])
     u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(pushed, (integrator.kept, 1))
     try:
@@ -173,7 +173,7 @@ def _try_again(integrator: Integrator, stages: Stages, dt: float) -> None:
     PluginError
         If a step from the same state ends in another one.
     """
-    step = Specialiser({kernels.accelerations: known}, jit=False).bind(kernel_of(integrator))
+    step = Specialiser({slots.accelerations: known}, jit=False).bind(kernel_of(integrator))
     rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
 
     def ends(size: float) -> list[Floats]:
@@ -206,7 +206,7 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     squares : (Z,) array
         ``(omega dt)^2`` of each oscillator.
     """
-    step = Specialiser({kernels.accelerations: oscillating}, jit=False).bind(kernel_of(integrator))
+    step = Specialiser({slots.accelerations: oscillating}, jit=False).bind(kernel_of(integrator))
     size = 2 + integrator.kept
     out = np.zeros((squares.size, size, size))
     scale = dt ** -np.concatenate([[0.0, 1.0], np.full(integrator.kept, 2.0)])

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.schemes import ends_of
-from percuss.stages import PULL, Given, System
+from percuss.solver.compiled.multistage_loop import PULL, Given, System
+from percuss.solver.integrator_check import ends_of
 
 if TYPE_CHECKING:
-    from percuss.kernels import Bulk
-    from percuss.loop import Few, Record
     from percuss.methods.interfaces import Floats, Stages
-    from percuss.model import Model
+    from percuss.solver.compiled.bulk import Bulk
+    from percuss.solver.compiled.leapfrog_loop import Few, Record
+    from percuss.solver.model import Model
 
 
 class State(NamedTuple):

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss import escape, kernels, loop, schemes, stages
-from percuss.fingerprint import layout
-from percuss.specialise import Specialiser, compile_error, jit_disabled
+from percuss.methods import slots
+from percuss.solver import integrator_check
+from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, multistage_loop
+from percuss.solver.compiler.fingerprint import layout
+from percuss.solver.compiler.specialise import Specialiser, compile_error, jit_disabled
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Integrator
-    from percuss.staged import Staged
+    from percuss.solver.multistage import Staged
 
 Parts = Sequence[tuple[Any, Any]]  # element and material class of each group of bodies
 Laws = list[dict[str, Any]]  # bound laws that are not rows
@@ -82,14 +84,14 @@ def bind_around(
         maker = Specialiser(_slots(*part), counting=True, about=layout(group))
         try:
             if staged is None:
-                maker.bind(kernels.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
+                maker.bind(bulk.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
             else:
-                maker.bind(stages.force_group)(group, u, np.zeros(u.size), dim)
-            maker.bind(kernels.elastic_group)(group, u, v, dim, dt)
+                maker.bind(multistage_loop.force_group)(group, u, np.zeros(u.size), dim)
+            maker.bind(bulk.elastic_group)(group, u, v, dim, dt)
         except compile_error() as why:
             reasons[_name(*part)] = why
     for entry in laws:
-        why_not = escape.why_not(entry)
+        why_not = custom_laws.why_not(entry)
         if why_not is not None:
             reasons[f"contact law {entry['law'].name}"] = why_not
     stepper = None if staged is None else staged.model.case.method.integrator
@@ -107,10 +109,10 @@ def bind_around(
 
 def _unfit(stepper: Integrator, staged: Any) -> Exception | None:
     """Return why the kernel of an integrator cannot be compiled, or None."""
-    slots = {kernels.accelerations: schemes.known}
+    filled = {slots.accelerations: integrator_check.known}
     u, v, kept = (array.copy() for array in staged.state)
     try:
-        step = Specialiser(slots, counting=True).bind(schemes.kernel_of(stepper))
+        step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(stepper))
         step(staged.said.numbers, (np.zeros(u.size),), u, v, kept, staged.model.dt)
     except compile_error() as error:
         return error
@@ -120,26 +122,35 @@ def _unfit(stepper: Integrator, staged: Any) -> Exception | None:
 def _loop(maker: Specialiser, parts: Parts, laws: Laws, stepper: Integrator | None, plain: frozenset[str]) -> Kernels:
     """Return the loop and the strain-energy kernel; parts named in `plain` and what calls them stay Python."""
     whole = not plain
-    update = ((kernels.bulk_group, kernels.bulk_head, kernels.bulk_tail, kernels.bulk_chain) if stepper is None else
-              (stages.force_group, stages.force_head, stages.force_tail, stages.force_chain))  # fmt: skip
-    energies = kernels.elastic_group, kernels.elastic_head, kernels.elastic_tail, kernels.elastic_chain
-    bulk = _chained(maker, parts, update, plain)
+    update: tuple[Any, ...] = bulk.bulk_group, bulk.bulk_head, bulk.bulk_tail, bulk.bulk_chain
+    if stepper is not None:
+        loop = multistage_loop
+        update = loop.force_group, loop.force_head, loop.force_tail, loop.force_chain
+    energies = bulk.elastic_group, bulk.elastic_head, bulk.elastic_tail, bulk.elastic_chain
+    forces = _chained(maker, parts, update, plain)
     elastic = _chained(maker, parts, energies, plain)
-    own = escape.bind(maker, laws, plain)
-    top = maker.with_slots({loop.bulk: bulk, stages.forces: bulk, loop.elastic: elastic, loop.own_laws: own})
-    energy = top.bind(loop.strain_energy, cache=True, plain=not whole)
+    own = custom_laws.bind(maker, laws, plain)
+    top = maker.with_slots(
+        {
+            leapfrog_loop.bulk: forces,
+            multistage_loop.forces: forces,
+            leapfrog_loop.elastic: elastic,
+            leapfrog_loop.own_laws: own,
+        }
+    )
+    energy = top.bind(leapfrog_loop.strain_energy, cache=True, plain=not whole)
     if stepper is None:
-        return Kernels(top.bind(loop.advance, cache=True, plain=not whole), energy, compiled=whole, reasons=())
+        return Kernels(top.bind(leapfrog_loop.advance, cache=True, plain=not whole), energy, compiled=whole, reasons=())
     # called, not copied into every stage: that takes the compiler long, and brings little
-    slots: dict[Any, Any] = {kernels.accelerations: top.bind(stages.accelerate, cache=True)}
-    part = top.with_slots(slots)
+    filled: dict[Any, Any] = {slots.accelerations: top.bind(multistage_loop.accelerate, cache=True)}
+    part = top.with_slots(filled)
     part.jit = maker.jit and f"integrator {stepper.name}" not in plain
     part.counting = True  # nearly every such kernel allocates
     part.checked = True
-    slots[stages.take_step] = part.bind(schemes.kernel_of(stepper), cache=True)
-    top = top.with_slots(slots)
-    advance = top.bind(stages.advance, cache=True, plain=not whole)
-    return Kernels(advance, energy, whole, (), top.bind(stages.begin, cache=True, plain=not whole))
+    filled[multistage_loop.take_step] = part.bind(integrator_check.kernel_of(stepper), cache=True)
+    top = top.with_slots(filled)
+    advance = top.bind(multistage_loop.advance, cache=True, plain=not whole)
+    return Kernels(advance, energy, whole, (), top.bind(multistage_loop.begin, cache=True, plain=not whole))
 
 
 def _chained(maker: Specialiser, parts: Parts, templates: tuple[Any, ...], plain: frozenset[str]) -> Any:
@@ -157,10 +168,10 @@ def _chained(maker: Specialiser, parts: Parts, templates: tuple[Any, ...], plain
 def _slots(element: Any, material: Any) -> dict[Any, Any]:
     """Return the slots of the bulk update that an element and a material class fill."""
     return {
-        kernels.stress: material.stress,
-        kernels.energy_density: material.energy_density,
-        kernels.internal_force: element.internal_force,
-        kernels.energy: element.energy,
+        slots.stress: material.stress,
+        slots.energy_density: material.energy_density,
+        slots.internal_force: element.internal_force,
+        slots.energy: element.energy,
     }
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact import OTHER, POINT
 from percuss.methods.interfaces import Trial
 from percuss.methods.kernel_trial import kernel_of
-from percuss.specialise import Specialiser, compile_error
+from percuss.solver.compiled.contact_equation import OTHER, POINT
+from percuss.solver.compiler.specialise import Specialiser, compile_error
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers

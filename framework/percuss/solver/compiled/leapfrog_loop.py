@@ -1,4 +1,4 @@
-"""The loop over steps, as it is compiled: templates whose slots `percuss.march` binds.
+"""The loop over steps, as it is compiled: templates whose slots `percuss.solver.march` binds.
 
 What acts on few nodes is kept in record arrays: in compiled code and in plain Python alike ``p = points[i]`` is a view
 whose fields are read and written by name.
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.contact import BY_CURRENT, NOTHING, rounded, solve, stored
-from percuss.kernels import Bulk, kinetic
+from percuss.solver.compiled.bulk import Bulk, kinetic
+from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounded, solve, stored
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -65,9 +65,9 @@ class Few(NamedTuple):
     """All that acts on few nodes."""
 
     special: Any  # SPECIAL
-    points: Any  # percuss.contact.POINT
-    entries: Any  # percuss.contact.ENTRY
-    others: Any  # percuss.contact.OTHER
+    points: Any  # percuss.solver.compiled.contact_equation.POINT
+    entries: Any  # percuss.solver.compiled.contact_equation.ENTRY
+    others: Any  # percuss.solver.compiled.contact_equation.OTHER
     holds: Any  # HOLD
     shares: Any  # SHARE
     pushes: Any  # PUSH
@@ -142,7 +142,7 @@ def find_multipliers(
     Parameters
     ----------
     bound
-        What `percuss.escape.nest` returned.
+        What `percuss.solver.compiled.custom_laws.nest` returned.
     points, others
         Contact points, and the entries of S off its diagonal.
     dt, time

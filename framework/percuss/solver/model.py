@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss import limits
-from percuss.contact import NOTHING, Side, broadcast, delassus_rows, intervals, judge, own_multipliers
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
 from percuss.methods.kernel_trial import bound_of
-from percuss.parts import Body, Hold, Meeting, Pull, Push, end_reserves
-from percuss.schemes import refuse_end, refuse_unseen, scheme
+from percuss.solver import size_limits
+from percuss.solver.compiled.contact_equation import NOTHING
+from percuss.solver.contact_rows import Side, broadcast, delassus_rows, intervals, judge, own_multipliers
+from percuss.solver.entities import Body, Hold, Meeting, Pull, Push, end_reserves
+from percuss.solver.integrator_check import refuse_end, refuse_unseen, scheme
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -60,7 +61,7 @@ class Model:
         self.dim = case.dimension
         self.whole = self  # of a stretch of a run, the model of the whole run
         self._problems: list[Problem] = []
-        self.bodies = limits.checked(case, self._bodies)
+        self.bodies = size_limits.checked(case, self._bodies)
         self.n_nodes = sum(body.mass.size for body in self.bodies.values())
         self.mass = np.concatenate([body.mass for body in self.bodies.values()])
         self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
@@ -85,7 +86,7 @@ class Model:
         bodies: dict[str, Body] = {}
         start = 0
         for number, (name, spec) in enumerate(self.case.bodies.items()):
-            mesh = limits.meshed(self.case, spec)
+            mesh = size_limits.meshed(self.case, spec)
             view = BodyMesh(mesh, spec.area)
             velocity = np.asarray(spec.velocity, dtype=float)
             bodies[name] = Body(
@@ -107,8 +108,8 @@ class Model:
         if dt is None:
             courant = 1.0 if time.courant is None or time.courant == "auto" else time.courant
             dt = time.step if time.step is not None else courant * 2.0 / self.omega
-        limits.check_step(self.case, dt)
-        return dt, time.steps if time.steps is not None else limits.steps(self.case, dt)
+        size_limits.check_step(self.case, dt)
+        return dt, time.steps if time.steps is not None else size_limits.steps(self.case, dt)
 
     def stretches(self) -> list[Stretch]:
         """Return the stretches of the run that differ in their supports and drives, or in the laws that act.

@@ -5,24 +5,27 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import diagnosis, escape, kernels, loop, recording
-from percuss.binding import Kernels, bind, bind_around
-from percuss.compiling import compile_seconds
-from percuss.contact import NEVER, carry_over, point_records
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.methods.interfaces import Rows
-from percuss.specialise import compile_error
-from percuss.staged import Staged
+from percuss.solver import diagnosis, recording
+from percuss.solver.build import Kernels, bind, bind_around
+from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
+from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
+from percuss.solver.compiler.compiling import compile_seconds
+from percuss.solver.compiler.specialise import compile_error
+from percuss.solver.contact_rows import carry_over, point_records
+from percuss.solver.multistage import Staged
+from percuss.solver.stop import Kind, Stop
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-    from percuss.model import Model
+    from percuss.solver.model import Model
 
 CHUNK_SECONDS = 0.5
 CHUNK_STEPS = 65536
@@ -40,11 +43,11 @@ class Outcome:
 
     records: int  # complete rows of `record`
     time: Floats
-    record: loop.Record
-    points: Any  # percuss.contact.POINT, summed over the steps before t_N
+    record: leapfrog_loop.Record
+    points: Any  # percuss.solver.compiled.contact_equation.POINT, summed over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     energy_before: float  # kinetic and elastic energy at -dt/2
-    totals: Any  # percuss.loop.TOTAL, one, as they stood before the trial step
+    totals: Any  # percuss.solver.compiled.leapfrog_loop.TOTAL, one, as they stood before the trial step
     load_impulse: Floats
     kernels: Kernels
     seconds: dict[str, float]
@@ -53,7 +56,7 @@ class Outcome:
     reactions: Any = None  # sums over the steps, one a hold of the model
     final_velocity: Any = None  # at t_N - dt/2
     final_displacement: Any = None  # at t_N
-    stop: dict[str, Any] = field(default_factory=dict)
+    stop: Stop | None = None
 
 
 class March:
@@ -96,12 +99,12 @@ class March:
         # where in a step its energies stand, from t_n on, and the step by which they are staggered
         self.energy_at, self.stagger = (1.0, 0.0) if self.staged else (0.5, model.dt)
         mass = np.repeat(model.mass, dim)
-        self.bulk = kernels.Bulk(mass, 1.0 / mass, np.zeros((kernels.BLOCK + 2) * dim))
+        self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, self.group_parts = self._groups()
         count = len(model.meetings)
         self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], Rows)]
         self.record, self.time = recording.prepared(model, self.probes, self.place, count)
-        self._quiet = loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
+        self._quiet = leapfrog_loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
         number = {n: model.body_of(n).number for n in self.special_nodes}
         dofs = [
@@ -109,7 +112,7 @@ class March:
             for n in self.special_nodes
             for d in range(dim)
         ]
-        self.few = self._acting(0.5 * model.dt, records(dofs, loop.SPECIAL))
+        self.few = self._acting(0.5 * model.dt, records(dofs, leapfrog_loop.SPECIAL))
         self._renew(0.5 * model.dt)
 
     def _probe_nodes(self) -> list[int]:
@@ -125,7 +128,7 @@ class March:
             [(mass[b.start : b.stop] * v[b.start : b.stop]).sum(axis=0) for b in self.model.bodies.values()]
         )
 
-    def _groups(self) -> tuple[list[kernels.Group], list[tuple[Any, Any]]]:
+    def _groups(self) -> tuple[list[bulk.Group], list[tuple[Any, Any]]]:
         """Gather the bodies that share element and material classes, and bind their elements."""
         from percuss.methods.interfaces import BodyMesh
 
@@ -138,7 +141,7 @@ class March:
             arrays = type(bound[0])(*(_frozen(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
             counts = [b.stiffness.size for b in bodies]
             groups.append(
-                kernels.Group(
+                bulk.Group(
                     arrays,
                     _frozen(np.array([b.spec.material.parameters() for b in bodies], dtype=float)),
                     np.array([b.number for b in bodies], dtype=np.int64),
@@ -149,7 +152,7 @@ class March:
             )
         return groups, list(kinds)
 
-    def _acting(self, midpoint: float, special: Any) -> loop.Few:
+    def _acting(self, midpoint: float, special: Any) -> leapfrog_loop.Few:
         """Return what acts on few nodes for a run of steps with the same drives; sums start at zero."""
         model, dim = self.model, self.dim
         # what a scheme of stages keeps may bring reactions of a hold that has let go
@@ -160,7 +163,7 @@ class March:
         judged = self.judged.copy()
         judged["always"][np.isin(self.order, model.resting(midpoint))] = NEVER
         points, entries, others = point_records(judged, [model.meetings[p].gap for p in self.order], sides, self.place)
-        self.bound = escape.nest(self.own_laws, points, others)
+        self.bound = custom_laws.nest(self.own_laws, points, others)
         holds = [(self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)]
         shares = [
             (i, p, float(h.direction @ side.normal))
@@ -174,16 +177,16 @@ class March:
             for i, f in enumerate(model.pushes, start=len(active))
         ]
         axes = [h.direction for _, h in active] + [f.force for f in model.pushes]
-        return loop.Few(
+        return leapfrog_loop.Few(
             special,
             points,
             entries,
             others,
-            records(holds, loop.HOLD),
-            records(shares, loop.SHARE),
-            records(pushes, loop.PUSH),
+            records(holds, leapfrog_loop.HOLD),
+            records(shares, leapfrog_loop.SHARE),
+            records(pushes, leapfrog_loop.PUSH),
             np.array(axes, dtype=float).ravel(),
-            np.zeros(1, dtype=loop.TOTAL).view(np.recarray),
+            np.zeros(1, dtype=leapfrog_loop.TOTAL).view(np.recarray),
             np.zeros(len(model.bodies) * dim),
             self._momenta(),
         )
@@ -215,7 +218,7 @@ class March:
         if not loads:
             if self._quiet.force.shape[0] < count:
                 width = len(model.bodies) * dim
-                self._quiet = loop.Drive(np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, width)))
+                self._quiet = leapfrog_loop.Drive(np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, width)))
             return self._quiet
         t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
         force = np.zeros((count, len(loads) + 1))
@@ -229,7 +232,7 @@ class March:
         for one in model.pulls:
             column = loads.index(one.load) + 1
             pull[:, one.body * dim : (one.body + 1) * dim] += force[:, column, None] * one.acceleration
-        return loop.Drive(force, velocity, pull)
+        return leapfrog_loop.Drive(force, velocity, pull)
 
     # -- the march ---------------------------------------------------------------------------------------
 
@@ -282,7 +285,7 @@ class March:
         except Exception as raised:
             raise diagnosis.told(self, self._drive(0, 1), 0, raised) from raised
 
-    def refuse(self, stop: dict[str, Any]) -> Outcome:
+    def refuse(self, stop: Stop) -> Outcome:
         """Return what a march leaves that is not made."""
         out = self._nothing_yet()
         out.status, out.stop, out.reactions = "unstable", stop, self.reactions
@@ -433,7 +436,7 @@ class March:
         stiff = sum(float((b.stiffness * b.mesh.lengths**2).sum()) for b in self.model.bodies.values())
         return 0.5 * stiff * SILENT_STRAIN**2
 
-    def _load_impulse(self, drive: loop.Drive) -> Floats:
+    def _load_impulse(self, drive: leapfrog_loop.Drive) -> Floats:
         total = np.zeros(self.dim)
         if not self.model.case.loads:
             return total
@@ -451,7 +454,7 @@ class March:
         total = self.few.totals[0]
         put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
-        allowed = KINETIC_GROWTH * put_in + total.floor + loop.NOISE * total.step_energy
+        allowed = KINETIC_GROWTH * put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
         return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
 
     def changing(self) -> list[Any]:
@@ -472,10 +475,8 @@ class March:
                 self._kept[k] = array.copy()
         return self._kept
 
-    def _locate(self, drive: Any, kept: list[Any], first: int, count: int) -> tuple[int, dict[str, Any]]:
+    def _locate(self, drive: Any, kept: list[Any], first: int, count: int) -> tuple[int, Stop]:
         """March the chunk again, a step at a time, up to the first step that is not sound."""
-        from percuss.certificate import likely_cause
-
         self._restore(kept)
         for s in range(count):
             row = type(drive)(*(part[s : s + 1] for part in drive))
@@ -483,19 +484,37 @@ class March:
             solved = self.advance(row, first + s, 1) == 1
             if not solved or not self._sound():
                 break
-        total = self.few.totals[0]
-        limit = total.growth * (total.began_with + total.largest_work) + total.floor + loop.NOISE * total.step_energy
-        by_contact = not total.contact_work <= limit
         if self.own_laws and not np.isfinite(self.few.points.multiplier).all():
             unset = self._unset(row, before, first + s)
             if unset is not None:
                 return first + s, unset
-        return first + s, likely_cause(self, first + s, by_contact=by_contact, unsolved=not solved and not by_contact)
+        return first + s, self._stop(first + s, solved=solved)
 
-    def _unset(self, drive: Any, before: list[Any], step: int) -> dict[str, Any] | None:
+    def _stop(self, step: int, *, solved: bool) -> Stop:
+        """Return what is wrong after a step, and where it shows most."""
+        total = self.few.totals[0]
+        allowed = total.growth * (total.began_with + total.largest_work) + total.floor
+        by_contact = not total.contact_work <= allowed + leapfrog_loop.NOISE * total.step_energy
+        points = self.few.points
+        pressing = np.flatnonzero(points.multiplier != 0.0) if by_contact or not solved else np.zeros(0, dtype=np.int64)
+        node = int(np.argmax(np.abs(self.v))) // self.dim
+        if pressing.size:
+            worst = int(pressing[np.argmax(np.abs(points.multiplier[pressing]))])
+            node = int(self.few.special[self.few.entries[points[worst].start].place].dof) // self.dim
+        finite = np.isfinite(self.u) & np.isfinite(self.v)
+        kind: Kind
+        if by_contact:
+            kind, what = "contact work", "the work of the contacts exceeds all energy put in many times"
+        elif not solved:
+            kind, what = "not solved", f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
+        else:
+            kind, what = "energy", "the kinetic energy exceeds all energy put in many times"
+        if not finite.all():
+            node, what = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
+        return Stop(step, node, kind, what)
+
+    def _unset(self, drive: Any, before: list[Any], step: int) -> Stop | None:
         """Return how a run stopped, where the kernel of a law left a contact without a multiplier, else None."""
-        from percuss.certificate import stopped
-
         after = [array.copy() for array in self.changing()]
         self._restore(before)
         fault = diagnosis.without_multiplier(self, drive, step)
@@ -503,8 +522,7 @@ class March:
         if fault is None:
             return None
         (meeting,) = (one for one in self.model.meetings if one.name == fault.contact)
-        node = meeting.nodes[0]
-        return stopped(self.model, step, node, fault.what, fault.cause)
+        return Stop(step, meeting.nodes[0], "kernel", fault.what, fault.cause)
 
     def _restore(self, values: list[Any]) -> None:
         for array, value in zip(self.changing(), values, strict=True):

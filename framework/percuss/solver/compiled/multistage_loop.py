@@ -13,8 +13,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.kernels import Bulk, Group, accelerations, internal_force, kinetic
-from percuss.loop import NOISE, Few, Record, account, elastic, find_multipliers, judge, look, pushed, snapshot
+from percuss.methods.slots import accelerations, internal_force
+from percuss.solver.compiled.bulk import Bulk, Group, kinetic
+from percuss.solver.compiled.leapfrog_loop import (
+    NOISE,
+    Few,
+    Record,
+    account,
+    elastic,
+    find_multipliers,
+    judge,
+    look,
+    pushed,
+    snapshot,
+)
+from percuss.solver.compiled.marks import called
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -51,6 +64,7 @@ class Given(NamedTuple):
     speed: Floats  # (T, 2, columns) velocities at t_n and t_{n+1}
 
 
+@called
 def take_step(numbers: Any, system: System, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
     """Slot: the integrator's own step."""
     raise NotImplementedError
@@ -59,6 +73,7 @@ def take_step(numbers: Any, system: System, u: Floats, v: Floats, kept: Floats, 
 # ------------------------------------------------------------------------------------------------- forces of bodies
 
 
+@called
 def force_group(group: Group, u: Floats, force: Floats, dim: int) -> None:
     """Set `force` to the internal force of the bodies of one group."""
     for b in range(group.body.size):
@@ -67,22 +82,26 @@ def force_group(group: Group, u: Floats, force: Floats, dim: int) -> None:
         internal_force(group.element, group.parameters[b], group.first[b], dim, u[lo:hi], force[lo:hi])
 
 
+@called
 def force_head(group: Any, u: Floats, force: Floats, dim: int) -> None:
     """Slot: forces of the first group of bodies."""
     raise NotImplementedError
 
 
+@called
 def force_tail(group: Any, u: Floats, force: Floats, dim: int) -> None:
     """Slot: forces of the other groups."""
     raise NotImplementedError
 
 
+@called
 def force_chain(groups: Any, u: Floats, force: Floats, dim: int) -> None:
     """Set the forces of a pair (group, other groups)."""
     force_head(groups[0], u, force, dim)
     force_tail(groups[1], u, force, dim)
 
 
+@called
 def forces(groups: Any, u: Floats, force: Floats, dim: int) -> None:
     """Slot: set `force` to the internal force of all bodies."""
     raise NotImplementedError
@@ -91,6 +110,7 @@ def forces(groups: Any, u: Floats, force: Floats, dim: int) -> None:
 # ------------------------------------------------------------------------------------------------------- one stage
 
 
+@called
 def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Set `a` to ``M^-1 (f_ext - f_int(u) + N lambda)``, behind it multipliers, reactions and amplitudes."""
     few, inverse_mass, dim = system.few, system.masses.inverse_mass, system.dim
@@ -124,6 +144,7 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
         a[first + few.holds.size + i] = amplitude[i]
 
 
+@called
 def along(h: Any, special: Any, axes: Floats, values: Floats, dim: int) -> float:
     """Return the component of a nodal quantity along a hold."""
     total = 0.0
@@ -132,12 +153,14 @@ def along(h: Any, special: Any, axes: Floats, values: Floats, dim: int) -> float
     return total
 
 
+@called
 def add_along(h: Any, special: Any, axes: Floats, values: Floats, more: float, dim: int) -> None:
     """Add to a nodal quantity along a hold."""
     for d in range(dim):
         values[special[h.place + d].dof] += more * axes[h.axis + d]
 
 
+@called
 def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: int) -> None:
     """Solve the contact equation of a stage, and let the multipliers act."""
     few, entries, points = system.few, system.few.entries, system.few.points
@@ -171,6 +194,7 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
         a[nodal + points.size + share.hold] -= share.value * points[share.point].multiplier
 
 
+@called
 def begin(system: System, u: Floats, v: Floats, kept: Floats) -> None:
     """Set what is kept between steps to the acceleration of the present state, as the last stage sees it."""
     for i in range(kept.shape[0]):
@@ -180,6 +204,7 @@ def begin(system: System, u: Floats, v: Floats, kept: Floats) -> None:
 # ------------------------------------------------------------------------------------------------------ whole steps
 
 
+@called
 def advance(
     system: System,
     numbers: Any,
@@ -230,6 +255,7 @@ def advance(
     return count
 
 
+@called
 def set_out(system: System, given: Given, s: int, n: int, u: Floats, v: Floats, dt: float) -> None:
     """Write what holds in this step alone, and begin the accounts of its impulses."""
     stages = system.times.size
@@ -250,6 +276,7 @@ def set_out(system: System, given: Given, s: int, n: int, u: Floats, v: Floats, 
         p.momentum = momentum(system, p, v)
 
 
+@called
 def momentum(system: System, p: Any, v: Floats) -> float:
     """Return the momentum of pulled bodies along the pull, times its size."""
     total = 0.0
@@ -260,6 +287,7 @@ def momentum(system: System, p: Any, v: Floats) -> float:
     return total
 
 
+@called
 def prescribe(system: System, u: Floats, v: Floats, dt: float, after: bool) -> None:
     """Impose the velocities of supports and drives before or after the step; what that takes is reaction."""
     few, dim = system.few, system.dim
@@ -278,6 +306,7 @@ def prescribe(system: System, u: Floats, v: Floats, dt: float, after: bool) -> N
                 add_along(h, few.special, few.axes, u, place - along(h, few.special, few.axes, u, dim), dim)
 
 
+@called
 def settle_holds(system: System, v: Floats, dt: float) -> float:
     """Sum the reactions of the step; return their work."""
     few, work = system.few, 0.0
@@ -294,6 +323,7 @@ def settle_holds(system: System, v: Floats, dt: float) -> float:
     return work
 
 
+@called
 def lifted(system: System, v: Floats, dt: float) -> float:
     """Return the work of what pulls whole bodies."""
     work = 0.0
@@ -303,6 +333,7 @@ def lifted(system: System, v: Floats, dt: float) -> float:
     return work
 
 
+@called
 def keep(system: System, record: Record, u: Floats, v: Floats, n: int) -> None:
     """Write the record of step n: state at t_n, forces over the step, energies at t_{n+1}."""
     few, nodal = system.few, system.masses.mass.size

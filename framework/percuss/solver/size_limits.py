@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
     from percuss.methods.interfaces import Mesh
-    from percuss.model import Model
-    from percuss.parts import Body
+    from percuss.solver.entities import Body
+    from percuss.solver.model import Model
 
 __all__ = ["check_step", "checked", "memory", "meshed", "recordable", "steps"]
 

@@ -2,8 +2,8 @@
 
 A template is copied with the kernels as its globals, under a name that holds a hash of everything its code can
 reach: its own bytecode and constants, helpers, module constants, closures, and the versions of Python, numba, NumPy
-and percuss (`percuss.fingerprint`). So an edited kernel, helper or constant never meets the machine code of its
-predecessor. What cannot be hashed is compiled anew by every process that needs it.
+and percuss (`percuss.solver.compiler.fingerprint`). So an edited kernel, helper or constant never meets the machine
+code of its predecessor. What cannot be hashed is compiled anew by every process that needs it.
 """
 
 from __future__ import annotations
@@ -17,15 +17,24 @@ from typing import Any
 import numpy as np
 
 import percuss
-from percuss.compiling import compiler, listen
-from percuss.fingerprint import Fingerprint, contents, is_foreign, is_overloaded, named_in, plain_function
+from percuss.methods import slots
+from percuss.solver import compiled
+from percuss.solver.compiler.compiling import compiler, listen
+from percuss.solver.compiler.fingerprint import (
+    Fingerprint,
+    contents,
+    is_foreign,
+    is_overloaded,
+    named_in,
+    plain_function,
+)
 
 Kernel = Callable[..., Any]
 
 _COMPILED: dict[tuple[str, bool], Kernel] = {}  # one process compiles or loads a kernel once
 
 # these modules hold the loop; nothing in them allocates
-_OWN = ("percuss.kernels", "percuss.loop", "percuss.contact", "percuss.escape", "percuss.stages")
+OWN_MODULES = (compiled.__name__, slots.__name__)  # of the loop itself, in which no kernel of a plug-in lies
 
 
 class Specialiser:
@@ -112,7 +121,7 @@ class Specialiser:
         callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
         plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
         options = _options(function, counting=self.counting, inline=not cache, reduction=reduction)
-        if self.checked and source.__module__ not in _OWN:
+        if self.checked and not _is_own(source):
             options.setdefault("boundscheck", True)
         tag = self._tag(source, names, bound, closure, options)
         copy = _copy(source, bound, closure, tag)
@@ -238,14 +247,19 @@ def _options(function: Any, *, counting: bool, inline: bool, reduction: bool) ->
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
     # a call that is not inlined passes every array as a handful of numbers; whole stages are worth a call: copied into
     # one another they would take the compiler twice as long
-    if inline and function.__module__ != "percuss.stages":
+    if inline and not getattr(function, "called", False):
         options["forceinline"] = True
     if reduction or getattr(function, "reduction", False):
         options["fastmath"] = ("nsz", "reassoc")
     if _counting_can_be_left_out():
         # said always: else the caller's is taken
-        options["_nrt"] = counting and function.__module__ not in _OWN
+        options["_nrt"] = counting and not _is_own(function)
     return options
+
+
+def _is_own(function: types.FunctionType) -> bool:
+    """Return whether a function is a part of the loop, and not of a plug-in."""
+    return function.__module__.startswith(OWN_MODULES)
 
 
 def _copy(

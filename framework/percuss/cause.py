@@ -1,0 +1,45 @@
+"""Why a run blew up, as far as its certificate tells, and how a run stops that its certificate forbids."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.solver.stop import NOT_STARTED, Stop
+
+if TYPE_CHECKING:
+    from percuss.solver.model import Model
+
+UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
+
+
+def not_started(model: Model, certificate: dict[str, Any]) -> Stop:
+    """Return the stop of a run that its certificate forbids, at the node that limits the step."""
+    worst = [meeting.nodes[0] for meeting in model.meetings if meeting.name in certificate["worst"]]
+    body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
+    node = worst[0] if worst else body.start + int(np.argmax(body.frequency))
+    return Stop(0, node, "not started", NOT_STARTED, f"{certificate['why']}: {certificate['cure']}")
+
+
+def likely_cause(stop: Stop, certificate: dict[str, Any]) -> str:
+    """Return the likely cause of a stop in words.
+
+    Parameters
+    ----------
+    stop
+        How the run stopped.
+    certificate
+        The certificate of the run.
+    """
+    if stop.cause:
+        return stop.cause
+    if stop.kind == "not solved":
+        return UNSOLVED
+    if certificate["stable"] == "no":
+        return f"{certificate['why']}: {certificate['cure']}"
+    if stop.kind == "contact work":
+        return "contact adds energy each time it closes or opens; this pair of methods gives no bound on it"
+    if certificate["stable"] == "marginal":
+        return "at the critical step the highest frequency of a bar with free ends grows with time: lower it"
+    return f"unknown: {certificate['why']}"

@@ -1,0 +1,1 @@
+"""From a checked case to arrays, and from arrays to time steps."""

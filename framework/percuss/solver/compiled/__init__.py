@@ -1,0 +1,1 @@
+"""What numba compiles: loops, bulk updates, the contact equation and the kernels of laws."""

@@ -1,0 +1,1 @@
+"""How kernels are bound together, compiled, and kept for the next process."""
