@@ -9,7 +9,7 @@ import pytest
 
 import percuss
 from benchmarks.gain import gains, row
-from percuss.certificate import certificate
+from percuss.certificate.verdict import certificate
 from percuss.explain import explanation
 from percuss.methods.registry import Registry
 from percuss.solver.model import Model

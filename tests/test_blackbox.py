@@ -11,11 +11,13 @@ import pytest
 from hypothesis import assume, event, given
 
 import percuss
-from percuss import judges
-from percuss.blackbox import ClosedStep, Motions, combinations, examine
-from percuss.certificate import certificate
-from percuss.judges import BlackBoxJudge, ClosedForm, NoClosedFormError, RowsJudge, closed
-from percuss.pencil import Pencil
+from percuss.certificate import criteria
+from percuss.certificate.black_box import ClosedStep, Motions, combinations, examine
+from percuss.certificate.closed_contacts import closed
+from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
+from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
+from percuss.certificate.pencil import Pencil
+from percuss.certificate.verdict import certificate
 from percuss.solver.compiled import leapfrog_loop
 from percuss.solver.model import Model
 from percuss.testing import Subject
@@ -319,7 +321,7 @@ def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch
         said = closed(model, dt)
         return dataclasses.replace(said, stiffness=0.0 * said.stiffness)
 
-    monkeypatch.setattr(judges, "closed", forgets)
+    monkeypatch.setattr(criteria, "closed", forgets)
     with pytest.raises((AssertionError, IndexError)):
         limit_of(unlike_pair(integrator))
 

@@ -13,15 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import percuss
-from percuss import certificate, maps, scaffold
+from percuss import scaffold
+from percuss.certificate import maps, verdict
+from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
+from percuss.certificate.waves import waves
 from percuss.errors import InputError, PercussError, RefusedPair
 from percuss.explain import explanation
-from percuss.judges import ClosedForm, NoClosedFormError
 from percuss.solver.model import Model
 from percuss.testing import Subject, checks
 from percuss.testing.drawn import rows
 from percuss.testing.kit import perform
-from percuss.waves import waves
 from strategies import hunek
 
 ROOT = Path(__file__).parent.parent
@@ -105,7 +106,7 @@ def test_a_body_that_is_not_linear_is_not_judged_as_if_it_were(not_linear):
 @pytest.mark.parametrize("contact", ["lagrange", "tied", "penalty"])
 def test_that_holds_with_any_pair_of_methods(integrator, contact):
     model = Model(percuss.load(green(integrator=integrator, contact={"name": contact}), plugins=[GREEN]))
-    known = certificate.certificate(model)
+    known = verdict.certificate(model)
     assert known["stable"] == "unknown"
     assert known["energy"] in {"not guaranteed", "unknown"}
 
@@ -146,7 +147,7 @@ def test_maps_closed_forms_waves_and_tied_twins_say_that_it_is_not_known(not_lin
 
 def test_a_step_that_is_unstable_for_small_motions_about_rest_is_refused_and_does_blow_up():
     case = percuss.load(green(courant=1.05, end=2.0), plugins=[GREEN])
-    known = certificate.certificate(Model(case))
+    known = verdict.certificate(Model(case))
     assert known["stable"] == "no"
     assert "small motions about rest" in known["why"]
     assert known["cure"].startswith("lower the step below")
@@ -157,7 +158,7 @@ def test_a_step_that_is_unstable_for_small_motions_about_rest_is_refused_and_doe
 
 
 def test_of_a_material_with_two_moduli_no_step_is_known_to_be_unstable(softer):
-    known = certificate.certificate(Model(percuss.load(soft(courant=1.05), plugins=[softer])))
+    known = verdict.certificate(Model(percuss.load(soft(courant=1.05), plugins=[softer])))
     assert known["stable"] == "unknown"
 
 
@@ -331,7 +332,7 @@ def test_a_penalty_mass_needs_what_its_own_force_brings_and_is_refused_where_tha
 
 def test_an_integrator_that_is_unstable_by_itself_is_no_fault_of_the_law():
     case = hunek(4, integrator="forward-euler", contact=LAGRANGE)
-    known = certificate.certificate(Model(percuss.load(case, plugins=[LAWS])))
+    known = verdict.certificate(Model(percuss.load(case, plugins=[LAWS])))
     assert known["stable"] == "no"
     assert "take another integrator: forward-euler is unstable at any step" in known["cure"]
     assert "take another law" not in known["cure"]
@@ -371,7 +372,7 @@ def test_a_mass_that_underflows_is_a_matter_of_units():
 )
 def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
     model = Model(percuss.load(hunek(4, integrator="central-difference", contact=contact), plugins=[LAWS]))
-    known = certificate.certificate(model)
+    known = verdict.certificate(model)
     assert known["energy"] == "unknown"
     assert reason in known["energy_why"]
     assert ("no line in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")

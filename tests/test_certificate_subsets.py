@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
-from percuss.certificate import certificate
+from percuss.certificate.verdict import certificate
 from percuss.solver.model import Model
 
 GROWS = 1e-6  # a defective eigenvalue at 1 (a rigid motion) is computed to some 1e-7

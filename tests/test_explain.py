@@ -11,7 +11,7 @@ import pytest
 import percuss
 from percuss.case.options import options_of
 from percuss.case.source import Source
-from percuss.certificate import SAFETY, settled
+from percuss.certificate.verdict import SAFETY, settled
 from percuss.describe import component_data, component_text
 from percuss.explain import explanation
 from percuss.methods.interfaces import FAMILIES

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss.certificate import settled
+from percuss.certificate.verdict import settled
 from percuss.errors import InputError
 from percuss.solver import size_limits
 from strategies import hunek

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import assume, event, given
 
 import percuss
-from percuss.certificate import SAFETY, certificate, settled
+from percuss.certificate.verdict import SAFETY, certificate, settled
+from percuss.certificate.waves import waves
 from percuss.solver.model import Model
 from percuss.stability_plot import stability_figure
-from percuss.waves import waves
 from strategies import INTEGRATORS, LAWS, LEAPFROG, hunek, pair_id, rows, with_pair
 from test_blackbox import CD, ROW_PAIRS, WU, wall
 
@@ -190,7 +190,7 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
         "method": {"integrator": CD, "contact": law},
         "time": {"steps": 1, "courant": courant},
     }
-    from percuss.blackbox import ClosedStep, Motions
+    from percuss.certificate.black_box import ClosedStep, Motions
 
     model = Model(percuss.load(case))
     step = ClosedStep(Motions(model), model.dt, [0])

@@ -5,7 +5,7 @@ import re
 import pytest
 
 import scoreboard
-from percuss.certificate import SAFETY
+from percuss.certificate.verdict import SAFETY
 from percuss.methods.registry import Registry
 
 README = (scoreboard.ROOT / "README.md").read_text(encoding="utf-8")

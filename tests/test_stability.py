@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss.certificate import certificate
+from percuss.certificate.verdict import certificate
 from percuss.solver.model import Model
 
 HUNEK = Path(__file__).parent.parent / "cases" / "hunek.yaml"

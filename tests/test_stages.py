@@ -11,13 +11,13 @@ from hypothesis import given
 import dense
 import percuss
 from percuss import truth
-from percuss.certificate import certificate, settled
+from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
+from percuss.certificate.maps import stability
+from percuss.certificate.verdict import certificate, settled
+from percuss.certificate.waves import waves
 from percuss.explain import explanation
-from percuss.judges import BlackBoxJudge, RowsJudge
-from percuss.maps import stability
 from percuss.solver.march import March
 from percuss.solver.model import Model
-from percuss.waves import waves
 from strategies import INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair
 
 STAGED = [name for name in INTEGRATORS if name not in LEAPFROG]

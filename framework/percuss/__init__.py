@@ -24,7 +24,7 @@ _MODULES = {
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "methods.hookspecs": "hookimpl",
     "methods.slots": "accelerations coupled_gap coupled_rate energy_density stress",
-    "maps": "stability",
+    "certificate.maps": "stability",
     "result": "Result open_result",
     "runner": "run",
     "studies": "Study open_study study",
@@ -89,9 +89,9 @@ __all__ = [
 
 if TYPE_CHECKING:
     from percuss.case.case import Case, load
+    from percuss.certificate.maps import stability
     from percuss.comparison import compare
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
-    from percuss.maps import stability
     from percuss.methods.hookspecs import hookimpl
     from percuss.methods.interfaces import (
         AllowInf,

@@ -113,7 +113,7 @@ def run(
 def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: AsJson = False) -> None:
     """Say in words and formulas what a case will do, without running it."""
     with reporting(as_json):
-        from percuss.certificate import settled
+        from percuss.certificate.verdict import settled
         from percuss.explain import explanation
 
         told = explanation(settled(_load(case, set_, plugin)))
@@ -201,7 +201,7 @@ def stability(
 ) -> None:
     """Say up to which Courant number a case is stable, over varied parameters."""
     with reporting(as_json):
-        from percuss import maps
+        from percuss.certificate import maps
         from percuss.vary import varied
 
         axes, families = varied(vary or []), varied(curves or [], "--curves")
@@ -238,8 +238,8 @@ def waves(
 ) -> None:
     """Say what a closed contact lets through of waves, and what it throws back, measured from the step itself."""
     with reporting(as_json):
-        from percuss.certificate import settled
-        from percuss.waves import waves as measure
+        from percuss.certificate.verdict import settled
+        from percuss.certificate.waves import waves as measure
 
         loaded = _load_to_write(case, set_, plugin, plot)
         _tell_notes(loaded)

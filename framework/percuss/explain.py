@@ -11,7 +11,7 @@ import numpy as np
 
 from percuss.case.options import options_of
 from percuss.case.type_words import found
-from percuss.certificate import SAFETY, certificate
+from percuss.certificate.verdict import SAFETY, certificate
 from percuss.describe import docs
 from percuss.methods.interfaces import Component, Rows
 from percuss.solver import size_limits

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from percuss.judges import BETWEEN, NEVER_GROWS
+from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
 from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ROUNDING
 
 if TYPE_CHECKING:

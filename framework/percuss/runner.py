@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import cause, certificate, growth, ledger, truth
+from percuss import growth, ledger, truth
 from percuss.case.arguments import expect_case
+from percuss.certificate import cause, verdict
 from percuss.errors import RunError
 from percuss.result import Result, machine
 from percuss.solver import size_limits
@@ -103,10 +104,10 @@ def _run(
     repeats: int | None = 1,
     timed: bool = False,
 ) -> Result:
-    march = March(size_limits.recordable(certificate.settled(case)), compiled=compiled)
+    march = March(size_limits.recordable(verdict.settled(case)), compiled=compiled)
     seconds = march.seconds
     seconds["build"] = watch.lap()
-    known = certificate.certificate(march.model)
+    known = verdict.certificate(march.model)
     seconds["certificate"] = watch.lap()
     if known["stable"] == "no" and case.time.on_unstable == "stop":
         outcome = march.refuse(cause.not_started(march.model, known))
@@ -199,7 +200,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     if end.size and not np.isnan(outcome.points.end_stiffness).all():
         arrays["contact_force_end"] = end
     watch = Stopwatch()
-    solution, verdict = _true_errors(march, outcome, arrays)
+    solution, true_errors = _true_errors(march, outcome, arrays)
     outcome.seconds["exact"] = watch.lap()
     grown = growth.growth_summary(march, outcome, known, ledger.largest(outcome))
     accounts = {
@@ -222,7 +223,7 @@ def _result(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
         "contacts": ledger.contact_summary(march, outcome),
         **accounts,
         "energy_growth": grown,
-        **verdict,
+        **true_errors,
         "compiled": outcome.kernels.compiled,
         "compiled_why": list(outcome.kernels.reasons),
         "notes": notes,

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.maps import STEP
 from percuss.figures import COLOURS, DASHES, INK, SOFT, drawing, header, number, say, settle, write
-from percuss.maps import STEP
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.waves import Waves
+    from percuss.certificate.waves import Waves
 
 Axis = Mapping[str, Sequence[Any]]
 MOST_MAPS = 4

@@ -281,7 +281,7 @@ class _NoTwin(PercussError):
 
 def _tied(case: Case) -> dict[str, Any]:
     """Return the changes that tie each contact of a case while the exact one is closed."""
-    from percuss.certificate import settled
+    from percuss.certificate.verdict import settled
     from percuss.truth import exact_solution
 
     always = {f"contacts.{name}.method": TIED for name in case.contacts}

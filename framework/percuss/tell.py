@@ -15,9 +15,9 @@ from percuss.ledger import ledger_words
 from percuss.methods.admission import OLDEST
 
 if TYPE_CHECKING:
+    from percuss.certificate.waves import Waves
     from percuss.methods.registry import Registry
     from percuss.result import Result
-    from percuss.waves import Waves
 
 
 def _number(value: Any, digits: int = 6) -> str:

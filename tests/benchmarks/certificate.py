@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import percuss
-from percuss.certificate import certificate, settled
+from percuss.certificate.verdict import certificate, settled
 from percuss.solver.march import March
 
 HUNEK = Path(__file__).parent.parent.parent / "cases" / "hunek.yaml"

@@ -347,7 +347,8 @@ def check_certificate(subject: Subject) -> None:
 
     A pair whose rows say one thing and whose run does another would be certified wrongly.
     """
-    from percuss.judges import BlackBoxJudge, RowsJudge, closed
+    from percuss.certificate.closed_contacts import closed
+    from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
     from percuss.solver.model import Model
 
     def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:

@@ -7,20 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, Closed, closed
+from percuss.certificate.criteria import BlackBoxJudge, EveryStretch, Finding, RowsJudge, named
+from percuss.certificate.cures import capital, cure_of, down, no_step
+from percuss.certificate.pencil import EDGE
 from percuss.errors import InputError
-from percuss.judges import (
-    BETWEEN,
-    NEVER_GROWS,
-    NOT_GUARANTEED,
-    BlackBoxJudge,
-    Closed,
-    EveryStretch,
-    Finding,
-    RowsJudge,
-    closed,
-    named,
-)
-from percuss.pencil import EDGE
 from percuss.solver.bodies import tangent_as_declared
 from percuss.solver.model import Model
 
@@ -55,7 +46,7 @@ def settled(case: Case) -> Model:
         # growth so slow that a single tiny step does not show it is no stability
         if not LEAST * judge.free < critical < np.inf or not (chosen.known or chosen.stable):
             message = "expected methods of which some step is known to be stable"
-            advice = f"{_capital(_no_step(model, judge.free))}." if critical == 0.0 else "Give a step."
+            advice = f"{capital(no_step(model, judge.free))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - EDGE):
             return model
@@ -121,7 +112,7 @@ def certificate(model: Model) -> dict[str, Any]:
         "theta": finding.theta,
         "by": judge.by,
         "why": why,
-        "cure": (finding.cure or _cure(judge, critical)) if verdict == "no" else "",
+        "cure": (finding.cure or cure_of(judge, critical)) if verdict == "no" else "",
         "ignores": model.ignored_couplings(),
     }
 
@@ -151,21 +142,13 @@ def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
     finding, critical = judge.judge(model.dt), judge.critical()
     about_rest, why = _verdict(judge, finding, judge.free, critical)
     if about_rest == "no":
-        lower = f"lower the step below {_down(critical)}, the critical step of small motions about rest"
+        lower = f"lower the step below {down(critical)}, the critical step of small motions about rest"
         out |= {"stable": "no", "by": judge.by, "why": f"for small motions about rest {why}"}
-        out["cure"] = lower if critical > 0 else _no_step(model, judge.free)
+        out["cure"] = lower if critical > 0 else no_step(model, judge.free)
         out["worst"], out["theta"] = [model.meetings[p].name for p in finding.worst], finding.theta
     else:
         out["why"] += f"; for small motions about rest {why}"
     return out
-
-
-def _no_step(model: Model, free: float) -> str:
-    """Return the cure where no step is stable: of the integrator, if it is unstable without contact too."""
-    name = model.case.method.integrator.name
-    if free == 0.0:
-        return f"take another integrator: {name} is unstable at any step, without contact too"
-    return "take another law: with this one no step is stable"
 
 
 def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float) -> tuple[str, str]:
@@ -238,54 +221,3 @@ def _stiffening(model: Model, laws: Closed) -> str:
             )
         before = after
     return ""
-
-
-def _cure(judge: EveryStretch, critical: float) -> str:
-    """Return the cheapest cures of an unstable step, with their numbers."""
-    model = judge.model
-    cures = []
-    if critical > 0:
-        cures.append(f"lower the step to {_down(critical)} (Courant number {_down(0.5 * critical * model.omega)})")
-    for entry in model.laws:
-        law = entry["law"]
-        for option in ("beta_s", "epsilon_s", "ratio", "scale"):
-            value = getattr(law, option, None)
-            if isinstance(value, float) and judge.by == RowsJudge.by:
-                found = _option_at_most(judge, law, option, value)
-                if found is not None:
-                    cures.append(f"set {option} of {law.name} to at most {_down(found)}")
-    return ", or ".join(cures) or _no_step(model, judge.free)
-
-
-def _capital(sentence: str) -> str:
-    return sentence[:1].upper() + sentence[1:]
-
-
-def _down(value: float) -> str:
-    """Return a number in six digits, rounded down: what is told as a cure must be one."""
-    digit = 10.0 ** (np.floor(np.log10(value)) - 5)
-    return f"{np.floor(value * (1.0 - 1e-9) / digit) * digit:.6g}"
-
-
-def _option_at_most(judge: EveryStretch, law: Any, option: str, value: float) -> float | None:
-    """Return the largest value of a law's option below the present one with which the step is stable."""
-    models = [stretch.model for stretch in judge.stretches]
-    kept = [model.laws for model in models]
-
-    def holds(candidate: float) -> bool:
-        other = dataclasses.replace(law, **{option: candidate})
-        for model, laws in zip(models, kept, strict=True):
-            model.laws = [{**entry, "law": other} if entry["law"] is law else entry for entry in laws]
-        try:
-            return judge.judge(judge.model.dt).stable
-        finally:
-            for model, laws in zip(models, kept, strict=True):
-                model.laws = laws
-
-    if not holds(value * 1e-9):
-        return None
-    lo, hi = value * 1e-9, value
-    for _ in range(60):
-        middle = float(np.sqrt(lo * hi))
-        lo, hi = (middle, hi) if holds(middle) else (lo, middle)
-    return lo

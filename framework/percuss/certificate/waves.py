@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.blackbox import ClosedStep, Motions
+from percuss.certificate.black_box import ClosedStep, Motions
+from percuss.certificate.closed_contacts import closed
 from percuss.errors import InputError, PercussError, Problem, suggestion
-from percuss.judges import closed
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats

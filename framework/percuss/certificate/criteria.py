@@ -15,37 +15,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.blackbox import DENSE, Motions, combinations, examine
+from percuss.certificate.black_box import DENSE, Motions, combinations, examine
+from percuss.certificate.closed_contacts import Closed, closed
+from percuss.certificate.pencil import EDGE, Pencil, critical_step, largest
+from percuss.certificate.scheme_limit import reach
+from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, sets_in_question
 from percuss.methods.interfaces import Rows
 from percuss.methods.kernel_trial import changes_with_time
-from percuss.pencil import EDGE, Pencil, critical_step, largest
-from percuss.solver.contact_rows import broadcast, delassus_rows
-from percuss.solver.integrator_check import reach, scheme
-from percuss.unalike import WORK, ClosedMatrix, sets_in_question
+from percuss.solver.contact_rows import delassus_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from percuss.methods.interfaces import Floats, Judged
     from percuss.solver.model import Model
 
-NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"
-NOT_GUARANTEED, UNKNOWN = "not guaranteed", "unknown"
-WEAKEST_LAST = (NEVER_GROWS, BETWEEN, NOT_GUARANTEED, UNKNOWN)
-BY_END = "the force follows from the gap at the end of the step: energy and what contacts store never exceed the work"
-NO_CONTACT = "without contact the step conserves energy"
-JUMPS = "the force follows from the gap at the current state: energy jumps as a contact closes or opens, either way"
-PULLS = "with its mass the contact pulls before it opens, and each opening or closing may gain energy"
-OTHER = "{} is no leap-frog scheme: what it does to energy as contacts open and close is not known"
-SHARED = "contacts share an end: one may open or close another against what was predicted"
-TIES = "a tie takes up the gap rate of its ends when it begins: energy jumps there, either way"
-BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
-INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
 UNALIKE = (
     "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
     "can grow at any theta"
 )
-OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or judge contact at the current gap"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
@@ -53,48 +40,6 @@ ALIKE = 1e-9  # of dt^2: a smaller difference of two eps_m / eps_s is round-off
 MOST_SUBSETS = 10  # contacts of a group of which every part is tried
 MOST_SETS = 4096  # of closed contacts that are tried
 MOST_NAMED = 6  # contacts that a reason names
-
-
-class NoClosedFormError(Exception):
-    """A case for which no closed form is known; the message says why."""
-
-
-@dataclass(frozen=True)
-class Closed:
-    """What the laws of a model say of its points at one step; (P,) each, in the order of the case.
-
-    Attributes
-    ----------
-    stiffness, inertia
-        eps_s and eps_m; zero where a law is judged at the end of the step, or does not act.
-    predicted
-        Whether the law is judged at the predicted gap.
-    surplus
-        Of laws judged at the predicted gap or at the end of the step: by what ``eps_m / eps_s`` exceeds that of a
-        gap judged at the end of the step, dt^2 of a leap-frog scheme; 0 of the latter, nan elsewhere [time^2].
-    compliance
-        sigma of the laws that have a `surplus`, over the weight of the gap; 0 of a tie [length/force].
-    tied
-        Points whose gap never changes while the law acts, and it acts whatever the gap.
-    unknown
-        Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate; in a scheme of
-        stages all that are judged at the end of the step, too.
-    doubts
-        Of each of these, in words why.
-    energy, why
-        What the pair guarantees of the energy, the weakest of all contacts, and the reason in words.
-    """
-
-    stiffness: Floats
-    inertia: Floats
-    predicted: Any
-    surplus: Floats
-    compliance: Floats
-    tied: tuple[int, ...]
-    unknown: tuple[str, ...]
-    doubts: tuple[str, ...]
-    energy: str
-    why: str
 
 
 @dataclass(frozen=True)
@@ -128,133 +73,6 @@ class Finding:
     cure: str = ""
 
 
-def closed(model: Model, dt: float) -> Closed:
-    """Return what the laws of a model say of its closed points for a step `dt`."""
-    count = len(model.meetings)
-    stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
-    predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
-    unknown: list[str] = []
-    tied: list[int] = []
-    doubts: list[str] = []
-
-    def doubt(name: str, why: str) -> None:
-        unknown.append(name)
-        doubts.append(why)
-
-    energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
-    stages, (*_, table) = scheme(model.case.method.integrator, dt)
-    if model.why_not_linear:
-        energy.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
-    if stages is not None:
-        energy.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
-    for entry in model.laws:
-        law, where = entry["law"], entry["where"]
-        points = model.points(where, dt)
-        bound = law.bind(points, dt)
-        if not isinstance(bound, Rows):
-            doubt(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
-            continue
-        rows = broadcast(bound, points, law.name)
-        if why := _not_followed(rows, law.name, staged=stages is not None):
-            doubt(law.name, why)
-            continue
-        if rows["at"] == "explicit" and not _readable(table.explicit, rows):
-            name = model.case.method.integrator.name
-            doubt(f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times")
-            continue
-        if rows["at"] == "explicit":
-            stiffness[where] = rows["gap"] / rows["sigma"]
-            by_gap, _, by_acceleration = table.explicit.answer
-            inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
-            predicted[where] = table.explicit.gap == "predicted"
-            if table.explicit.gap == "predicted":
-                surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
-        else:
-            surplus[where] = 0.0
-        if rows["rate"].any():
-            tied += where
-        else:
-            compliance[where] = rows["sigma"] / rows["gap"]
-        energy.append(_energy_of(model, where, rows, inert=bool(inertia[where].any())))
-    if unknown and stages is None:
-        energy.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
-    resting = list(model.resting(0.5 * model.dt))
-    stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
-    ties = tuple(p for p in tied if p not in resting)
-    weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
-    return Closed(
-        stiffness,
-        inertia,
-        predicted,
-        surplus,
-        compliance,
-        ties,
-        tuple(unknown),
-        tuple(dict.fromkeys(doubts)),
-        weakest,
-        why,
-    )
-
-
-def _not_followed(rows: dict[str, Any], law: str, *, staged: bool) -> str:
-    """Return why neither stiffness and inertia nor a constraint follows from a law's row; empty if one does.
-
-    Parameters
-    ----------
-    rows
-        The row with one value a point.
-    law
-        Name of the law.
-    staged
-        Whether the integrator is a scheme of stages.
-    """
-    end = rows["at"] == "end"
-    tie = end and bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
-    reasons = {
-        f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and staged,
-        f"{law} weighs the gap rate, which damps or drives": rows["rate"].any() and not tie,
-        f"{law} ties the gap rate of its contacts, but not always or not both ways": (
-            tie and (rows["active"] != "all" or rows["sign"] != "free")
-        ),
-        f"{law} does not weigh the gap": not rows["gap"].all() and not tie,
-        f"{law} weighs the gap acceleration at the end of the step": end and rows["acceleration"].any(),
-        f"{law} is judged at the current or predicted gap without a compliance (sigma = 0)": (
-            not end and (rows["sigma"] <= 0).any()
-        ),
-    }
-    return next((reason for reason, holds in reasons.items() if holds), "")
-
-
-def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: bool) -> tuple[str, str]:
-    """Return what one law of readable rows guarantees of the energy at its points, and why."""
-    table = model.tables[-1]
-    if rows["during"] is not None:
-        return NOT_GUARANTEED, INTERVALS
-    if rows["at"] == "end":
-        if rows["rate"].any():
-            return NOT_GUARANTEED, TIES
-        if rows["active"] == "gap < 0" and _share_an_end(model, where):
-            return NOT_GUARANTEED, SHARED
-        bilateral = rows["active"] == "all" and rows["sign"] == "free"
-        return (NOT_GUARANTEED, BILATERAL) if bilateral else (NEVER_GROWS, BY_END)
-    if table.explicit.gap == "current":
-        return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
-    return (NOT_GUARANTEED, SHARED) if _share_an_end(model, where) else (NEVER_GROWS, BY_END)
-
-
-def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
-    """Return whether stiffness and inertia of a closed contact follow from a law's rows with this table."""
-    if judged.gap == "current":
-        return judged.answer[0] == 0.0 and judged.acceleration == "bulk" and judged.answer[2] == 1.0
-    return judged.acceleration == "none" or not rows["acceleration"].any()
-
-
-def _share_an_end(model: Model, where: list[int]) -> bool:
-    """Return whether a contact of `where` shares a node with any other: one then opens or closes what another saw."""
-    nodes = [node for meeting in model.meetings for node in meeting.nodes]
-    return any(nodes.count(node) > 1 for p in where for node in model.meetings[p].nodes)
-
-
 class RowsJudge:
     """Judges steps by the rows of the laws: exact for any mesh and any combination of closed contacts.
 
@@ -267,7 +85,8 @@ class RowsJudge:
     symmetric and positive definite it is a spring at the end of the step, and no combination grows. It is symmetric
     where contacts that share an end have the same eps_m / eps_s; then the whole of such a group is the worst part of
     it. Where they have not, a part can be worse than the whole, and even with every theta at most 1 the step can grow:
-    then amplification matrices are examined (`percuss.unalike`), or the judge says that it does not know.
+    then amplification matrices are examined (`percuss.certificate.unequal_contacts`), or the judge says that it does
+    not know.
 
     Parameters
     ----------
@@ -548,75 +367,6 @@ class BlackBoxJudge:
 
         critical = largest(holds, self.free, LOOSE)
         return np.nan if broken else critical
-
-
-class ClosedForm:
-    """Critical steps of uniform bars taken as endless: no mesh, no matrix.
-
-    A harmonic that decays into an endless bar of elements h holds its end with the stiffness
-    ``(EA/h)(2/C) sqrt(1/C^2 - 1)`` at the step dt = C h/c; central difference is stable while both ends in series are
-    stiffer than ``eps_s - 4 eps_m / dt^2`` is soft. On a rigid wall ``C = sqrt(2 / (1 + sqrt(1 + beta_s^2)))`` for the
-    penalty method. Wu's predictor-corrector is stable for ``theta <= 1``.
-
-    Parameters
-    ----------
-    model
-        The case as arrays.
-
-    Raises
-    ------
-    NoClosedFormError
-        If a bar is not uniform, or ends share contacts.
-    """
-
-    by = "closed-form"
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        if model.why_not_linear:
-            raise NoClosedFormError(f"{model.why_not_linear}")
-        if model.stages is not None:
-            raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
-        self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
-        for body in model.bodies.values():
-            if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
-                raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
-        nodes = [node for meeting in model.meetings for node in meeting.nodes]
-        if len(set(nodes)) < len(nodes):
-            raise NoClosedFormError("an end is in several contacts")
-        if {hold.node for hold in Pencil(model).holds} & set(nodes):
-            raise NoClosedFormError("an end in contact is fixed or driven")
-        for meeting in model.meetings:
-            ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in meeting.nodes]
-            self.sides.append([(float(b.stiffness[e]), float(b.frequency[e])) for b, e in ends])
-        self.free = 2.0 / model.omega
-
-    def _stable(self, dt: float) -> bool:
-        said = closed(self.model, dt)
-        if said.unknown:
-            raise NoClosedFormError("; ".join(said.doubts))
-        if dt > self.free:
-            return False
-        for p, sides in enumerate(self.sides):
-            if said.predicted[p]:
-                # s = 1/m of each side, m = 2 (EA/h) / omega^2
-                s = sum(frequency**2 / (2.0 * stiffness) for stiffness, frequency in sides)
-                if dt**2 * said.stiffness[p] * s > 1.0 + said.inertia[p] * s:
-                    return False
-                continue
-            excess = said.stiffness[p] - 4.0 * said.inertia[p] / dt**2
-            courant = [0.5 * dt * frequency for _, frequency in sides]
-            holds = [
-                stiffness * 2.0 / c * np.sqrt(max(1.0 / c**2 - 1.0, 0.0))
-                for (stiffness, _), c in zip(sides, courant, strict=True)
-            ]
-            if excess > 0 and sum(excess / h if h > 0 else np.inf for h in holds) > 1.0:
-                return False
-        return True
-
-    def critical(self) -> float:
-        """Return the critical step."""
-        return critical_step(self._stable, self.free)
 
 
 _FREE: dict[bytes, float] = {}

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.pencil import EDGE, Pencil
 from percuss.errors import PercussError
-from percuss.pencil import EDGE, Pencil
 from percuss.solver.compiled import leapfrog_loop
 from percuss.solver.march import March
 from percuss.solver.multistage import State

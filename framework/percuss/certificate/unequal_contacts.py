@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.pencil import EDGE
+from percuss.certificate.pencil import EDGE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from percuss.judges import Closed
-    from percuss.pencil import Pencil
+    from percuss.certificate.closed_contacts import Closed
+    from percuss.certificate.pencil import Pencil
 
 SLOW = 1e-7  # growth in a step: less is not told from rounding with certainty
 WORK = 1e8  # cubes of the size of the matrix, over all sets of closed contacts, up to which one step is examined

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.arguments import expect_case, expect_names
-from percuss.certificate import settled
+from percuss.certificate.closed_contacts import closed
+from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
+from percuss.certificate.criteria import BlackBoxJudge, EveryStretch, RowsJudge
+from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
 from percuss.files import replacing
-from percuss.judges import BlackBoxJudge, ClosedForm, EveryStretch, NoClosedFormError, RowsJudge, closed
 from percuss.solver.model import Model
 
 if TYPE_CHECKING:
