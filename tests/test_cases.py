@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss.measures import verify
+from percuss.results.verify import verify
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
 BENCHMARKS = {

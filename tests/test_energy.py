@@ -169,7 +169,9 @@ def boxed(draw):
 @pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair[1]["name"] != "tied"], ids=pair_id)
 @given(case=boxed())
 def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair, case):
-    with mock.patch("percuss.truth.exact_solution", return_value=(None, "", "not asked for")):  # it takes minutes
+    with mock.patch(
+        "percuss.results.exact.exact_solution", return_value=(None, "", "not asked for")
+    ):  # it takes minutes
         result = finished(with_pair(case, pair))
     certificate, found = result.summary["certificate"], result.summary["energy_growth"]
     assume(certificate["stable"] == "yes")

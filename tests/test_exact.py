@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import characteristics
 import percuss
-from percuss.exact_only import run_exact
+from percuss.results.exact_only import run_exact
 from percuss.solver.model import Model
 from strategies import REGISTRY, hunek, number
 

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss import measures, scaffold
+from percuss import scaffold
 from percuss.errors import InputError
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
+from percuss.results.verify import verify
 from percuss.testing import conformance
 
 KINDS = list(scaffold.KINDS)
@@ -67,7 +68,7 @@ def test_a_single_file_runs_as_its_case_expects(written, kind):
     result = percuss.run(case)
     assert result.status == "done"
     assert result.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
-    checks = measures.verify(case, result)
+    checks = verify(case, result)
     assert checks
     assert all(check.passed for check in checks), [check.as_dict() for check in checks]
     used = json.dumps(result.provenance["case"]) + str(result.summary["exact"])

@@ -13,8 +13,8 @@ from fake_studies import TWO_BARS as BARS
 from percuss import figures, overlay, plot, report
 from percuss.case.case import load
 from percuss.errors import InputError, PercussError, RunError
-from percuss.result import Result, open_result
-from percuss.runner import run
+from percuss.results.result import Result, open_result
+from percuss.results.runner import run
 
 pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
 

@@ -10,7 +10,6 @@ from hypothesis import given
 
 import dense
 import percuss
-from percuss import truth
 from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
@@ -468,7 +467,7 @@ def test_the_exact_force_is_that_of_the_same_time(name, files):
     case = hunek(40, courant=0.7, integrator=name, contact={"name": "penalty", "beta_s": 0.25})
     result = go(case, files)
     model = Model(percuss.load(case, plugins=files))
-    solution = truth.exact_solution(model, 0.8)[0]
+    solution = exact_solution(model, 0.8)[0]
     t, dt = result.arrays["time"][:-1], result.summary["dt"]
     expected = solution.contacts["tip"].mean_force(t, t + dt)
     np.testing.assert_allclose(result.arrays["contact_force_exact"][:-1, 0], expected, atol=1e-15)

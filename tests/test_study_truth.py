@@ -440,7 +440,7 @@ def test_the_cost_of_a_row_is_its_march(tmp_path):
 
 
 def test_the_least_of_the_repeats_counts(monkeypatch):
-    from percuss import runner
+    from percuss.results import runner
     from percuss.solver.march import March
 
     times = iter([0.5, 0.2, 0.3, 0.9])
@@ -461,7 +461,7 @@ def test_the_least_of_the_repeats_counts(monkeypatch):
 
 
 def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
-    from percuss import runner
+    from percuss.results import runner
     from percuss.solver.march import March
 
     real, made = March.run, []

@@ -8,12 +8,14 @@ import pytest
 from matplotlib.text import Text
 
 import percuss
-from percuss import plot, truth
+from percuss import plot
 from percuss.columns import named
 from percuss.comparison import compare, metrics
 from percuss.convergence import orders
-from percuss.measures import verify
 from percuss.methods.interfaces import ExactContact
+from percuss.results import true_error
+from percuss.results.exact import exact_solution
+from percuss.results.verify import verify
 from percuss.solver.model import Model
 from percuss.tell import tell_result
 from percuss_methods.solutions._row import RowOfBars
@@ -54,7 +56,7 @@ MEANS = np.array([0.0, 1.0, 2.0, 1.0, 0.0, 0.5, 1.5, 0.0])
 def judged(force, time=TIME, dt=1.0, reached=8.0, every=1):
     contact = Pulse()
     exact = contact.mean_force(time - 0.5 * dt, time + 0.5 * dt)
-    return truth.contact_errors(contact, time, np.asarray(force, dtype=float), exact, dt, reached, every=every)
+    return true_error.contact_errors(contact, time, np.asarray(force, dtype=float), exact, dt, reached, every=every)
 
 
 # ------------------------------------------------------------------------------------------------ made-up histories
@@ -123,10 +125,10 @@ def test_where_nothing_presses_errors_are_zero_or_none():
     contact = Pulse()
     time = np.array([0.0, 0.25])
     exact = np.zeros(2)
-    silent = truth.contact_errors(contact, time, np.zeros(2), exact, 0.25, 0.5, every=1)
+    silent = true_error.contact_errors(contact, time, np.zeros(2), exact, 0.25, 0.5, every=1)
     assert [silent[name] for name in (*ERRORS, "noise")] == [0.0, 0.0, 0.0, 0.0]
     assert silent["closed"] == []
-    loud = truth.contact_errors(contact, time, np.array([0.0, 1.0]), exact, 0.25, 0.5, every=1)
+    loud = true_error.contact_errors(contact, time, np.array([0.0, 1.0]), exact, 0.25, 0.5, every=1)
     assert [loud[name] for name in (*ERRORS, "noise", "overshoot")] == [None] * 5
 
 
@@ -135,7 +137,7 @@ def test_what_lies_behind_the_time_reached_does_not_count():
     force[5:] = 1e6
     contact = Pulse()
     exact = np.where(TIME < 4.5, MEANS, np.nan)
-    found = truth.contact_errors(contact, TIME, force, exact, 1.0, 4.5, every=1)
+    found = true_error.contact_errors(contact, TIME, force, exact, 1.0, 4.5, every=1)
     assert found["force_error_l2"] == 0.0
     assert found["impulse_error"] < 1e-15
     assert found["noise"] == 1.0
@@ -145,19 +147,19 @@ def test_what_lies_behind_the_time_reached_does_not_count():
 def test_the_displacement_error_is_that_of_all_nodes_at_the_end():
     case = percuss.load(hunek(n=10))
     model = Model(case)
-    solution = truth.exact_solution(model, 0.8)[0]
+    solution = exact_solution(model, 0.8)[0]
     exact = np.concatenate([
         solution.displacement(name, np.linspace(0, length, count), 0.5)
         for name, length, count in (("short", 10, 11), ("long", 20, 21))
     ])[:, None]  # fmt: skip
-    assert truth.displacement_error(model, solution, exact, 0.5) == 0.0
+    assert true_error.displacement_error(model, solution, exact, 0.5) == 0.0
     size = math.sqrt(sum(
         w * u**2 for w, u in zip([0.5, *[1] * 9, 0.5, 0.5, *[1] * 19, 0.5], exact[:, 0], strict=True)
     ))  # fmt: skip
-    assert truth.displacement_error(model, solution, exact + 0.001, 0.5) == pytest.approx(
+    assert true_error.displacement_error(model, solution, exact + 0.001, 0.5) == pytest.approx(
         0.001 * math.sqrt(30) / size, rel=1e-12
     )
-    assert truth.displacement_error(model, solution, exact, 0.9) is None
+    assert true_error.displacement_error(model, solution, exact, 0.9) is None
 
 
 # ------------------------------------------------------------------------------------------------ runs
@@ -234,9 +236,9 @@ def test_a_sparse_record_has_no_errors_of_the_force_and_says_so():
     case = hunek(n=10)
     case["record"]["every"] = 4
     result = run(case)
-    for name in truth.ERRORS:
+    for name in true_error.ERRORS:
         assert errors(result)[name] is None
-    assert "opening_error" in truth.ERRORS
+    assert "opening_error" in true_error.ERRORS
     assert result.summary["exact"]["displacement_error"] is not None
     assert any("record.every: 1" in note for note in result.summary["notes"])
 
@@ -327,8 +329,8 @@ truth_of_columns = (*ERRORS, "displacement_error")
 
 
 def test_of_no_record_nothing_is_known():
-    nothing = truth.contact_errors(Pulse(), TIME, MEANS, np.full(8, np.nan), 1.0, 0.1, every=1)
-    assert all(nothing[name] is None for name in truth.ERRORS)
+    nothing = true_error.contact_errors(Pulse(), TIME, MEANS, np.full(8, np.nan), 1.0, 0.1, every=1)
+    assert all(nothing[name] is None for name in true_error.ERRORS)
 
 
 @pytest.mark.parametrize("phase", np.linspace(0.0, 1.0, 7)[:-1])
@@ -337,7 +339,7 @@ def test_the_exact_history_itself_closes_and_opens_in_time(dt, phase):
     """Its first and last step that presses are late by half a step at most, to either side alike."""
     time = (np.arange(round(8.0 / dt)) + phase) * dt
     exact = Pulse().mean_force(time - 0.5 * dt, time + 0.5 * dt)
-    found = truth.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
+    found = true_error.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
     for name in ("closing_error", "opening_error"):
         assert abs(found[name]) <= 0.5 * dt * (1.0 + 1e-9)
 
@@ -347,7 +349,7 @@ def test_closing_and_opening_of_exact_histories_are_late_by_nothing_on_average()
     for phase in np.linspace(0.0, 1.0, 100, endpoint=False) + 0.005:
         time = (np.arange(80) + phase) * dt
         exact = Pulse().mean_force(time - 0.5 * dt, time + 0.5 * dt)
-        found = truth.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
+        found = true_error.contact_errors(Pulse(), time, exact, exact, dt, 8.0, every=1)
         for name, values in late.items():
             values.append(found[name])
     for values in late.values():
@@ -356,14 +358,14 @@ def test_closing_and_opening_of_exact_histories_are_late_by_nothing_on_average()
 
 def test_a_contact_that_is_closed_at_the_end_has_no_opening_error():
     exact = np.where(TIME < 5.5, MEANS, np.nan)
-    found = truth.contact_errors(Pulse(), TIME, np.where(TIME < 2.5, MEANS, 0.0), exact, 1.0, 6.0, every=1)
+    found = true_error.contact_errors(Pulse(), TIME, np.where(TIME < 2.5, MEANS, 0.0), exact, 1.0, 6.0, every=1)
     assert found["opening_error"] is None
 
 
 def test_up_to_where_it_stops_it_is_the_solution(short_of_breath, monkeypatch):
-    short = truth.exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
+    short = exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
     monkeypatch.undo()
-    whole = truth.exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
+    whole = exact_solution(Model(percuss.load(many_fronts())), 12.0)[0]
     assert short.reached < 0.6 * whole.reached == 0.6 * 12.0
     t = np.linspace(0.0, short.reached, 1001)
     for name in ("force", "impulse", "gap"):
@@ -387,13 +389,13 @@ def test_a_stiff_penalty_that_chatters_hangs_on_round_off():
 
 def test_fragile_is_a_change_of_more_than_a_ten_thousandth():
     one, other = run(hunek(n=10)), run(hunek(n=10))
-    assert truth.is_fragile(one, other) is False
+    assert true_error.is_fragile(one, other) is False
     for factor, fragile in ((1.00009, False), (1.00011, True)):
         other.arrays["contact_force"] = one.arrays["contact_force"] * factor
-        assert truth.is_fragile(one, other) is fragile
+        assert true_error.is_fragile(one, other) is fragile
     other.arrays["contact_force"] = one.arrays["contact_force"][:-1]
-    assert truth.is_fragile(one, other) is True
-    assert truth.nudged(percuss.load(hunek()), 0.5).bodies["short"].area == 1.0 + 1e-12
+    assert true_error.is_fragile(one, other) is True
+    assert true_error.nudged(percuss.load(hunek()), 0.5).bodies["short"].area == 1.0 + 1e-12
 
 
 # ------------------------------------------------------------------------------------------------ files

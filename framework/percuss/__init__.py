@@ -25,8 +25,8 @@ _MODULES = {
     "methods.hookspecs": "hookimpl",
     "methods.slots": "accelerations coupled_gap coupled_rate energy_density stress",
     "certificate.maps": "stability",
-    "result": "Result open_result",
-    "runner": "run",
+    "results.result": "Result open_result",
+    "results.runner": "run",
     "studies": "Study open_study study",
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
@@ -127,8 +127,8 @@ if TYPE_CHECKING:
         end_of_step,
     )
     from percuss.methods.slots import accelerations, coupled_gap, coupled_rate, energy_density, stress
-    from percuss.result import Result, open_result
-    from percuss.runner import run
+    from percuss.results.result import Result, open_result
+    from percuss.results.runner import run
     from percuss.studies import Study, open_study, study
 
 

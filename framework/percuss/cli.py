@@ -19,7 +19,7 @@ from percuss.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 app = typer.Typer(
     name="percuss",
@@ -76,9 +76,9 @@ def run(
 ) -> None:
     """Run a case; print what came out, save it, draw it."""
     with reporting(as_json):
-        from percuss.exact_only import load_for_exact, run_exact
-        from percuss.ledger import open_accounts
-        from percuss.runner import run as run_case
+        from percuss.results.exact_only import load_for_exact, run_exact
+        from percuss.results.ledger import open_accounts
+        from percuss.results.runner import run as run_case
 
         if plot is not None:
             _drawable(plot)

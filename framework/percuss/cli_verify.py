@@ -54,15 +54,15 @@ def verify(
 
 def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
     """Run a case and return what it expected and what came out."""
-    from percuss import measures
     from percuss.case.case import load
-    from percuss.ledger import open_accounts
-    from percuss.runner import run
+    from percuss.results.ledger import open_accounts
+    from percuss.results.runner import run
+    from percuss.results.verify import verify as verified
 
     case = load(path, plugins=plugins or [])
     try:
         result = run(case)
-        checks = [c.as_dict() for c in measures.verify(case, result)]
+        checks = [c.as_dict() for c in verified(case, result)]
         error = "; ".join(open_accounts(result.summary))
         error = error or ("" if checks else "the case expects nothing: add `expect`")
     except PercussError as stopped:

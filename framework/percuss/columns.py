@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import QUANTITIES, SUMMARY
 from percuss.errors import nearest, suggestion
-from percuss.measures import CannotMeasure, measure
+from percuss.results.measures import CannotMeasure, measure
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
-    from percuss.result import Result
+    from percuss.results.result import Result
     from percuss.studysections import MeasureSection
 
 __all__ = ["ERRORS", "METRICS", "Column", "column", "metric", "named", "worst"]
@@ -52,7 +52,7 @@ class Column:
     kind
         ``metric``, ``summary``, ``history`` or ``plug-in``.
     arguments
-        Of what takes it: a dotted path, or those of `percuss.measures.measure`.
+        Of what takes it: a dotted path, or those of `percuss.results.measures.measure`.
     """
 
     name: str

@@ -65,7 +65,7 @@ def components_named(registry: Registry, name: str) -> list[tuple[str, str]]:
 
 def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]:
     """Return all that is known of a component, in the terms of JSON."""
-    from percuss.runner import plain
+    from percuss.jsonable import plain
 
     component = registry.get(family, name)
     source = registry.sources[family, name]

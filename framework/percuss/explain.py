@@ -14,9 +14,9 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SAFETY, certificate
 from percuss.describe import docs
 from percuss.methods.interfaces import Component, Rows
+from percuss.results.exact import why_not_covered
 from percuss.solver import size_limits
 from percuss.solver.contact_rows import broadcast, judge
-from percuss.truth import why_not_covered
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
@@ -36,7 +36,7 @@ class Explanation:
 
 def explanation(model: Model) -> Explanation:
     """Return what the run of a model will do."""
-    from percuss.runner import plain
+    from percuss.jsonable import plain
 
     known = certificate(size_limits.recordable(model))
     measured = _measured(model, known["energy"])

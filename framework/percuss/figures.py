@@ -16,13 +16,13 @@ import numpy as np
 
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
-from percuss.ledger import open_accounts
+from percuss.results.ledger import open_accounts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 
 INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"

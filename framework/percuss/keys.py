@@ -92,7 +92,7 @@ class Keys:
 
     def _components(self, case: Case, task: Task) -> Iterator[tuple[str, str]]:
         """Yield name and digest of all components that a run uses; of all single files where it cannot be read."""
-        from percuss.runner import plugins_used
+        from percuss.results.provenance import plugins_used
         from percuss.tasks import TIED
 
         sources = case.registry.sources

@@ -32,14 +32,14 @@ from percuss.figures import (
     thinned,
     write,
 )
-from percuss.ledger import ledger_words
+from percuss.results.ledger import ledger_words
 from percuss.spacetime import space_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 
 def plot_result(result: Result, path: str | os.PathLike[str]) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from percuss.columns import Column
     from percuss.methods.registry import Registry
-    from percuss.result import Result
+    from percuss.results.result import Result
     from percuss.tasks import Row
 
 __all__ = ["Record", "record", "unpacked"]
@@ -81,8 +81,8 @@ def record(key: str, row: Row, columns: Sequence[Column], keep: int, wall: float
     registry
         Where the measures are that are plug-ins.
     """
-    from percuss.result import processor_model
-    from percuss.runner import plain
+    from percuss.jsonable import plain
+    from percuss.results.provenance import processor_model
     from percuss.tasks import blamed
 
     times = row.result.summary["seconds"] if row.result is not None else {}

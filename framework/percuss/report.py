@@ -18,11 +18,11 @@ from percuss.figures import (
     one_line,
     picture,
 )
-from percuss.ledger import ledger_words
 from percuss.plot import force_figure
+from percuss.results.ledger import ledger_words
 
 if TYPE_CHECKING:
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 
 # every colour is said: a dark notebook shows the same light card

@@ -12,7 +12,7 @@ from percuss.figures import INK, legend, not_computed, powers, say, shown_until,
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 
 class _Strip(NamedTuple):

@@ -17,7 +17,7 @@ from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
 from percuss.files import replacing
-from percuss.result import machine
+from percuss.results.provenance import machine
 from percuss.store import Store
 from percuss.tasks import LOST
 

@@ -17,7 +17,7 @@ import numpy as np
 from percuss import study_data
 from percuss.figures import COLOURS, MORE_COLOURS, number, one_line
 from percuss.files import PACKAGE, replacing
-from percuss.runner import plain
+from percuss.jsonable import plain
 from percuss.study_data import Columns, StudyLike
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.options import options_of
 from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
-from percuss.runner import AGAINST, NOT_VALID, run, timed_run
+from percuss.results.runner import AGAINST, NOT_VALID, run, timed_run
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.methods.registry import Registry
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 TIED = "tied"
 LOST = "lost"  # status of a row that says nothing of its methods: the run is made again
@@ -282,7 +282,7 @@ class _NoTwin(PercussError):
 def _tied(case: Case) -> dict[str, Any]:
     """Return the changes that tie each contact of a case while the exact one is closed."""
     from percuss.certificate.verdict import settled
-    from percuss.truth import exact_solution
+    from percuss.results.exact import exact_solution
 
     always = {f"contacts.{name}.method": TIED for name in case.contacts}
     model = settled(case.with_overrides(always) if always else case)

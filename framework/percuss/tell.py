@@ -11,13 +11,13 @@ from rich.table import Table
 import percuss
 from percuss.comparison import ERRORS, Row, metrics
 from percuss.convergence import WORDS
-from percuss.ledger import ledger_words
 from percuss.methods.admission import OLDEST
+from percuss.results.ledger import ledger_words
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
     from percuss.methods.registry import Registry
-    from percuss.result import Result
+    from percuss.results.result import Result
 
 
 def _number(value: Any, digits: int = 6) -> str:

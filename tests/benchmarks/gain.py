@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import percuss
-from percuss import ledger
+from percuss.results import ledger
 from percuss.solver.march import March
 from percuss.solver.model import Model
 

@@ -183,7 +183,7 @@ def check_schema(subject: Subject) -> None:
     Editors complete cases with it, and other tools check them.
     """
     from percuss.case.options import schema_of
-    from percuss.runner import plain
+    from percuss.jsonable import plain
 
     schema = schema_of(subject.component)
     json.dumps(plain(schema), allow_nan=False)

@@ -155,7 +155,7 @@ class Subject:
         """
         import yaml
 
-        from percuss.runner import plain
+        from percuss.jsonable import plain
 
         if not self.loaded:
             return ""
@@ -174,7 +174,7 @@ class Subject:
         NotApplicable
             If its pair refuses one another.
         """
-        from percuss.runner import run
+        from percuss.results.runner import run
 
         try:
             return run(self.load(case), compiled=compiled)

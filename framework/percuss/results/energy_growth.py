@@ -1,11 +1,11 @@
 """What the contacts of a run did to its energy, held against what its pair of methods guarantees.
 
-By the energy identity (see `percuss.ledger`) kinetic plus elastic energy less external work changes by the contact
-work alone. The loop adds to it what closed contacts store (see `percuss.solver.compiled.contact_equation.stored`) and
-follows the sum over every step. Per point, where the force follows from the gap at the end of the step as ``lambda =
-kappa <-g_{n+1}>``, the sum changes in a step by ``-kappa/4 (<-g_{n+1}> - <-g_{n-1}>)^2`` where the gap was closed
-before, and by less where it was open: it never grows. Where lambda follows from the current gap it is constant while
-the contact stays closed.
+By the energy identity (see `percuss.results.ledger`) kinetic plus elastic energy less external work changes by the
+contact work alone. The loop adds to it what closed contacts store (see
+`percuss.solver.compiled.contact_equation.stored`) and follows the sum over every step. Per point, where the force
+follows from the gap at the end of the step as ``lambda = kappa <-g_{n+1}>``, the sum changes in a step by ``-kappa/4
+(<-g_{n+1}> - <-g_{n-1}>)^2`` where the gap was closed before, and by less where it was open: it never grows. Where
+lambda follows from the current gap it is constant while the contact stays closed.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Of the largest energy, or of the momentum: what the accounts of a run may be off by. The identities above hold to
 # round-off for linear bodies. The momentum of any body changes by the forces from outside alone.
 CLOSED, CLOSED_NOT_LINEAR, BALANCED = 1e-9, 0.05, 1e-9
-ROUND_OFF_UNITS = 4.0  # errors of a step, as in `percuss.growth`
+ROUND_OFF_UNITS = 4.0  # errors of a step, as in `percuss.results.energy_growth`
 
 
 def energies(outcome: Outcome) -> dict[str, Floats]:

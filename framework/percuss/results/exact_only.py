@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import truth
 from percuss.errors import InputError, Problem
-from percuss.result import Result, machine
-from percuss.runner import plain, plugins_used
+from percuss.jsonable import plain
+from percuss.results import true_error
+from percuss.results.exact import exact_solution
+from percuss.results.provenance import machine, plugins_used
+from percuss.results.result import Result
 from percuss.solver.model import Model
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ def run_exact(case: Case) -> Result:
     started = time.perf_counter()
     model = Model(case)
     end = case.time.end if case.time.end is not None else model.steps * model.dt
-    solution, name, reason = truth.exact_solution(model, end)
+    solution, name, reason = exact_solution(model, end)
     if solution is None:
         raise InputError([Problem(case.origin.name, "", f"no exact solution covers this case: {reason}")])
     solved = time.perf_counter() - started
@@ -77,7 +79,7 @@ def run_exact(case: Case) -> Result:
             "largest": float(arrays["energy_growth"].max(initial=0.0)),
             **dict.fromkeys(("step", "time", "between_switchings", "allowed", "kept")),
         },
-        **truth.verdict(
+        **true_error.verdict(
             {"solution": name, "reached": solution.reached, "fronts": solution.fronts, "contacts": {}}, reason
         ),
         "compiled": True,

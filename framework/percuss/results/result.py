@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import datetime as dt
-import hashlib
 import json
 import os
-import platform
-import subprocess
-import sys
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import InputError, Problem
-from percuss.files import replacing
+from percuss.results.netcdf import FORMAT, read, write
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from percuss.methods.interfaces import Exact
-
-FORMAT = "percuss-result-2"  # the first one had no checksums
-AGAIN = "Make the run again, or take a copy of the file that is whole."
-DIGEST = "sha256"  # attribute with the checksum of all else in the file
 
 LONG_NAMES = {
     "contact_force": "contact force that moves the mass, compression positive",
@@ -122,8 +110,8 @@ class Result:
         until = known["reached"] if known else covered["until"] if covered else None
         if self.solution is None and until is not None:
             from percuss.case.case import load
+            from percuss.results.exact import exact_solution
             from percuss.solver.model import Model
-            from percuss.truth import exact_solution
 
             self.solution = exact_solution(Model(load(self.provenance["case"])), until)[0]
         return self.solution
@@ -214,14 +202,7 @@ class Result:
         InputError
             If the folder does not exist or cannot be written.
         """
-        histories = self.histories.assign_attrs({DIGEST: _digest(self.histories, self.fields)})
-        with replacing(path, ".nc") as beside:
-            histories.to_netcdf(beside, engine="netcdf4", format="NETCDF4", encoding=_checksums(histories))
-            if self.field_arrays:
-                fields = self.fields
-                fields.to_netcdf(
-                    beside, engine="netcdf4", format="NETCDF4", mode="a", group="fields", encoding=_checksums(fields)
-                )
+        write(path, self.histories, self.fields if self.field_arrays else None)
 
     def _repr_html_(self) -> str:
         """Show a small table and the force picture in a notebook."""
@@ -245,121 +226,13 @@ def open_result(path: str | os.PathLike[str]) -> Result:
         If there is no such file, it is not a percuss result, or it is damaged: every value, name and attribute is
         covered by a checksum.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as dataset:
-            kind = dataset.attrs.get("format")
-    except Exception as error:  # whatever the libraries say of bytes that are no NetCDF
-        raise InputError([Problem(str(path), "", "expected a NetCDF-4 file, found something else")]) from error
-    if kind != FORMAT:
-        earlier = isinstance(kind, str) and kind.startswith("percuss-result-")
-        found, advice = (f"the format {kind}", AGAIN) if earlier else ("another NetCDF file", "")
-        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found {found}", advice)])
-    try:
-        return _opened(path)
-    except Exception as error:
-        said = str(error).partition("\n")[0] or type(error).__name__
-        problem = Problem(str(path), "", f"the file is damaged: {said}", AGAIN)
-        raise InputError([problem]) from error
-
-
-def _opened(path: str | os.PathLike[str]) -> Result:
-    """Return the result in a file of the right format; raise whatever shows that the file is damaged."""
-    import netCDF4
-    import xarray as xr
-
-    with xr.open_dataset(path, engine="netcdf4") as dataset:
-        histories = dataset.load()
-    with netCDF4.Dataset(path) as file:
-        has_fields = "fields" in file.groups
-    fields = xr.Dataset()
-    if has_fields:
-        with xr.open_dataset(path, engine="netcdf4", group="fields") as dataset:
-            fields = dataset.load()
-    if histories.attrs.pop(DIGEST, None) != _digest(histories, fields):
-        raise ValueError("its contents do not have the checksum that was written with them")
+    histories, fields = read(path)
     arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
     arrays |= {name: histories[name].to_numpy() for name in ("time", "time_half")}
     field_arrays: dict[str, Any] = {}
-    if has_fields:
+    if fields is not None:
         field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
         field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
     coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
     summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))
     return Result(arrays, coordinates, field_arrays, summary, provenance)
-
-
-def _checksums(dataset: xr.Dataset) -> dict[Any, dict[str, Any]]:
-    """Return how the variables of a dataset are stored: those of numbers with a checksum for each chunk.
-
-    HDF5 keeps text elsewhere than in the chunks, and has none for variables without an axis or an entry: these are
-    covered by the checksum of the whole file alone.
-    """
-    return {
-        name: {"fletcher32": True}
-        for name, variable in dataset.variables.items()
-        if variable.dtype.kind in "iuf" and variable.size > 0 and variable.ndim > 0
-    }
-
-
-def _digest(*datasets: xr.Dataset) -> str:
-    """Return a checksum of all values, names and attributes of datasets, the same before writing and after reading."""
-    digest = hashlib.sha256()
-    for dataset in datasets:
-        told: list[Any] = [sorted((str(name), str(value)) for name, value in dataset.attrs.items() if name != DIGEST)]
-        for name, variable in sorted(dataset.variables.items(), key=lambda item: str(item[0])):
-            attributes = sorted((str(key), str(value)) for key, value in variable.attrs.items())
-            values = variable.to_numpy()
-            numeric = values.dtype.kind in "iuf"
-            told += [str(name), list(variable.dims), list(values.shape), attributes]
-            told.append([] if numeric else [str(value) for value in values.ravel()])
-            if numeric:
-                # one pattern of bits for all that is no number, and one order of bytes
-                exact = values.astype("<f8" if values.dtype.kind == "f" else "<i8")
-                if exact.dtype.kind == "f":
-                    exact = np.where(np.isnan(exact), np.nan, exact)
-                digest.update(exact.tobytes())
-        digest.update(json.dumps(told).encode())
-    return digest.hexdigest()
-
-
-@cache
-def _versions() -> dict[str, str]:
-    """Return the versions in use; to look them up takes longer than a short run."""
-    from importlib.metadata import version
-
-    names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
-    return {"python": platform.python_version(), **{name: version(name) for name in names}}
-
-
-@cache
-def processor_model() -> str:
-    """Return the model of the processor as the system calls it; ``unknown`` where it does not tell."""
-    with contextlib.suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        named = (line.partition(":") for line in lines if line.startswith(("model name", "Model", "cpu model")))
-        for _, _, name in named:
-            if name.strip():
-                return " ".join(name.split())
-    if sys.platform == "darwin":
-        with contextlib.suppress(OSError, subprocess.SubprocessError):
-            command = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
-            return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()  # noqa: S603
-    return platform.processor() or "unknown"
-
-
-def machine() -> dict[str, Any]:
-    """Return what a result depends on besides the case: versions and machine."""
-    return {
-        "versions": dict(_versions()),
-        "machine": {
-            "system": platform.platform(),
-            "processor": platform.machine(),
-            "cpu": processor_model(),
-            "byteorder": sys.byteorder,
-        },
-        "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
-    }

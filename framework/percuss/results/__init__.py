@@ -1,0 +1,1 @@
+"""The energy ledger, true errors, results, and the run that makes them."""
