@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from percuss.case.case import load
-from percuss.comparison import compare, metrics, worst
+from percuss.studies.comparison import compare, metrics, worst
 
 BAR = {"material": {"young": 100, "density": 0.01}, "area": 1}
 TWO_BARS = {

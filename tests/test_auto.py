@@ -10,8 +10,8 @@ import pytest
 import percuss
 from benchmarks.gain import gains, row
 from percuss.certificate.verdict import certificate
-from percuss.explain import explanation
 from percuss.methods.registry import Registry
+from percuss.reporting.explanation import explanation
 from percuss.solver.model import Model
 from strategies import hunek, run
 

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import percuss
-from percuss import scaffold
 from percuss.certificate import maps, verdict
 from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
 from percuss.certificate.waves import waves
+from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
-from percuss.explain import explanation
+from percuss.reporting.explanation import explanation
 from percuss.solver.model import Model
 from percuss.testing import Subject, checks
 from percuss.testing.drawn import rows

@@ -14,7 +14,7 @@ HUNEK = str(ROOT / "cases" / "hunek.yaml")
 
 def percuss(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     env = {**os.environ, "COLUMNS": "120", "NO_COLOR": "1"}
-    command = [sys.executable, "-c", "from percuss.cli import main; main()", *args]
+    command = [sys.executable, "-c", "from percuss.cli.main import main; main()", *args]
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300, check=False)
 
 
@@ -28,7 +28,7 @@ def test_help_names_every_command() -> None:
 def test_help_loads_nothing_heavy() -> None:
     code = (
         "import sys; sys.argv=['percuss','--help']\n"
-        "from percuss.cli import main\n"
+        "from percuss.cli.main import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
         "heavy = ('numpy','numba','pydantic','xarray','scipy','matplotlib','percuss_methods')\n"

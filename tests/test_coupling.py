@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import dense
 import percuss
-from percuss.explain import explanation
+from percuss.reporting.explanation import explanation
 from percuss.solver.compiler.specialise import jit_disabled
 from percuss.solver.march import March
 from percuss.solver.model import Model

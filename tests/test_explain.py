@@ -12,10 +12,10 @@ import percuss
 from percuss.case.options import options_of
 from percuss.case.source import Source
 from percuss.certificate.verdict import SAFETY, settled
-from percuss.describe import component_data, component_text
-from percuss.explain import explanation
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
+from percuss.reporting.component import component_data, component_text
+from percuss.reporting.explanation import explanation
 from strategies import hunek
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))

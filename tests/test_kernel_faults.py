@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.cli import app
+from percuss.cli.main import app
 from percuss.solver.compiler.specialise import jit_disabled
 from percuss.solver.march import March
 from percuss.solver.model import Model

@@ -229,7 +229,7 @@ def test_the_strict_host_hands_out_nothing_that_can_be_changed():
 def test_without_hypothesis_the_kit_says_what_to_install():
     code = (
         "import sys; sys.modules['hypothesis'] = None\n"
-        "from percuss.cli import app\n"
+        "from percuss.cli.main import app\n"
         "app(['verify', '--method', 'ripple'])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

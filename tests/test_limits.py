@@ -68,7 +68,7 @@ def test_what_is_proposed_instead_fits(machine):
 def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):
     import typer
 
-    from percuss.cli_base import reporting
+    from percuss.cli.common import reporting
 
     with pytest.raises(typer.Exit) as caught, reporting(as_json=False):
         raise MemoryError("Unable to allocate 1 TiB")

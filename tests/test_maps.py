@@ -15,8 +15,8 @@ from hypothesis import assume, event, given
 import percuss
 from percuss.certificate.verdict import SAFETY, certificate, settled
 from percuss.certificate.waves import waves
+from percuss.reporting.stability_figure import stability_figure
 from percuss.solver.model import Model
-from percuss.stability_plot import stability_figure
 from strategies import INTEGRATORS, LAWS, LEAPFROG, hunek, pair_id, rows, with_pair
 from test_blackbox import CD, ROW_PAIRS, WU, wall
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss import scaffold
+from percuss.cli import scaffold
 from percuss.errors import InputError
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry

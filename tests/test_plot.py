@@ -10,9 +10,9 @@ import pytest
 
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
-from percuss import figures, overlay, plot, report
 from percuss.case.case import load
 from percuss.errors import InputError, PercussError, RunError
+from percuss.reporting import comparison_figure, figures, report, run_figure
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -94,14 +94,14 @@ def holds(axes, x, y):
 @pytest.mark.parametrize("suffix", [*MAGIC, ".PNG"])
 def test_each_suffix_gives_its_kind_of_file(good, tmp_path, suffix):
     path = tmp_path / f"picture{suffix}"
-    plot.plot_result(good, path)
+    run_figure.plot_result(good, path)
     assert path.read_bytes().startswith(MAGIC[suffix.lower()])
     assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_the_same_result_gives_the_same_bytes(good, kind):
-    draw = plot.figure_of if kind == "svg" else plot.force_figure
+    draw = run_figure.figure_of if kind == "svg" else run_figure.force_figure
     first, second = (figures.picture(draw(good), kind) for _ in range(2))
     assert first == second
     assert not re.search(rb"<dc:date>|CreationDate", first)
@@ -110,7 +110,7 @@ def test_the_same_result_gives_the_same_bytes(good, kind):
 @pytest.mark.parametrize(("name", "found"), [("a.jpg", ".jpg"), ("picture", "no ending"), (".png", "no ending")])
 def test_another_suffix_is_refused_before_anything_is_written(good, tmp_path, name, found):
     path = tmp_path / name
-    for draw in (lambda: plot.plot_result(good, path), lambda: overlay.plot_comparison([], path)):
+    for draw in (lambda: run_figure.plot_result(good, path), lambda: comparison_figure.plot_comparison([], path)):
         with pytest.raises(InputError) as caught:
             draw()
         assert str(caught.value) == (
@@ -123,30 +123,30 @@ def test_another_suffix_is_refused_before_anything_is_written(good, tmp_path, na
 def test_nothing_is_left_behind_and_nothing_lost_where_drawing_fails(good, tmp_path, monkeypatch):
     path = tmp_path / "a.png"
     path.write_bytes(b"before")
-    monkeypatch.setattr(plot, "_energies", lambda *_: 1 / 0)
+    monkeypatch.setattr(run_figure, "_energies", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        plot.plot_result(good, path)
+        run_figure.plot_result(good, path)
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("a.png", b"before")]
 
 
 def test_a_missing_folder_is_said(good, tmp_path):
     with pytest.raises(InputError, match="expected a folder"):
-        plot.plot_result(good, tmp_path / "none" / "a.png")
+        run_figure.plot_result(good, tmp_path / "none" / "a.png")
 
 
 def test_settings_of_matplotlib_stay_as_they_were(good):
     import matplotlib as mpl
 
     before, had_pyplot = mpl.rcParams.copy(), "matplotlib.pyplot" in sys.modules
-    plain = figures.picture(plot.figure_of(good), "svg")
+    plain = figures.picture(run_figure.figure_of(good), "svg")
     assert mpl.rcParams.copy() == before
     with mpl.rc_context({"axes.grid": False, "font.size": 30, "text.usetex": True}):
-        assert figures.picture(plot.figure_of(good), "svg") == plain
+        assert figures.picture(run_figure.figure_of(good), "svg") == plain
     assert ("matplotlib.pyplot" in sys.modules) == had_pyplot
 
 
 def test_the_lines_are_the_data(good):
-    force, energy, *_ = plot.figure_of(good).axes
+    force, energy, *_ = run_figure.figure_of(good).axes
     assert holds(force, good.arrays["time"], good.arrays["contact_force"][:, 0])
     half, total = good.arrays["time_half"], good.arrays["kinetic_energy"] + good.arrays["elastic_energy"]
     for name in ("kinetic_energy", "elastic_energy", "external_work", "contact_work"):
@@ -157,7 +157,7 @@ def test_the_lines_are_the_data(good):
 
 
 def test_expected_values_are_drawn_over_their_time_with_their_tolerance(good):
-    force = plot.figure_of(good).axes[0]
+    force = run_figure.figure_of(good).axes[0]
     assert holds(force, [0.02, 0.18], [0.05, 0.05])
     assert holds(force, [0.4, 0.6], [0.06, 0.06])
     assert len(force.lines) == 3
@@ -167,7 +167,7 @@ def test_expected_values_are_drawn_over_their_time_with_their_tolerance(good):
 
 def test_exact_histories_are_laid_over_where_there_are_any(good):
     result, time, exact = knowing(good)
-    force = plot.figure_of(result).axes[0]
+    force = run_figure.figure_of(result).axes[0]
     assert holds(force, time, exact)
     assert len(force.lines) == 4
     assert "exact" in words(force)
@@ -176,7 +176,7 @@ def test_exact_histories_are_laid_over_where_there_are_any(good):
 def test_the_stress_is_drawn_body_by_body_about_zero(good):
     from matplotlib.collections import QuadMesh
 
-    space_time = plot.figure_of(good).axes[2]
+    space_time = run_figure.figure_of(good).axes[2]
     meshes = [mesh for mesh in space_time.collections if isinstance(mesh, QuadMesh)]
     stress, owner = good.field_arrays["stress"], np.array(good.field_arrays["body"])
     for mesh, body in zip(meshes, ("short", "long"), strict=True):
@@ -190,7 +190,7 @@ def test_the_stress_is_drawn_body_by_body_about_zero(good):
 def test_contacts_are_thick_while_they_carry_force(good):
     from matplotlib.collections import LineCollection
 
-    space_time = plot.figure_of(good).axes[2]
+    space_time = run_figure.figure_of(good).axes[2]
     lines = [c for c in space_time.collections if isinstance(c, LineCollection) and c.get_linewidth()[0] == 3.4]
     segments = np.concatenate([one.get_segments() for one in lines])
     assert np.all(segments[:, :, 0] == 10)
@@ -212,13 +212,13 @@ def test_bodies_in_the_plane_are_laid_along_one_axis(second, label, ends):
         "long": {"bar": {"length": 20, "elements": 40, **second}, "at": at, **BAR},
     }
     result = outcome({"bodies": bodies, "contacts": {}, "expect": [], "time": {"end": 0.1, "courant": 0.5}})
-    space_time = plot.figure_of(result).axes[2]
+    space_time = run_figure.figure_of(result).axes[2]
     assert space_time.get_xlabel() == label
     assert np.allclose([mesh.get_coordinates()[0, [0, -1], 0] for mesh in space_time.collections[::2][:2]], ends)
 
 
 def test_the_title_tells_the_methods_and_steps_as_they_came_out(good):
-    told = words(plot.figure_of(good))
+    told = words(run_figure.figure_of(good))
     for part in ("Two bars", "wu-predictor-corrector", "bipenalty (εₛ = 50,", "βₛ = 0.25", "Courant number 0.5"):
         assert part in told
     assert f"Δt = {good.summary['dt']:.4g}" in told
@@ -228,16 +228,16 @@ def test_the_title_tells_the_methods_and_steps_as_they_came_out(good):
 
 def test_an_unstable_run_is_marked_everywhere(unstable):
     assert unstable.status == "unstable"
-    told = words(plot.figure_of(unstable))
+    told = words(run_figure.figure_of(unstable))
     assert "UNSTABLE, no valid result: stopped at step" in told
     assert "Likely cause: " in told
-    assert "unstable: not computed" in words(plot.force_figure(unstable))
+    assert "unstable: not computed" in words(run_figure.force_figure(unstable))
     assert "UNSTABLE" in report.notebook_html(unstable)
 
 
 def test_an_interrupted_run_is_marked(good):
     result = fresh(good, status="interrupted", steps=100)
-    told = words(plot.figure_of(result))
+    told = words(run_figure.figure_of(result))
     assert f"INTERRUPTED at step 100 of {good.summary['steps']}" in told
     assert "interrupted: not computed" in told
 
@@ -245,20 +245,20 @@ def test_an_interrupted_run_is_marked(good):
 def test_a_run_that_stopped_at_once_can_be_drawn(unstable):
     result = fresh(unstable, steps=0)
     result.arrays = {name: values[:0] for name, values in unstable.arrays.items()}
-    assert figures.picture(plot.figure_of(result), "png")
-    assert figures.picture(overlay.comparison_figure([{"label": "a", "result": result}]), "png")
+    assert figures.picture(run_figure.figure_of(result), "png")
+    assert figures.picture(comparison_figure.comparison_figure([{"label": "a", "result": result}]), "png")
 
 
 def test_what_is_not_there_is_said():
     result = outcome({"contacts": {}, "expect": [], "record": {"fields": 0}})
-    told = words(plot.figure_of(result))
+    told = words(run_figure.figure_of(result))
     assert "This case has no contact." in told
     assert "record: {fields: 200}" in told
 
 
 def test_many_contacts_are_told_apart_by_order():
     result = row_of_bars(9)
-    figure = plot.figure_of(result)
+    figure = run_figure.figure_of(result)
     colours = [line.get_color() for line in figure.axes[0].lines]
     assert len({tuple(colour) for colour in colours}) == len(colours) == 8
     assert re.search(r"^c1$", words(figure), re.MULTILINE)
@@ -280,14 +280,14 @@ def test_a_long_history_keeps_its_extremes():
 def test_a_title_is_never_mathematics(good, tmp_path):
     result = fresh(good)
     result.provenance["case"]["title"] = "costs $1 and $\\nonsense{ 2\nin two lines"
-    plot.plot_result(result, tmp_path / "a.png")
-    assert "costs $1 and $\\nonsense{ 2 in two lines" in words(plot.figure_of(result))
+    run_figure.plot_result(result, tmp_path / "a.png")
+    assert "costs $1 and $\\nonsense{ 2 in two lines" in words(run_figure.figure_of(result))
 
 
 def test_a_saved_result_gives_the_same_picture(good, tmp_path):
     good.save(tmp_path / "a.nc")
     again = open_result(tmp_path / "a.nc")
-    assert figures.picture(plot.figure_of(again), "svg") == figures.picture(plot.figure_of(good), "svg")
+    assert figures.picture(run_figure.figure_of(again), "svg") == figures.picture(run_figure.figure_of(good), "svg")
 
 
 # -- several runs ------------------------------------------------------------------------------------------
@@ -301,7 +301,7 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp
         {"label": "too fast", "result": unstable},
         {"label": "nitsche", "result": None, "reason": "is refused:\nno stress"},
     ]
-    figure = overlay.comparison_figure(rows)
+    figure = comparison_figure.comparison_figure(rows)
     (axes,) = figure.axes
     for result in (good, other, unstable):
         assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, 0])
@@ -311,18 +311,18 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp
     assert "not shown: nitsche: is refused: no stress" in told
     assert "contact force in 3 of 4 runs" in told
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
-    overlay.plot_comparison(rows, tmp_path / "a.svg")
+    comparison_figure.plot_comparison(rows, tmp_path / "a.svg")
     assert (tmp_path / "a.svg").read_bytes().startswith(MAGIC[".svg"])
 
 
 def test_runs_of_one_label_are_all_in_the_legend(good):
-    (axes,) = overlay.comparison_figure([{"label": "a", "result": good}] * 3).axes
+    (axes,) = comparison_figure.comparison_figure([{"label": "a", "result": good}] * 3).axes
     assert [text.get_text().strip() for text in axes.get_legend().get_texts()][:3] == ["a", "a (2)", "a (3)"]
 
 
 def test_more_than_six_runs_stand_beside_each_other(good):
     rows = [{"label": f"run {k}", "result": good} for k in range(8)]
-    figure = overlay.comparison_figure(rows)
+    figure = comparison_figure.comparison_figure(rows)
     assert [axes.get_title("left") for axes in figure.axes] == [*(f"run {k}" for k in range(8)), ""]
     assert all(holds(axes, good.arrays["time"], good.arrays["contact_force"][:, 0]) for axes in figure.axes[:8])
     assert figures.picture(figure, "png")
@@ -330,7 +330,7 @@ def test_more_than_six_runs_stand_beside_each_other(good):
 
 def test_each_contact_has_its_panel_in_a_comparison():
     result = row_of_bars(4)
-    figure = overlay.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
+    figure = comparison_figure.comparison_figure([{"label": "a", "result": result}, {"label": "b", "result": result}])
     assert [axes.get_ylabel() for axes in figure.axes] == ["force at c1", "force at c2", "force at c3"]
     for k, axes in enumerate(figure.axes):
         assert holds(axes, result.arrays["time"], result.arrays["contact_force"][:, k])
@@ -338,13 +338,16 @@ def test_each_contact_has_its_panel_in_a_comparison():
 
 @pytest.mark.parametrize("rows", [[], [{"label": "a", "result": None, "reason": None}]])
 def test_a_comparison_without_any_result_says_so(rows):
-    assert "None of the runs has a result." in words(overlay.comparison_figure(rows))
+    assert "None of the runs has a result." in words(comparison_figure.comparison_figure(rows))
 
 
 def test_the_exact_history_of_one_run_stands_for_all(good):
     known, time, exact = knowing(good)
     rows = [{"label": "a", "result": good}, {"label": "b", "result": known}]
-    for panels in (overlay.comparison_figure(rows).axes, overlay.comparison_figure(rows * 4).axes[:8]):
+    for panels in (
+        comparison_figure.comparison_figure(rows).axes,
+        comparison_figure.comparison_figure(rows * 4).axes[:8],
+    ):
         assert all(holds(axes, time, exact) for axes in panels)
 
 
@@ -436,8 +439,8 @@ def test_a_picture_without_matplotlib_says_what_to_install(good, tmp_path):
     message = "a picture needs matplotlib, which is not installed: pip install 'percuss[plot]'"
     path = tmp_path / "a.png"
     for draw in (
-        lambda: plot.plot_result(good, path),
-        lambda: overlay.plot_comparison([{"label": "a", "result": good}], path),
+        lambda: run_figure.plot_result(good, path),
+        lambda: comparison_figure.plot_comparison([{"label": "a", "result": good}], path),
         lambda: figures.check_suffix(path),
     ):
         with pytest.raises(PercussError) as caught:

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 
 import percuss
-from percuss.describe import component_text, registry_data
 from percuss.errors import PluginError
 from percuss.methods import admission, hookspecs
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Broken, Provenance, Registry, shown
+from percuss.reporting.component import component_text, registry_data
 
 IMPORTS = """\
 from dataclasses import dataclass

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 
 import percuss
 from fake_studies import TWO_BARS, FakeStudy, drawn_study, run_study, several_cases
-from percuss import study_data
-from percuss.cli import app
-from percuss.cli_report import written
-from percuss.columns import metric
-from percuss.study_figures import figures
-from percuss.study_report import report_html, study_report
+from percuss.cli.main import app
+from percuss.cli.report import written
+from percuss.reporting import study_data
+from percuss.reporting.study_figures import figures
+from percuss.reporting.study_page import report_html, study_report
+from percuss.studies.columns import metric
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 EVIL = """</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">{{js}} 'it' & "that" """

@@ -14,7 +14,8 @@ from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
-from percuss.explain import explanation
+from percuss.reporting.explanation import explanation
+from percuss.results.exact import exact_solution
 from percuss.solver.march import March
 from percuss.solver.model import Model
 from strategies import INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair

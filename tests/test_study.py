@@ -14,12 +14,12 @@ import pytest
 import yaml
 
 import percuss
-from percuss import vary
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
-from percuss.sampling import Sample, combinations
-from percuss.studysections import study_schema
-from percuss.studyspec import read_study
+from percuss.studies import parameters
+from percuss.studies.layout import study_schema
+from percuss.studies.parameters import Sample, combinations
+from percuss.studies.spec import read_study
 
 ROOT = Path(__file__).parent.parent
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
@@ -160,7 +160,7 @@ def test_a_row_is_what_the_run_says(tmp_path):
 
 
 def row_of(result):
-    from percuss.comparison import Row, metrics
+    from percuss.studies.comparison import Row, metrics
 
     return metrics(Row("", "", {}, "done", result=result))
 
@@ -218,7 +218,7 @@ def test_a_sample_is_reproducible_and_within_its_box(method):
 
 
 def test_combinations_are_those_of_the_one_grammar():
-    assert [one["p"] for one in combinations({"p": vary.values("0:1:3")})] == [0.0, 0.5, 1.0]
+    assert [one["p"] for one in combinations({"p": parameters.values("0:1:3")})] == [0.0, 0.5, 1.0]
     assert len(combinations({"p": [1, 2], "q": [1, 2, 3]}, [{"r": 1}, {"r": 2}])) == 12
 
 
@@ -277,7 +277,7 @@ def test_workers_give_what_one_process_gives(whole, tmp_path):
 def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
     first = percuss.study(given(vary={"method.contact.beta_s": "0.05:2:log:300"}), tmp_path / "a.sqlite", workers=2)
     assert first.found == 0
-    monkeypatch.setattr("percuss.tasks.timed_run", None)
+    monkeypatch.setattr("percuss.studies.tasks.timed_run", None)
     again = percuss.study(given(**MANY), tmp_path / "a.sqlite")
     assert again.found == 300
     assert same(again.table, whole)
@@ -391,8 +391,8 @@ def test_ctrl_c_keeps_what_is_finished(whole, tmp_path):
 
 
 def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
-    from percuss import bench
-    from percuss.tasks import Row
+    from percuss.studies import job_package
+    from percuss.studies.tasks import Row
 
     made = []
 
@@ -401,10 +401,10 @@ def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
         cut = Row(task.integrator, task.contact, task.varied, "interrupted", "Ctrl-C")
         return cut if len(made) == 5 else real(case, task, **options)
 
-    real = bench.perform_timed
+    real = job_package.perform_timed
     study = given(vary={"method.contact.beta_s": "0.1:0.5:8"})
     with monkeypatch.context() as patched:
-        patched.setattr(bench, "perform_timed", perform)
+        patched.setattr(job_package, "perform_timed", perform)
         first = percuss.study(study, tmp_path / "a.sqlite", workers=1)
     assert first.counts == {"done": 4, "waiting": 4}
     assert not first.complete
@@ -413,7 +413,7 @@ def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
 
 
 def test_what_a_batch_leaves_over_is_made_later(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr("percuss.bench.LONGEST", 0.0)
+    monkeypatch.setattr("percuss.studies.job_package.LONGEST", 0.0)
     assert same(percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=1).table, whole)
 
 

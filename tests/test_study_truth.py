@@ -14,11 +14,11 @@ import pytest
 import yaml
 
 import percuss
-from percuss import bench as benches
-from percuss import tasks
 from percuss.errors import InputError
 from percuss.filelock import locked
-from percuss.tasks import blamed
+from percuss.studies import job_package as benches
+from percuss.studies import tasks
+from percuss.studies.tasks import blamed
 from strategies import hunek
 
 ROOT = Path(__file__).parent.parent
@@ -480,7 +480,7 @@ def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
 
 COMPILES = """
 import json, sys, percuss
-from percuss.tasks import perform, tasks
+from percuss.studies.tasks import perform, tasks
 case = percuss.load(json.loads(sys.argv[1]))
 (twin,) = [task for task in tasks("", case, {}, {}, [{}], tied=True) if task.tied]
 rows = [perform(case, twin)[0] for _ in range(2)]

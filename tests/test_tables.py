@@ -9,8 +9,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from percuss import vary
 from percuss.case.csv_file import read_table
+from percuss.studies import parameters
 from strategies import hunek
 
 VALUES = st.floats(allow_nan=False, allow_infinity=False)
@@ -89,4 +89,4 @@ def test_the_command_line_says_so(tmp_path):
 
 @pytest.mark.parametrize("text", ["1_0", "\u0661", "1 0"])
 def test_varied_values_are_read_as_strictly(text):
-    assert vary.values(f"{text},2") == [text, 2]
+    assert parameters.values(f"{text},2") == [text, 2]

@@ -8,16 +8,16 @@ import pytest
 from matplotlib.text import Text
 
 import percuss
-from percuss import plot
-from percuss.columns import named
-from percuss.comparison import compare, metrics
-from percuss.convergence import orders
 from percuss.methods.interfaces import ExactContact
+from percuss.reporting import run_figure
+from percuss.reporting.terminal import tell_result
 from percuss.results import true_error
 from percuss.results.exact import exact_solution
 from percuss.results.verify import verify
 from percuss.solver.model import Model
-from percuss.tell import tell_result
+from percuss.studies.columns import named
+from percuss.studies.comparison import compare, metrics
+from percuss.studies.convergence import orders
 from percuss_methods.solutions._row import RowOfBars
 from strategies import hunek, run
 
@@ -317,7 +317,7 @@ def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path
     told = capsys.readouterr().out
     assert "true error" not in told
     assert f"error of tip up to {result.summary['exact_covered']['until']:.6g}, where the exact solution ends:" in told
-    words = [text.get_text() for text in plot.figure_of(result).findobj(Text)]
+    words = [text.get_text() for text in run_figure.figure_of(result).findobj(Text)]
     assert any(word.strip().startswith("exact, up to") for word in words)
     result.save(tmp_path / "short.nc")
     again = percuss.open_result(tmp_path / "short.nc")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from percuss.cli import app
+from percuss.cli.main import app
 
 LAW = '''
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ CONTRACT = 1
 
 _MODULES = {
     "case.case": "Case load",
-    "comparison": "compare",
+    "studies.comparison": "compare",
     "methods.interfaces": (
         "AllowInf BodyMesh ContactLaw ContactPoints DataFile Doc Element Exact ExactContact Floats Ge Gt "
         "Integers Integrator Judged Le LeapFrog Load Lt Mass Material Measure Mesh Region Rows Shape Solution "
@@ -27,7 +27,7 @@ _MODULES = {
     "certificate.maps": "stability",
     "results.result": "Result open_result",
     "results.runner": "run",
-    "studies": "Study open_study study",
+    "studies.study": "Study open_study study",
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
@@ -90,7 +90,6 @@ __all__ = [
 if TYPE_CHECKING:
     from percuss.case.case import Case, load
     from percuss.certificate.maps import stability
-    from percuss.comparison import compare
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
     from percuss.methods.hookspecs import hookimpl
     from percuss.methods.interfaces import (
@@ -129,7 +128,8 @@ if TYPE_CHECKING:
     from percuss.methods.slots import accelerations, coupled_gap, coupled_rate, energy_density, stress
     from percuss.results.result import Result, open_result
     from percuss.results.runner import run
-    from percuss.studies import Study, open_study, study
+    from percuss.studies.comparison import compare
+    from percuss.studies.study import Study, open_study, study
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,5 @@
 """Run the command line as ``python -m percuss``."""
 
-from percuss.cli import main
+from percuss.cli.main import main
 
 main()

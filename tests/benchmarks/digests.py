@@ -109,7 +109,7 @@ def of_run(case, overrides, *, compiled):
 
 def of_exact(case):
     """Return a digest of what the command prints and draws from the exact solution alone."""
-    from percuss.cli import app
+    from percuss.cli.main import app
 
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()) as text:
         out = Path(folder) / "exact.nc"

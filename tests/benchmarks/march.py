@@ -407,8 +407,8 @@ def whole_process(repeats: int) -> dict[str, Any]:
     """Time a process that runs a case from start to exit, and where its time goes."""
     python = sys.executable
     commands = {"python -c pass": [python, "-c", "pass"]}
-    if importlib.util.find_spec("percuss.cli") is not None:
-        entry = [python, "-c", "import sys; from percuss.cli import main; sys.exit(main())"]
+    if importlib.util.find_spec("percuss.cli.main") is not None:
+        entry = [python, "-c", "import sys; from percuss.cli.main import main; sys.exit(main())"]
         commands["percuss --help"] = [*entry, "--help"]
         commands["percuss run cases/hunek.yaml --json"] = [*entry, "run", str(HUNEK), "--json"]
     script = f"import percuss, json; print(json.dumps(percuss.run(percuss.load({str(HUNEK)!r})).summary))"

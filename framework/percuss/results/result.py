@@ -206,7 +206,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Show a small table and the force picture in a notebook."""
-        from percuss.report import notebook_html
+        from percuss.reporting.report import notebook_html
 
         return notebook_html(self)
 

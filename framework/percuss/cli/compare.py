@@ -1,0 +1,65 @@
+"""The command ``percuss compare``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from percuss.cli.common import AsJson, CaseFile, Plugins, Sets, load_to_write, names_in, print_json, reporting
+
+
+def compare(
+    case: CaseFile,
+    integrator: Annotated[str, typer.Option("--integrator", metavar="A,B", help="Integrators to run.")] = "",
+    contact: Annotated[str, typer.Option("--contact", metavar="X,Y", help="Contact laws to run.")] = "",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="PATH=VALUES", help="1,2,5 or 0:1:11 or 0.01:100:log:30; repeatable."),
+    ] = None,
+    set_: Sets = None,
+    plugin: Plugins = None,
+    tied: Annotated[
+        bool, typer.Option("--tied", help="Also run with interfaces tied while the exact contact is closed.")
+    ] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Overlay the forces; with several `refine`, errors against it."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run pairs of methods on one case and put them side by side."""
+    with reporting(as_json):
+        from percuss.studies import comparison, convergence
+        from percuss.studies.parameters import varied
+
+        loaded = load_to_write(case, set_, plugin, plot)
+        contacts = names_in(contact)
+        own = comparison.own_laws(loaded) if contacts else []
+        if own:
+            print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
+        axes = varied(vary or [])
+        rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied)
+        for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
+            print(f"note: {note}", file=sys.stderr)
+        orders = convergence.orders(rows)
+        if plot is not None:
+            from percuss.reporting.comparison_figure import plot_comparison
+            from percuss.reporting.convergence_figure import plot_convergence
+
+            if orders:
+                plot_convergence(orders, loaded.title, plot)
+            else:
+                plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
+        if as_json:
+            print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
+        else:
+            from percuss.reporting.terminal import tell_orders, tell_rows
+
+            tell_rows(loaded.title, rows)
+            if orders:
+                tell_orders(orders)
+        if not any(row.status == "done" for row in rows):
+            raise typer.Exit(1)

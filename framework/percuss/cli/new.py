@@ -1,0 +1,39 @@
+"""The command ``percuss new``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from percuss.cli.common import AsJson, print_json, reporting
+
+
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the method, as it is written in a case.")],
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            metavar="KIND",
+            help="integrator, contact, load, shape, element, material, mass, solution or measure.",
+        ),
+    ],
+    single_file: Annotated[
+        bool, typer.Option("--single-file", help="NAME.py and NAME.yaml, and no package around them.")
+    ] = False,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where to write; else here.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """Write a method to start from: a package with its test, case and README; it runs as it stands."""
+    with reporting(as_json):
+        from percuss.cli.scaffold import scaffold
+
+        made = scaffold(name, kind, out, single_file=single_file)
+        if as_json:
+            print_json({**vars(made), "files": [str(file) for file in made.files], "next": list(made.next)})
+        else:
+            print(f"{made.component}, a method of the family {made.family}, is ready to be changed:")
+            print(*(f"  {file}" for file in made.files), sep="\n")
+            print("next:", *(f"  {line}" for line in made.next), sep="\n")

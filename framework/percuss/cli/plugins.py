@@ -1,0 +1,34 @@
+"""The command ``percuss plugins``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from percuss.cli.common import AsJson, Plugins, print_json, reporting
+
+
+def plugins(
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="A component to describe.")] = "",
+    plugin: Plugins = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the registered components and where they come from, or describe one."""
+    with reporting(as_json):
+        from percuss.methods.registry import Registry
+        from percuss.reporting import component
+
+        registry = Registry.load(plugin or [])
+        if name:
+            found = component.components_named(registry, name)
+            if as_json:
+                print_json({"components": [component.component_data(registry, *key) for key in found]})
+            else:
+                print("\n\n".join(component.component_text(registry, *key) for key in found))
+        elif as_json:
+            print_json(component.registry_data(registry))
+        else:
+            from percuss.reporting.terminal import tell_registry
+
+            tell_registry(registry)

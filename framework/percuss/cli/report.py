@@ -1,0 +1,51 @@
+"""The command that tells a study as a page or as pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from percuss.cli.common import reporting
+
+if TYPE_CHECKING:
+    from percuss.reporting.study_data import StudyLike
+
+
+def report(
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="What `percuss study` made.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="The page; else STUDY.html beside it.")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", metavar="DIR", help="Pictures as svg and pdf; no page unless -o.")
+    ] = None,
+) -> None:
+    """Tell a study as one HTML page that needs nothing beside it, or as pictures for print."""
+    with reporting(as_json=False):
+        _page_named(out)
+        from percuss.studies.study import open_study
+
+        for path in written(open_study(study), study, out, figures):
+            print(path)
+
+
+def written(study: StudyLike, source: Path, page: Path | None, folder: Path | None) -> list[Path]:
+    """Write pictures into `folder`, and the page, by default named after `source`; return what was written."""
+    from percuss.reporting.study_figures import study_figures
+    from percuss.reporting.study_page import study_report
+
+    out = study_figures(study, folder) if folder is not None else []
+    if page is not None or folder is None:
+        out += study_report(study, page or source.with_suffix(".html"))
+    return out
+
+
+def _page_named(page: Path | None) -> None:
+    """Refuse a page that no browser would open, before anything is read for it."""
+    from percuss.errors import InputError, Problem
+
+    if page is not None and page.suffix.lower() not in {".html", ".htm"}:
+        message = f"expected a page ending in .html, found {page.suffix or 'no ending'}"
+        raise InputError([Problem(str(page), "", message, "Name it report.html.")])

@@ -1,0 +1,90 @@
+"""The command ``percuss run``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from percuss.cli.common import (
+    AsJson,
+    CaseFile,
+    Plugins,
+    Sets,
+    expect_drawable,
+    expect_writable,
+    load_case,
+    print_json,
+    print_notes,
+    progress_bar,
+    reporting,
+)
+from percuss.errors import RunError
+
+if TYPE_CHECKING:
+    from percuss.results.result import Result
+
+
+def run(
+    case: CaseFile,
+    set_: Sets = None,
+    plugin: Plugins = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result (NetCDF-4).")] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the result: png, svg or pdf by suffix."),
+    ] = None,
+    exact_only: Annotated[
+        bool, typer.Option("--exact-only", help="The exact solution alone; needs no method, step or elements.")
+    ] = False,
+    nudge: Annotated[
+        bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer hang on round-off?")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a case; print what came out, save it, draw it."""
+    with reporting(as_json):
+        from percuss.results.exact_only import load_for_exact, run_exact
+        from percuss.results.ledger import open_accounts
+        from percuss.results.runner import run as run_case
+
+        if plot is not None:
+            expect_drawable(plot)
+        loaded = load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
+        if plot is not None and loaded.record.fields == 0:
+            loaded = loaded.with_overrides({"record.fields": 400})
+        if as_json:
+            print_notes(loaded)
+        for path in (out, plot):
+            if path is not None:
+                expect_writable(path)
+        failure: RunError | None = None
+        with progress_bar() as progress:
+            try:
+                result = run_exact(loaded) if exact_only else run_case(loaded, nudge=nudge, progress=progress)
+            except RunError as error:
+                failure, result = error, error.result
+        _outputs(result, out, plot)
+        if as_json:
+            print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
+        else:
+            from percuss.reporting.terminal import tell_result
+
+            tell_result(result)
+        if failure is not None:
+            print(f"error: {failure}", file=sys.stderr)
+        if result.status != "done" or open_accounts(result.summary):
+            raise typer.Exit(1)
+
+
+def _outputs(result: Result, out: Path | None, plot: Path | None) -> None:
+    if result.status == "unstable" and result.summary["steps"] == 0:
+        return  # not started: there is nothing to keep
+    if out is not None:
+        result.save(out)
+    if plot is not None:
+        from percuss.reporting.run_figure import plot_result
+
+        plot_result(result, plot)

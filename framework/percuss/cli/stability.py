@@ -1,0 +1,69 @@
+"""The command ``percuss stability``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from percuss.cli.common import (
+    AsJson,
+    CaseFile,
+    Plugins,
+    Sets,
+    load_to_write,
+    methods_in_words,
+    names_in,
+    print_json,
+    print_notes,
+    progress_bar,
+    reporting,
+)
+from percuss.errors import InputError, Problem
+
+
+def stability(
+    case: CaseFile,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="PATH=VALUES", help="1,2,5 or 0:1:11 or 0.01:100:log:30; two make a map."),
+    ] = None,
+    curves: Annotated[
+        list[str] | None, typer.Option("--curves", metavar="PATH=VALUES", help="One curve, or one map, a value.")
+    ] = None,
+    by: Annotated[
+        str, typer.Option("--by", metavar="A,B", help="closed-form, pencil, black-box; several are overlaid.")
+    ] = "",
+    set_: Sets = None,
+    plugin: Plugins = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the rows (csv).")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw curves or maps.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say up to which Courant number a case is stable, over varied parameters."""
+    with reporting(as_json):
+        from percuss.certificate import maps
+        from percuss.studies.parameters import varied
+
+        axes, families = varied(vary or []), varied(curves or [], "--curves")
+        if plot is not None and not 1 <= len(axes) <= 2:
+            raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
+        loaded = load_to_write(case, set_, plugin, plot, out)
+        print_notes(loaded)
+        with progress_bar("combinations") as progress:
+            rows = maps.stability(loaded, axes, families, names_in(by), progress=progress)
+        if out is not None:
+            maps.save(rows, out)
+        if plot is not None:
+            from percuss.reporting.stability_figure import plot_stability
+
+            plot_stability(rows, axes, families, loaded.title, methods_in_words(loaded), plot)
+        if as_json:
+            print_json({"title": loaded.title, "rows": maps.as_json(rows)})
+        else:
+            from percuss.reporting.terminal import tell_stability
+
+            tell_stability(loaded.title, rows)
+        if not any(row["courant_critical"] for row in rows):
+            raise typer.Exit(1)

@@ -1,0 +1,84 @@
+"""The command ``percuss study``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from percuss.cli.common import AsJson, Plugins, print_json, progress_bar, reporting
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="STUDY", help="YAML file of the study.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="File of the rows; else STUDY.sqlite, here.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core. 1: this one.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
+    ] = None,
+    plugin: Plugins = None,
+    again: Annotated[
+        list[str] | None,
+        typer.Option("--again", metavar="STATUS", help="Make runs of a status again, as failed; repeatable."),
+    ] = None,
+    export: Annotated[
+        Path | None, typer.Option("--export", metavar="FILE", help="Write the table: csv or parquet by suffix.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make the many runs of a study; the same command again goes on where it ended."""
+    with reporting(as_json):
+        from percuss.studies import study
+
+        if export is not None:
+            study.exportable(export)
+        with progress_bar("runs") as progress:
+            told = _Told(progress)
+            made = study.study(file, out, workers, scheduler, told, plugins=plugin or [], again=again or [])
+        if export is not None:
+            made.export(export)
+        if as_json:
+            print_json(_data(made))
+        else:
+            from percuss.reporting.tell_study import tell_study
+
+            tell_study(made)
+        counts = made.counts
+        if counts.get("waiting"):
+            print("interrupted: the same command goes on from here", file=sys.stderr)
+        if lost := counts.get("lost"):
+            what = f"{lost} of {len(made.rows())} runs were lost to the machine: the same command makes them again"
+            print(what, file=sys.stderr)
+        if not made.complete or not made.counts.get("done"):
+            raise typer.Exit(1)
+
+
+class _Told:
+    """Says at the first call how many rows were there, and passes the progress on."""
+
+    def __init__(self, progress: Any) -> None:
+        self.progress, self.said = progress, False
+
+    def __call__(self, done: int, total: int) -> None:
+        if not self.said and done:
+            print(f"{done} of {total} runs are there already", file=sys.stderr)
+        self.said = True
+        self.progress(done, total)
+
+
+def _data(made: Any) -> dict[str, Any]:
+    return {
+        "title": made.title,
+        "file": str(made.path),
+        "found": made.found,
+        "complete": made.complete,
+        "counts": made.counts,
+        "columns": made.columns,
+        "rows": made.rows(),
+    }

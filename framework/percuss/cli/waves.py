@@ -1,0 +1,48 @@
+"""The command ``percuss waves``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from percuss.cli.common import (
+    AsJson,
+    CaseFile,
+    Plugins,
+    Sets,
+    load_to_write,
+    methods_in_words,
+    print_json,
+    print_notes,
+    reporting,
+)
+
+
+def waves(
+    case: CaseFile,
+    contact: Annotated[str, typer.Option("--contact", metavar="NAME", help="By default the first.")] = "",
+    set_: Sets = None,
+    plugin: Plugins = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw them over frequency.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a closed contact lets through of waves, and what it throws back, measured from the step itself."""
+    with reporting(as_json):
+        from percuss.certificate.verdict import settled
+        from percuss.certificate.waves import waves as measure
+
+        loaded = load_to_write(case, set_, plugin, plot)
+        print_notes(loaded)
+        found = measure(settled(loaded), contact)
+        if plot is not None:
+            from percuss.reporting.stability_figure import plot_waves
+
+            plot_waves(found, loaded.title, methods_in_words(loaded), plot)
+        if as_json:
+            print_json({"title": loaded.title, "reason": found.reason or None, "rows": found.rows()})
+        else:
+            from percuss.reporting.terminal import tell_waves
+
+            tell_waves(loaded.title, found)

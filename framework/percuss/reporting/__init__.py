@@ -1,0 +1,1 @@
+"""What percuss shows: tables in the terminal, figures, and the page of a study."""

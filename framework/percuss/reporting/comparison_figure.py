@@ -1,0 +1,167 @@
+"""The picture of several runs of one case: contact forces over each other, or beside each other."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from percuss.reporting.figures import (
+    ALARM,
+    COLOURS,
+    DASHES,
+    INK,
+    OVERLAY,
+    drawing,
+    header,
+    legend,
+    number,
+    one_line,
+    powers,
+    say,
+    settle,
+    stopped_at,
+    thinned,
+    wrapped,
+    write,
+)
+from percuss.reporting.run_figure import colours, truths
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from percuss.results.result import Result
+
+
+def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> None:
+    """Write the contact forces of several runs of one case over each other; over six, beside each other.
+
+    Parameters
+    ----------
+    rows
+        Mappings with ``label``, ``result`` (a Result, or None where there is none) and, for the latter, ``reason``.
+    path
+        As of `plot_result`.
+    """
+    write(path, lambda: comparison_figure(rows))
+
+
+def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return the contact forces of several runs of one case as a matplotlib Figure.
+
+    Parameters
+    ----------
+    rows
+        As of `percuss.reporting.run_figure.plot_comparison`.
+    """
+    runs = [(one_line(row["label"]), row["result"]) for row in rows if row.get("result") is not None]
+    lost = [
+        f"not shown: {one_line(row['label'])}: {one_line(row.get('reason') or 'no result')}"
+        for row in rows
+        if row.get("result") is None
+    ]
+    names = runs[0][1].coordinates["contact"] if runs else []
+    apart = len(runs) > OVERLAY
+    down = -(-len(runs) // 3) if apart else min(max(len(names), 1), OVERLAY)
+    note = f"contact force in {len(runs)} of {len(rows)} runs"
+    if len(names) > OVERLAY and not apart:
+        note += f"; the first {OVERLAY} of {len(names)} contacts"
+    with drawing():
+        from matplotlib.figure import Figure
+
+        height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)
+        figure = Figure(figsize=(12.8, height), facecolor="white")
+        header(figure, runs[0][1].title if runs else "", [note], [], lost)
+        panels = figure.subplots(down, 3 if apart else 1, sharex=True, sharey=apart, squeeze=False).flat
+        if not runs:
+            say(panels[0], "None of the runs has a result.")
+        elif apart:
+            _multiples(list(panels), runs)
+        else:
+            entries: dict[str, Any] = {}
+            for axes, name in zip(panels, names or [""], strict=False):
+                entries |= _overlay(axes, runs, name, alone=len(names) < 2)
+            if entries:
+                legend(panels[0], entries, room=150)
+                panels[-1].set(xlabel="time", xlim=(0, _end(runs)))
+        settle(figure)
+    return figure
+
+
+def _labelled(label: str, result: Result) -> str:
+    return label if result.status == "done" else f"{label}: {result.status} at {number(stopped_at(result))}"
+
+
+def _overlay(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone: bool) -> dict[str, Any]:
+    """Draw one contact's force in every run, later runs thinner so that equal ones can be seen."""
+    entries: dict[str, Any] = {}
+    for k, (label, result) in enumerate(runs):
+        if name not in result.coordinates["contact"]:
+            continue
+        force = result.arrays["contact_force"][:, result.coordinates["contact"].index(name)]
+        line = axes.plot(*thinned(result.arrays["time"], force), color=COLOURS[k], linestyle=DASHES[k])
+        line[0].set_linewidth(2.5 - 0.25 * k)
+        words = _labelled(label, result)
+        entries[words if words not in entries else f"{words} ({k + 1})"] = line[0]
+        _mark_stop(axes, result)
+    if not entries:
+        say(axes, "These runs have no contact.")
+        return entries
+    _bound(axes, [result for _, result in runs])
+    axes.set_ylabel("contact force" if alone else f"force at {name}", parse_math=False)
+    powers(axes)
+    return entries | truths(axes, _witness(runs), [name])
+
+
+def _end(runs: Sequence[tuple[str, Result]]) -> float:
+    return max(max(stopped_at(result), float(result.summary["dt"])) for _, result in runs)
+
+
+def _witness(runs: Sequence[tuple[str, Result]]) -> Result:
+    """Return the run that knows the exact histories, else the first."""
+    knowing = [result for _, result in runs if getattr(result, "exact_histories", None)]
+    return (knowing or [runs[0][1]])[0]
+
+
+def _bound(axes: Axes, results: Sequence[Result]) -> None:
+    """Keep a run that ran away from flattening the others."""
+    sound = [r.arrays["contact_force"] for r in results if r.status != "unstable" and r.coordinates["contact"]]
+    if sound and len(sound) < len(results):
+        top, bottom = max(float(f.max()) for f in sound), min(float(f.min()) for f in sound)
+        room = 0.25 * ((top - bottom) or 1.0)
+        axes.set_ylim(bottom - room, top + room)
+
+
+def _mark_stop(axes: Axes, result: Result) -> None:
+    if result.status != "done":
+        axes.axvline(stopped_at(result), color=ALARM, linewidth=1.0, linestyle=(0, (1, 2)))
+
+
+def _multiples(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> None:
+    """Draw a small panel for each run, the others behind it in grey."""
+    known: dict[str, Any] = {}
+    for k, (axes, (label, result)) in enumerate(zip(panels, runs, strict=False)):
+        for _, other in runs:
+            for force in other.arrays["contact_force"].T:
+                axes.plot(*thinned(other.arrays["time"], force), color="#d9d9d9", linewidth=0.8, zorder=1)
+        names = result.coordinates["contact"]
+        for force, colour in zip(result.arrays["contact_force"].T, colours(len(names)), strict=True):
+            axes.plot(*thinned(result.arrays["time"], force), color=colour, linewidth=1.3)
+        known |= truths(axes, _witness(runs), names)
+        _mark_stop(axes, result)
+        words = "\n".join(wrapped(_labelled(label, result), 44, 2))
+        shade = INK if result.status == "done" else ALARM
+        axes.set_title(words, loc="left", size=10, color=shade, parse_math=False)
+        powers(axes)
+        if k % 3 == 0:
+            axes.set_ylabel("contact force")
+        if k + 3 >= len(runs):
+            axes.set_xlabel("time")
+            axes.tick_params(labelbottom=True)
+    for axes in panels[len(runs) :]:
+        axes.set_axis_off()
+    panels[0].set_xlim(0, _end(runs))
+    _bound(panels[0], [result for _, result in runs])
+    if known:
+        legend(panels[0], known, room=46, up=1.03 + 0.1 * (1 + panels[0].get_title("left").count("\n")))

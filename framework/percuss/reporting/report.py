@@ -1,0 +1,104 @@
+"""What a run shows in a notebook."""
+
+from __future__ import annotations
+
+import base64
+from html import escape
+from typing import TYPE_CHECKING
+
+from percuss.errors import PercussError
+from percuss.reporting.figures import (
+    ALARM,
+    FAINT,
+    INK,
+    SOFT,
+    alarm,
+    details,
+    number,
+    one_line,
+    picture,
+)
+from percuss.reporting.run_figure import force_figure
+from percuss.results.ledger import ledger_words
+
+if TYPE_CHECKING:
+    from percuss.results.result import Result
+
+
+# every colour is said: a dark notebook shows the same light card
+CARD = (
+    f"background:#ffffff;color:{INK};border:1px solid {FAINT};border-radius:6px;padding:12px 16px;"
+    "max-width:780px;font-family:sans-serif;font-size:13px;line-height:1.45"
+)
+TABLE = f"border-collapse:collapse;background:#ffffff;color:{INK};font-size:13px;margin:6px 0"
+CELL = "padding:2px 14px 2px 0;text-align:left;vertical-align:top;background:#ffffff;border:0"
+BAND = f"background:{ALARM};color:#ffffff;font-weight:bold;border-radius:3px;padding:3px 8px;margin:6px 0"
+
+
+def notebook_html(result: Result) -> str:
+    """Return a run as HTML: what was run, what came out, and its contact forces as a picture.
+
+    Parameters
+    ----------
+    result
+        What to show.
+
+    Returns
+    -------
+    str
+        HTML that looks the same in light and dark notebooks; without matplotlib, without the picture.
+    """
+    title = escape(one_line(result.title or "Untitled case"))
+    head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
+    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in alarm(result))
+    return f'<div style="{CARD}">{head}{bad}{_facts(result)}{_contacts(result)}{_picture(result)}</div>'
+
+
+def _facts(result: Result) -> str:
+    """Return the table of what was run and how well its accounts close."""
+    summary, energy = result.summary, result.summary["energy"]
+    share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"
+    methods, steps = details(result)
+    momentum = summary["momentum"]
+    unbalanced = momentum.get("balanced") is False
+    rows = {
+        "status": result.status,
+        "methods": methods,
+        "steps": steps,
+        "energy": f"{share}; {ledger_words(energy, number(energy['ledger_error']))}",
+        "momentum": f"{'does NOT balance, off by' if unbalanced else 'closes to'} {number(momentum['error'])}",
+    }
+    body = "".join(f"<tr>{_cell(name, head=True)}{_cell(value)}</tr>" for name, value in rows.items())
+    return f'<table style="{TABLE}">{body}</table>'
+
+
+def _contacts(result: Result) -> str:
+    """Return the table of the contacts."""
+    contacts = result.summary["contacts"]
+    if not contacts:
+        return ""
+    columns = {"impulse": "impulse", "peak_force": "peak force", "first_closed": "first closed"}
+    columns["closed_time"] = "closed for"
+    head = "".join(_cell(name, head=True) for name in ("contact", *columns.values()))
+    lines = [
+        [name, *("never" if values.get(key) is None else number(values[key], 6) for key in columns)]
+        for name, values in contacts.items()
+    ]
+    body = "".join(f"<tr>{''.join(map(_cell, line))}</tr>" for line in lines)
+    return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
+
+
+def _picture(result: Result) -> str:
+    """Return the force picture inside an img: what is in there cannot touch the styles of the page."""
+    try:
+        content = picture(force_figure(result), "png")
+    except PercussError as error:
+        return f'<div style="color:{SOFT}">No picture: {escape(str(error))}</div>'
+    code = base64.b64encode(content).decode("ascii")
+    style = "display:block;width:100%;max-width:760px"
+    return f'<img alt="contact forces over time" style="{style}" src="data:image/png;base64,{code}">'
+
+
+def _cell(text: str, *, head: bool = False) -> str:
+    tag, colour, weight = ("th", SOFT, "normal") if head else ("td", INK, "inherit")
+    return f'<{tag} style="{CELL};color:{colour};font-weight:{weight}">{escape(text)}</{tag}>'

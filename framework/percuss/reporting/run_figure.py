@@ -1,0 +1,185 @@
+"""The picture of a run: forces, energies, and stress in space and time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.reporting.figures import (
+    COLOURS,
+    DASHES,
+    FAINT,
+    INK,
+    OVERLAY,
+    PAPER,
+    SOFT,
+    alarm,
+    details,
+    drawing,
+    header,
+    legend,
+    not_computed,
+    number,
+    one_line,
+    powers,
+    say,
+    settle,
+    shown_until,
+    stopped_at,
+    thinned,
+    write,
+)
+from percuss.reporting.space_time import space_time
+from percuss.results.ledger import ledger_words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from percuss.results.result import Result
+
+
+def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
+    """Write the picture of a run: contact forces, energy accounts, stress in space and time.
+
+    Parameters
+    ----------
+    result
+        What to draw. Where it has an attribute ``exact_histories`` that is not None, a mapping of a contact's name
+        to (times, forces), those are laid over.
+    path
+        File ending in .png, .svg or .pdf; written beside and then renamed. Errors are those of `check_suffix`.
+    """
+    write(path, lambda: figure_of(result))
+
+
+def figure_of(result: Result) -> Figure:
+    """Return the picture of a run as a matplotlib Figure of no window: forces, energies, stress."""
+    with drawing():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(12.8, 7.4), facecolor="white")
+        header(figure, result.title, details(result), alarm(result))
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0 if result.field_arrays else 0.4))
+        force = figure.add_subplot(grid[0, 0])
+        energy = figure.add_subplot(grid[1, 0])
+        forces(force, result)
+        force.set_xlabel("")
+        _energies(energy, result)
+        for axes, word in ((force, True), (energy, False)):
+            axes.set_xlim(0, shown_until(result))
+            not_computed(axes, result, word=word)
+        space_time(figure.add_subplot(grid[:, 1]), result)
+        return settle(figure)
+
+
+def force_figure(result: Result) -> Figure:
+    """Return the contact forces of a run alone, as a notebook shows them."""
+    with drawing():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(7.6, 3.0), facecolor="white", layout="constrained")
+        axes = figure.add_subplot()
+        forces(axes, result)
+        axes.set_xlim(0, shown_until(result))
+        not_computed(axes, result)
+        return settle(figure)
+
+
+def forces(axes: Axes, result: Result) -> None:
+    """Draw every contact's force, what the case expects and what is exact."""
+    names, time = result.coordinates["contact"], result.arrays["time"]
+    axes.set(xlabel="time", ylabel="contact force")
+    if not names:
+        say(axes, "This case has no contact.")
+        return
+    handles = {}
+    for k, (name, colour) in enumerate(zip(names, colours(len(names)), strict=True)):
+        dash = DASHES[k] if len(names) <= OVERLAY else "-"
+        force = result.arrays["contact_force"][:, k]
+        (handles[name],) = axes.plot(*thinned(time, force), color=colour, linestyle=dash)
+    if len(names) > OVERLAY:
+        _contact_scale(axes, names)
+        handles = {}
+    powers(axes)
+    handles |= truths(axes, result, names)
+    if handles:
+        legend(axes, handles)
+
+
+def colours(count: int) -> list[Any]:
+    """Return a colour for each of `count` lines: told apart by name, or where there are many by order."""
+    if count <= OVERLAY:
+        return list(COLOURS[:count])
+    import matplotlib as mpl
+
+    return list(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, count)))  # its light end is lost on white
+
+
+def _contact_scale(axes: Axes, names: Sequence[str]) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    count = len(names)
+    scale = ScalarMappable(BoundaryNorm(np.arange(count + 1) - 0.5, count), ListedColormap(colours(count)))
+    shown = range(0, count, -(-count // 12))
+    bar = axes.figure.colorbar(scale, ax=axes, ticks=list(shown), pad=0.01, aspect=30, label="contact")
+    bar.ax.minorticks_off()
+    bar.ax.set_yticklabels([one_line(names[k])[:24] for k in shown], parse_math=False, size=9)
+
+
+def truths(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
+    """Draw the exact histories and the expected values of contacts; return their entries of a legend."""
+    known: dict[str, Any] = {}
+    exact = getattr(result, "exact_histories", None) or {}
+    for name in names:
+        if name in exact:
+            time, force = (np.asarray(part, dtype=float) for part in exact[name])
+            covered = np.isfinite(force)
+            words = "exact" if covered.all() or not covered.any() else f"exact, up to {time[covered][-1]:.4g}"
+            time, force = time[covered], force[covered]
+            (known[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
+    for item in result.provenance["case"].get("expect") or ():
+        whose = item.get("contact") or (result.coordinates["contact"] or [""])[0]
+        if item.get("quantity") != "contact_force" or whose not in names:
+            continue
+        for statistic, mark in {"mean": "|", "max": "v", "min": "^"}.items():
+            if item.get(statistic) is None:
+                continue
+            value, within = float(item[statistic]), item.get("within", 0.0)
+            share = isinstance(within, str) and within.endswith("%")
+            off = abs(value) * float(within[:-1]) / 100.0 if share else float(within)
+            span = list(item.get("during") or (0.0, stopped_at(result)))
+            axes.fill_between(span, value - off, value + off, color=INK, alpha=0.22, linewidth=0, zorder=2.5)
+            line = axes.plot(span, [value, value], color=INK, linewidth=0.9, marker=mark, zorder=3)
+            known[f"expected {statistic}"] = line[0]
+    return known
+
+
+def _energies(axes: Axes, result: Result) -> None:
+    """Draw the accounts of the energy and say how well they close."""
+    parts = {k: result.arrays[k] for k in ("kinetic_energy", "elastic_energy", "external_work", "contact_work")}
+    total = parts["kinetic_energy"] + parts["elastic_energy"]
+    lines: dict[str, tuple[Any, str, Any, float]] = {
+        "kinetic": (parts["kinetic_energy"], "#0072B2", "-", 1.5),
+        "elastic": (parts["elastic_energy"], "#E69F00", "-", 1.5),
+        "sum": (total, FAINT, "-", 4.0),
+        "sum − external work": (total - parts["external_work"], INK, (0, (4, 2)), 1.2),
+        "contact work": (parts["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
+        "external work": (parts["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
+    }
+    handles = []
+    for values, colour, dash, width in lines.values():
+        line = axes.plot(*thinned(result.arrays["time_half"], values), color=colour, linestyle=dash, linewidth=width)
+        handles += line
+    handles[2].set_zorder(1.9)
+    axes.margins(y=0.18)  # leaves the corner to the words
+    axes.set(xlabel="time", ylabel="energy")
+    powers(axes)
+    ledger = result.summary["energy"]
+    words = ledger_words(ledger, number(ledger["ledger_error"]))
+    axes.text(0.99, 0.975, words, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
+    legend(axes, dict(zip(lines, handles, strict=True)))

@@ -1,0 +1,435 @@
+"""Pictures of a study for print: error against cost, measures against each varied value, pairs and cases."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.errors import InputError, Problem
+from percuss.reporting import study_data
+from percuss.reporting.figures import (
+    COLOURS,
+    DASHES,
+    MORE_COLOURS,
+    MORE_DASHES,
+    RAISED,
+    drawing,
+    header,
+    number,
+    one_line,
+    say,
+    settle,
+    wrapped,
+    write,
+)
+from percuss.reporting.study_data import Columns, StudyLike
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = ("force_error_l1", "impulse_error", "noise", "penetration", "peak_force", "energy_max")
+MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
+EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
+KINDS = (".svg", ".pdf")
+MOST_MARKS = 3000  # of a method in one panel; a seeded sample of them beyond
+
+
+def study_figures(study: StudyLike, folder: str | os.PathLike[str]) -> list[Path]:
+    """Write the pictures of a study as svg and pdf.
+
+    Parameters
+    ----------
+    study
+        What to draw.
+    folder
+        Where to; made if there is none.
+
+    Returns
+    -------
+    list of Path
+        ``work-precision``, of several cases with a panel a case and a picture a cost; one ``against-...`` for each
+        varied value that has more than one; of several cases ``pairs-and-cases`` and ``performance-profile``.
+    """
+    target = Path(folder)
+    if target.exists() and not target.is_dir():
+        problem = Problem(str(target), "", "expected a folder, found a file", "Name another folder.")
+        raise InputError([problem])
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = error.strerror or "cannot be made"
+        raise InputError([Problem(str(target), "", f"expected a folder that can be written to: {why}")]) from error
+    out = []
+    for name, figure in figures(study):
+        for kind in KINDS:
+            out.append(target / f"{name}{kind}")
+            _save(figure, out[-1])
+    return out
+
+
+def _save(figure: Figure, path: Path) -> None:
+    write(path, lambda: figure)
+
+
+def figures(study: StudyLike) -> Iterator[tuple[str, Figure]]:
+    """Yield the name and the figure of every picture of a study."""
+    known = study_data.columns(study)
+    table = study.table[study.table["status"] != study_data.WAITING]
+    done = table[table["status"] == "done"]
+    error = next((name for name in SHOWN if name in study_data.ranking(known)), "")
+    cases = list(dict.fromkeys(study_data.texts(done["case"])))
+    if len(cases) < 2 or not error or not known.costs:
+        yield "work-precision", work_figure(study.title, done, known, error, [(cost, "") for cost in known.costs])
+    for n, cost in enumerate(known.costs if len(cases) > 1 and error else []):
+        name = "work-precision" if n == 0 else f"work-precision-{_file_name(cost)}"
+        yield name, work_figure(study.title, done, known, error, [(cost, case) for case in cases])
+    for path in known.varied:
+        if done[path].nunique() > 1:
+            yield f"against-{_file_name(path)}", varied_figure(study.title, table, known, path)
+    if table["case"].nunique() > 1 and error:
+        yield "pairs-and-cases", cases_figure(study.title, table, known, error)
+        yield "performance-profile", profile_figure(study.title, study.table, known, error)
+
+
+def _file_name(column: str) -> str:
+    return re.sub(r"[^0-9A-Za-z_]+", "-", column)
+
+
+def work_figure(title: str, done: Any, known: Columns, error: str, wanted: list[tuple[str, str]]) -> Figure:
+    """Return error against cost, a panel each for the wanted costs and cases; without a case name there is one case.
+
+    Lines join the runs of one pair in one case that no other of them beats.
+    """
+    note = (
+        "every point is a run that is done; a line joins the runs of one pair of methods in one case that no other of "
+        "them beats at its cost, the broad grey line those that no run of any pair beats"
+    )
+    with drawing():
+        from matplotlib.figure import Figure
+
+        across = min(max(len(wanted), 1), 3)
+        down = -(-max(len(wanted), 1) // across)
+        figure = Figure(figsize=(12.8, 1.6 + 4.0 * down), facecolor="white")
+        panels = list(figure.subplots(down, across, squeeze=False, sharey=not any(case for _, case in wanted)).flat)
+        if not wanted or not error:
+            say(panels[0], "No cost or no error was recorded.")
+        entries: dict[str, Any] = {}
+        left_out = 0
+        for axes, (cost, case) in zip(panels, wanted if error else [], strict=False):
+            rows = done[np.array(study_data.texts(done["case"])) == case] if case else done
+            entries |= _work_panel(axes, rows, _looks(done), cost, error)
+            left_out = max(left_out, int((~_both(rows, cost, error)).sum()))
+            axes.set_xlabel(known.measures[cost])
+            axes.set_title(one_line(case), loc="left", size=11, parse_math=False)
+        for axes in panels[:: across if any(case for _, case in wanted) else len(panels)] if error and wanted else []:
+            axes.set_ylabel(known.measures[error])
+        for axes in panels[max(len(wanted), 1) :]:
+            axes.set_axis_off()
+        lacking = [f"runs that are done without a cost or an error, neither drawn nor ranked: {left_out}"]
+        header(figure, title, [note, *(lacking if left_out else []), *_marks_left_out(done)], [])
+        _legend(figure, entries)
+        settle(figure)
+    return figure
+
+
+def _both(rows: Any, cost: str, error: str) -> Any:
+    """Return which runs have both numbers."""
+    return np.isfinite(study_data.numbers(rows[cost])) & np.isfinite(study_data.numbers(rows[error]))
+
+
+def _work_panel(axes: Axes, rows: Any, looks: dict[str, Any], cost: str, error: str) -> dict[str, Any]:
+    """Draw the runs of one case and the lines of the best; return the entries of the legend."""
+    x, y = study_data.numbers(rows[cost]), study_data.numbers(rows[error])
+    every, apart = np.array(study_data.methods(rows)), study_data.references(rows)
+    both = _both(rows, cost, error)
+    log = (study_data.may_be_log(x[both]), study_data.may_be_log(y[both]))
+    low = study_data.lowest(y[both]) if log[1] else -np.inf
+    compete = ~np.isin(every, apart)
+    best = study_data.front(x[compete], y[compete])
+    axes.plot(
+        best[0], np.maximum(best[1], low), color="#9a9a9a", alpha=0.35, linewidth=7, solid_capstyle="round", zorder=1
+    )
+    entries: dict[str, Any] = {}
+    for method, look in looks.items():
+        own = (every == method) & both
+        if not own.any():
+            continue
+        _dots(axes, x[own], np.maximum(y[own], low), look)
+        along, up = study_data.front(x[own], y[own])
+        style = {"color": look["color"], "linestyle": look["linestyle"], "marker": look["marker"]}
+        entries[method] = axes.plot(along, np.maximum(up, low), lw=1.8, markersize=4, **style)[0]
+    _scales(axes, log)
+    return entries
+
+
+def varied_figure(title: str, table: Any, known: Columns, path: str) -> Figure:
+    """Return measures against one varied value: medians as lines, bands that hold eight of ten runs."""
+    names = [name for name in SHOWN if name in known.measures][:4]
+    cases = table["case"].nunique()
+    notes = [
+        f"against {path}; points are runs that are done; lines join medians, bands hold 8 of 10; level: the median of "
+        "a method that has no such value; a ring: fewer runs have the number than were made"
+    ]
+    notes += [f"medians are over the runs of {cases} cases together"] if cases > 1 else []
+    lost = int((table["status"] != "done").sum())
+    measured = [study_data.numbers(table[name].where(table["status"] == "done")) for name in names]
+    if any(study_data.is_log(values) and study_data.lowest(values) > np.nanmin(values) for values in measured):
+        notes.append("on a logarithmic axis values below 1e-10 of the largest are drawn at its lower edge")
+    notes += [f"{lost} of {len(table)} runs were lost: they are in no median"] if lost else []
+    with drawing():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(12.8, 8.2 if len(names) > 2 else 5.2), facecolor="white")
+        header(figure, title, [*notes, *_marks_left_out(table[table["status"] == "done"])], [])
+        panels = figure.subplots(-(-max(len(names), 1) // 2), min(max(len(names), 1), 2), squeeze=False)
+        entries: dict[str, Any] = {}
+        for axes, name in zip(panels.flat, names, strict=False):
+            entries |= _against(axes, table, path, name)
+            axes.set_ylabel(known.measures[name])
+            axes.set_xlabel(one_line(path), parse_math=False)
+        for axes in panels.flat[len(names) :]:
+            axes.set_axis_off()
+        _legend(figure, entries)
+        settle(figure)
+    return figure
+
+
+def _against(axes: Axes, table: Any, path: str, name: str) -> dict[str, Any]:
+    """Draw one measure against one varied value, numbers or words."""
+    done = table[table["status"] == "done"]
+    values, measured = study_data.numbers(table[path]), study_data.numbers(done[name])
+    words = study_data.in_order(study_data.texts(table[path])) if values is None else []
+    without = study_data.lacking(table, path)
+    log = (values is not None and study_data.is_log(values), study_data.is_log(measured))
+    looks, every = _looks(done), np.array(study_data.methods(table))
+    low = study_data.lowest(measured) if log[1] else -np.inf
+    level = [method for method in looks if values is not None and method in without]
+    bins = study_data.binned(values if values is not None else _places(table[path], words))
+    entries: dict[str, Any] = {}
+    for turn, (method, look) in enumerate(looks.items()):
+        rows = table[every == method]
+        y = np.maximum(study_data.numbers(rows[name].where(rows["status"] == "done")), low)
+        if not np.isfinite(y).any():
+            continue
+        if method in level:
+            entries[method] = _level(axes, y, look, path, (level.index(method) + 1) / (len(level) + 1))
+            continue
+        # methods stand beside each other where the axis holds words
+        aside = 0.6 * (turn - (len(looks) - 1) / 2) / len(looks) if values is None else 0.0
+        x = (study_data.numbers(rows[path]) if values is not None else _places(rows[path], words)) + aside
+        _dots(axes, x, y, look)
+        entries[method] = _band(axes, (bins[0] + aside, bins[1][every == method]), y, look, joined=values is not None)
+    _scales(axes, log)
+    if values is None:
+        axes.set_xticks(range(len(words)), [study_data.as_label(one_line(w)) or f"no {_short(path)}" for w in words])
+        for label in axes.get_xticklabels():
+            label.set_parse_math(False)
+    return entries
+
+
+def _places(column: Any, words: list[str]) -> Any:
+    """Return the place of each value on an axis of words."""
+    return np.array([float(words.index(text)) for text in study_data.texts(column)])
+
+
+def _short(path: str) -> str:
+    return one_line(path).split(".")[-1]
+
+
+def _level(axes: Axes, y: Any, look: dict[str, Any], path: str, place: float) -> Any:
+    """Draw a method that has no such value as a level line at its median, and say so on it."""
+    height, runs, known = np.nanmedian(y), y.size, int(np.isfinite(y).sum())
+    lost = f", median of {known} of {runs}" if known < runs else ""
+    style: dict[str, Any] = {
+        "xycoords": axes.get_yaxis_transform(),
+        "textcoords": "offset points",
+        "ha": "center",
+        "size": 9,
+    }
+    made = axes.annotate(f"no {_short(path)}{lost}", (place, height), (0, 3), **style)
+    made.set_parse_math(False)
+    return axes.axhline(height, lw=1.8, color=look["color"], linestyle=look["linestyle"])
+
+
+def _band(axes: Axes, bins: tuple[Any, Any], y: Any, look: dict[str, Any], *, joined: bool) -> Any:
+    """Draw medians and the band around them; a ring where fewer runs have a number than were made."""
+    places, where = bins
+    own = [(place, y[where == k]) for k, place in enumerate(places)]
+    finite = [(place, values[np.isfinite(values)], values.size) for place, values in own]
+    known = [
+        (place, *np.quantile(values, study_data.QUANTILES), values.size < made)
+        for place, values, made in finite
+        if values.size
+    ]
+    at, low, middle, high, lost = np.array(known).T if known else np.zeros((5, 0))
+    axes.fill_between(at, low, high, color=look["color"], alpha=0.14 if joined else 0, lw=0)
+    style = look["linestyle"] if joined else "none"
+    line = axes.plot(at, middle, color=look["color"], linestyle=style, marker=look["marker"], markersize=4, lw=1.8)
+    rings = lost.astype(bool)
+    axes.plot(at[rings], middle[rings], "o", color=look["color"], fillstyle="none", markersize=10, zorder=4)
+    return line[0]
+
+
+def cases_figure(title: str, table: Any, known: Columns, name: str) -> Figure:
+    """Return a coloured table of pairs and cases: the median of one measure, and over how many runs."""
+    cells = study_data.overview(table, name)
+    cases = list(dict.fromkeys(case for row in cells.values() for case in row))
+    best = study_data.least_medians(cells, set(study_data.references(table)))
+    largest = study_data.largest_factor(cells, best)
+    note = (
+        f"median {known.measures[name]}, over the runs that have one; colour: from the least median of the case, in "
+        f"bold, to {largest:.3g} times that or more"
+    )
+    with drawing():
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Rectangle
+
+        figure = Figure(figsize=(max(12.8, 3.5 + 1.7 * len(cases)), 1.8 + 0.55 * len(cells)), facecolor="white")
+        header(figure, title, [note], [])
+        axes = figure.subplots()
+        for (j, (_, row)), (i, case) in itertools.product(enumerate(cells.items()), enumerate(cases)):
+            cell = row.get(case)
+            colour = study_data.shade(cell, best.get(case), largest) if cell is not None and cell.known else "#ffffff"
+            axes.add_patch(Rectangle((i, j), 1, 1, facecolor=colour, edgecolor="#d5d5d5"))
+            small = "no run" if cell is None else study_data.counted(cell)
+            small = "\n".join(wrapped(small, 26, 2))
+            if cell is None or not cell.known:
+                axes.text(i + 0.5, j + 0.5, small, ha="center", va="center", size=7.5, parse_math=False)
+                continue
+            first = cell.median == best.get(case) and cell.known == cell.made
+            axes.text(
+                i + 0.5,
+                j + 0.33,
+                number(cell.median, 3),
+                ha="center",
+                va="center",
+                size=11,
+                weight="bold" if first else "normal",
+            )
+            axes.text(i + 0.5, j + 0.73, small, ha="center", va="center", size=7, parse_math=False)
+        axes.set(xlim=(0, len(cases)), ylim=(len(cells), 0))
+        axes.set_xticks(np.arange(len(cases)) + 0.5, [one_line(case) for case in cases])
+        axes.set_yticks(np.arange(len(cells)) + 0.5, [one_line(method) for method in cells])
+        axes.tick_params(length=0, labeltop=True, labelbottom=False)
+        axes.grid(visible=False)
+        axes.spines[:].set_visible(False)
+        for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
+            label.set_parse_math(False)
+        settle(figure)
+    return figure
+
+
+def profile_figure(title: str, table: Any, known: Columns, name: str) -> Figure:
+    """Return the performance profile of the pairs of methods by one measure."""
+    asked = study_data.problems(table, known.varied)
+    found = study_data.profile(table, name, asked)
+    left = [(asked.left_out, "that not every pair was set once"), (found.unknown, "that could not be judged")]
+    parts = [f"{count} problems {why}" for count, why in left if count]
+    notes = [
+        f"{found.counted} problems: a case with one value of all that is varied; the share of them on which a pair "
+        "comes within a factor of the pair that is best there; a run that is not done is within none "
+        "(Dolan, Moré 2002)",
+        *([f"left out: {', '.join(parts)}"] if parts else []),
+        *(["the tied twins take no part: they need the exact solution"] if study_data.references(table) else []),
+    ]
+    with drawing():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(12.8, 6.2), facecolor="white")
+        header(figure, title, notes, [])
+        axes = figure.subplots()
+        entries: dict[str, Any] = {}
+        if not found.counted:
+            say(axes, "There is no problem that every pair was set and that could be judged.")
+        finite = np.concatenate([r[np.isfinite(r)] for r in found.ratios.values()] or [np.ones(1)])
+        end = max(1.5, 1.05 * float(finite.max(initial=1.0)))
+        for method, look in _looks(table).items() if found.counted else ():
+            ratios = found.ratios.get(method)
+            if ratios is None:
+                continue
+            x, y = _steps(ratios, end)
+            style = {"color": look["color"], "linestyle": look["linestyle"]}
+            entries[method] = axes.step(x, y, where="post", lw=1.8, **style)[0]
+        if found.counted:
+            _scales(axes, (True, False))
+            axes.set(xlim=(1, end), ylim=(0, 1.03), ylabel="share of problems")
+            axes.set_xlabel(f"{known.measures[name]} over that of the best pair")
+        _legend(figure, entries)
+        settle(figure)
+    return figure
+
+
+def _steps(ratios: Any, end: float) -> tuple[Any, Any]:
+    """Return factor and share of problems of a profile, from factor 1 to the end of the axis."""
+    finite = ratios[np.isfinite(ratios)]
+    share = np.arange(1, finite.size + 1) / ratios.size
+    at_once = np.count_nonzero(finite <= 1) / ratios.size
+    return np.array([1.0, *finite, end]), np.array([at_once, *share, share[-1] if share.size else at_once])
+
+
+def _dots(axes: Axes, x: Any, y: Any, look: dict[str, Any]) -> None:
+    rows = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    if rows.size > MOST_MARKS:
+        rows = np.sort(np.random.default_rng(study_data.SEED).choice(rows, MOST_MARKS, replace=False))
+    many = rows.size > 300
+    style = {"marker": look["marker"], "color": look["color"], "linewidths": 0, "rasterized": many}
+    axes.scatter(x[rows], y[rows], s=6 if many else 16, alpha=0.15 if many else 0.5, **style)
+
+
+def _marks_left_out(done: Any) -> list[str]:
+    """Return what is to be said where a pair of methods has more runs than are drawn as points."""
+    most = max(Counter(study_data.methods(done)).values(), default=0)
+    return [f"of each pair of methods {MOST_MARKS} points at most are drawn, at random"] if most > MOST_MARKS else []
+
+
+def _looks(table: Any) -> dict[str, dict[str, Any]]:
+    """Return colour, mark and dash of each pair of methods."""
+    looks = {}
+    for k, method in enumerate(dict.fromkeys(study_data.methods(table))):
+        turn = (k + k // len(MARKS)) % len(MARKS)  # a colour that comes round has another mark and dash
+        looks[method] = {"color": EVERY_COLOUR[k % len(MARKS)], "marker": MARKS[turn], "linestyle": EVERY_DASH[turn]}
+    return looks
+
+
+def _scales(axes: Axes, log: tuple[bool, bool]) -> None:
+    """Set logarithmic axes, with the numbers 1, 2, 5 where there are few decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis, wanted, scale in zip((axes.xaxis, axes.yaxis), log, (axes.set_xscale, axes.set_yscale), strict=True):
+        if not wanted:
+            continue
+        scale("log")
+        low, high = axis.get_view_interval()
+        if high < 80 * low:
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(_power))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _power(value: float, _: object = None) -> str:
+    """Return a tick's number in plain letters: no mathematics, which is drawn ten times as slowly."""
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    head, power = f"{value:.0e}".split("e")
+    raised = str(int(power)).translate(RAISED)
+    return f"10{raised}" if head == "1" else f"{head}×10{raised}"
+
+
+def _legend(figure: Figure, entries: dict[str, Any]) -> None:
+    """Put one legend below all panels; the names are the user's text, never mathematics."""
+    if not entries:
+        return
+    longest = max(map(len, entries))
+    columns = max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
+    names = [f" {one_line(name)}" for name in entries]  # matplotlib drops a label that begins with _
+    made = figure.legend(list(entries.values()), names, loc="outside lower center", ncols=columns)
+    for text in made.get_texts():
+        text.set_parse_math(False)

@@ -1,0 +1,144 @@
+"""Many runs on the workers of a Dask scheduler; everything they need travels with each batch.
+
+It is some kilobytes, and so a worker may join or leave at any moment.
+"""
+
+from __future__ import annotations
+
+import functools
+import pickle
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
+from typing import Any
+
+import percuss
+from percuss.errors import InputError, Problem, RunError
+from percuss.solver.compiler.compiling import LOCK
+from percuss.studies.job_package import Bench, Job
+from percuss.studies.store import WORKER
+from percuss.studies.stored_run import Record
+from percuss.studies.tasks import LOST
+from percuss.studies.workers import Batches
+
+__all__ = ["run_cluster"]
+
+Keep = Callable[[Sequence[Record]], None]
+
+
+def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, stop: threading.Event) -> None:
+    """Make the runs on the workers of the scheduler at `address`.
+
+    Parameters
+    ----------
+    bench
+        What the workers need: cases, plug-ins and tables as text. Packages of methods must be installed there.
+    jobs
+        What to run.
+    address
+        As ``tcp://10.0.0.1:8786``.
+    keep
+        Called with the records of each finished batch.
+    stop
+        Ends the work when it is set.
+
+    Raises
+    ------
+    InputError
+        If distributed is not installed, or nobody answers at `address`.
+    RunError
+        If the scheduler goes away meanwhile, or a worker has no percuss or another version.
+    """
+    client = _client(address)
+    try:
+        with client.as_current():
+            _spread(client, pickle.dumps(bench), jobs, keep, stop)
+    except (CancelledError, OSError) as error:
+        said = "the scheduler is gone; what came back is kept, and the same command goes on from there"
+        raise RunError(f"{address}: {said} ({type(error).__name__})") from error
+    except ImportError as error:  # raised there, and passed on
+        raise RunError(f"{address}: a worker lacks a package: {error}; install percuss there too") from error
+    finally:
+        client.close()
+
+
+def _client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        advice = "Install percuss[study], or leave --scheduler out: the cores of this machine are used."
+        problem = Problem("--scheduler", "", "needs distributed, which is not installed", advice)
+        raise InputError([problem]) from None
+    try:
+        return Client(address, timeout=5, set_as_default=False)
+    except (OSError, ValueError) as error:
+        advice = "Start one with `dask scheduler`, and workers with `dask worker ADDRESS`."
+        raise InputError([Problem(f"--scheduler {address}", "", f"nobody answers: {error}", advice)]) from None
+
+
+def _spread(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
+    from distributed import KilledWorker
+
+    workers = max(1, sum(client.nthreads().values()))
+    batches = Batches(jobs, workers)
+    flying: dict[Any, list[Job]] = {}
+    unfit: set[str] = set()  # workers that cannot make rows of this study: they would be done with all of it at once
+    while (batches.waiting or flying) and not stop.is_set():
+        while batches.waiting and len(flying) < 2 * workers:
+            batch = batches.take()
+            fit = [address for address in client.nthreads() if address not in unfit] if unfit else []
+            where = {"workers": fit} if fit else {}
+            flying[client.submit(_work, bench, percuss.__version__, batch, pure=False, **where)] = batch
+        for future in _finished(list(flying)):
+            batch = flying.pop(future)
+            try:
+                made, address = future.result()
+            except KilledWorker:  # the scheduler says so of a batch that killed several workers
+                made, address = _given_up(batch, batches), ""
+            if any(one.misfit for one in made):
+                unfit.add(address)
+                if set(client.nthreads()) - unfit:  # others may be able to
+                    made = [one for one in made if not one.misfit]
+            keep(made)
+            batches.back(batch, made)
+    client.cancel(list(flying))
+
+
+def _finished(futures: list[Any]) -> list[Any]:
+    """Return the futures that are finished; none, where a while passes without."""
+    from distributed import TimeoutError as Late
+    from distributed import wait
+
+    try:
+        return list(wait(futures, timeout=0.5, return_when="FIRST_COMPLETED").done)
+    except Late:
+        return []
+
+
+def _given_up(batch: list[Job], batches: Batches) -> list[Record]:
+    """Return the row of a run that kills workers; of a batch of several, each is to be tried alone first."""
+    if len(batch) > 1:
+        batches.alone |= {job.key for job in batch}
+        return []
+    reason = "its worker process died again and again; the next time the study is run it is tried again"
+    return [Record(batch[0].key, LOST, reason, WORKER)]
+
+
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> Bench:
+    return pickle.loads(packed)  # type: ignore[no-any-return]  # noqa: S301 - from the scheduler that is trusted with code
+
+
+def _bench(packed: bytes) -> Bench:
+    """Return the bench of a study, one for all threads of a worker."""
+    with LOCK:
+        return _unpacked(packed)
+
+
+def _work(packed: bytes, version: str, batch: list[Job]) -> tuple[list[Record], str]:
+    """Return the records of a batch, and the address of this worker."""
+    from distributed import get_worker
+
+    if version != percuss.__version__:
+        raise RunError(f"a worker has percuss {percuss.__version__}, and this is {version}: install the same there")
+    return _bench(packed).records(batch), get_worker().address

@@ -1,0 +1,165 @@
+"""How a study is laid out in a file: each class is a mapping, each of its fields a key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from percuss.case.json_schema import section_schema
+from percuss.case.layout import During, Items, Part
+from percuss.case.type_words import Expects
+from percuss.methods.interfaces import Doc, Ge, Le, Unit
+from percuss.methods.registry import Registry
+
+__all__ = [
+    "Condition",
+    "KeepSection",
+    "MeasureSection",
+    "MethodsSection",
+    "RangeSection",
+    "SampleSection",
+    "StudySection",
+    "study_schema",
+]
+
+
+@dataclass(frozen=True)
+class MethodsSection:
+    """Integrators and contact laws; every pair is run."""
+
+    integrators: Annotated[
+        Any, Doc("names of integrators, or {name: ..., option: ...}; by default the case's own")
+    ] = ()
+    contacts: Annotated[Any, Doc("names of contact laws, or {name: ..., option: ...}; by default the case's own")] = ()
+
+
+@dataclass(frozen=True)
+class SampleSection:
+    """Points drawn from a box."""
+
+    count: Annotated[int, Ge(1), Le(1_000_000), Unit("1"), Doc("number of points")]
+    of: Annotated[Any, Doc("by path: {from: ..., to: ..., scale: linear or log}")]
+    method: Annotated[Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")] = (
+        "latin-hypercube"
+    )
+    seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
+
+
+@dataclass(frozen=True)
+class RangeSection:
+    """The range of a sampled path."""
+
+    from_: Annotated[float, Doc("lower end")]
+    to: Annotated[float, Doc("upper end")]
+    scale: Annotated[Literal["linear", "log"], Doc("whether values or their logarithms are evenly spread")] = "linear"
+
+    def __post_init__(self) -> None:
+        if not self.from_ < self.to:
+            raise ValueError(f"has no width: `to` {self.to:g} is not above `from` {self.from_:g}")
+        if self.scale == "log" and not self.from_ > 0:
+            raise ValueError(f"starts at {self.from_:g}: a logarithmic range needs ends above 0")
+
+
+@dataclass(frozen=True)
+class MeasureSection:
+    """A number taken from each run: a quantity, whose, when, and what is made of it."""
+
+    name: Annotated[str, Doc("name of the column")]
+    quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
+    take: Annotated[Literal["mean", "max", "min", "final", "integral", "value"], Doc("what is made of a history")] = (
+        "value"
+    )
+    contact: Annotated[str, Doc("which contact")] | None = None
+    probe: Annotated[str, Expects("an address, as short.right"), Doc("which end")] | None = None
+    component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
+    during: During | None = None
+    at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `take: value` is read")] | None = None
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Keeps the points of which it is true."""
+
+    path: Annotated[str, Doc("a varied path, or case, integrator or contact")]
+    op: Annotated[Literal["<", "<=", ">", ">=", "==", "!="], Doc("how the value is compared")]
+    value: Annotated[float | str | bool, Doc("with what")]
+
+    def holds(self, row: Mapping[str, Any]) -> bool:
+        """Return whether the row is kept; a row without the path is."""
+        if self.path not in row:
+            return True
+        found, value = row[self.path], self.value
+        if self.op in {"==", "!="}:
+            return bool(found == value) == (self.op == "==")
+        try:
+            order = int(found > value) - int(found < value)
+        except TypeError:  # a word and a number have no order: `auto` among numbers stays, a wrong bound keeps nothing
+            return isinstance(found, str)
+        return {"<": order < 0, "<=": order <= 0, ">": order > 0, ">=": order >= 0}[self.op]
+
+
+@dataclass(frozen=True)
+class KeepSection:
+    """What is kept of each run beside its row."""
+
+    histories: Annotated[int, Ge(0), Unit("1"), Doc("at most so many points of each contact force; 0 keeps none")] = 0
+
+
+@dataclass(frozen=True)
+class StudySection:
+    """A study of percuss: many runs, a row each."""
+
+    percuss_study: Annotated[Literal[1], Doc("version of the format: 1")]
+    cases: Annotated[
+        tuple[str, ...], Expects("a list of files, as [hunek.yaml]"), Doc("the cases, relative to this file")
+    ]
+    title: Annotated[str, Doc("one line that says what the study is")] = ""
+    question: Annotated[str, Doc("what it is to answer")] = ""
+    set: Annotated[Any, Doc("values replaced in every case, by dotted path")] = ()
+    methods: Annotated[Any, Part(MethodsSection), Doc("integrators and contact laws; every pair is run")] = ()
+    vary: Annotated[Any, Doc("values by dotted path, every combination: a list, or 0:1:11 or 0.01:100:log:30")] = ()
+    paired: Annotated[Any, Doc("list of mappings of paths to values that go together")] = ()
+    sample: Annotated[Any, Part(SampleSection), Doc("points drawn from a box")] = ()
+    measure: Annotated[Any, Doc("the columns of the table; by default those of a comparison")] = ()
+    where: Annotated[Any, Items(Condition), Doc("conditions that every run meets")] = ()
+    tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
+    nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer hang on round-off?")] = False
+    repeats: (
+        Annotated[int, Ge(1), Le(1000), Unit("1"), Doc("how often each march is made, the least time counts; null: 5")]
+        | None
+    ) = None
+    keep: Annotated[Any, Part(KeepSection), Doc("what is kept of each run beside its row")] = ()
+
+
+def study_schema(registry: Registry) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a study.
+
+    Parameters
+    ----------
+    registry
+        Its integrators and contact laws appear by name.
+    """
+    from percuss.studies.columns import METRICS
+
+    made = section_schema(StudySection, registry)
+    properties = {key.replace("_", "-"): value for key, value in made["properties"].items()}
+    values = {"type": "object"}
+    properties["set"] |= values
+    properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
+    properties["paired"] |= {"type": "array", "items": values}
+    for family, one in properties["methods"]["properties"].items():
+        named = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
+        one |= {"type": "array", "items": {"anyOf": named}}
+    ranges = {"type": "object", "additionalProperties": section_schema(RangeSection, registry)}
+    properties["sample"]["properties"]["of"] |= ranges
+    bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
+    properties["measure"] |= {"type": "array", "items": {"anyOf": [bare, section_schema(MeasureSection, registry)]}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "percuss study",
+        "description": "A study of percuss, format 1",
+        **made,
+        "properties": properties,
+        "required": [key.replace("_", "-") for key in made["required"]],
+    }
