@@ -21,7 +21,7 @@ from percuss.certificate.verdict import certificate
 from percuss.solver.compiled import leapfrog_loop
 from percuss.solver.model import Model
 from percuss.testing import Subject
-from percuss.testing.pairs import impact
+from percuss.testing.checks.pairs import impact
 from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
 from test_stability import ROWS, wall
 

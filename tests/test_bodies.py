@@ -21,7 +21,7 @@ from percuss.errors import InputError, PercussError, RefusedPair
 from percuss.reporting.explanation import explanation
 from percuss.solver.model import Model
 from percuss.testing import Subject, checks
-from percuss.testing.drawn import rows
+from percuss.testing.draws import rows
 from percuss.testing.kit import perform
 from strategies import hunek
 

@@ -3,7 +3,8 @@
 import pytest
 
 from percuss.methods.registry import Registry
-from percuss.testing.kit import Subject, checks, named, perform
+from percuss.testing.kit import checks, perform
+from percuss.testing.subject import Subject, named
 
 REGISTRY = Registry.load()
 SUBJECTS = {f"{family}/{name}": Subject.of(cls, REGISTRY) for (family, name), cls in REGISTRY.components.items()}

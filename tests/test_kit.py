@@ -14,7 +14,8 @@ import planted
 from percuss import PluginError
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, StrictSystem, conformance
-from percuss.testing.kit import Subject, checks, known_checks, named, perform
+from percuss.testing.kit import checks, known_checks, perform
+from percuss.testing.subject import Subject, named
 
 REGISTRY = Registry.load()
 

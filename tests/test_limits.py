@@ -10,6 +10,7 @@ import percuss
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError
 from percuss.solver import size_limits
+from percuss.solver.recording import recordable
 from strategies import hunek
 
 ROOT = Path(__file__).parent.parent
@@ -62,7 +63,7 @@ def test_the_command_line_says_so_without_a_traceback(command, change):
 
 def test_what_is_proposed_instead_fits(machine):
     model = settled(percuss.load(HUNEK, {"time.end": 1e8, "record.every": 10_000}))
-    assert size_limits.recordable(model) is model
+    assert recordable(model) is model
 
 
 def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):

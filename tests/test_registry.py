@@ -17,7 +17,8 @@ import percuss
 from percuss.errors import PluginError
 from percuss.methods import admission, hookspecs
 from percuss.methods.interfaces import FAMILIES
-from percuss.methods.registry import Broken, Provenance, Registry, shown
+from percuss.methods.provenance import Broken, Provenance, shown
+from percuss.methods.registry import Registry
 from percuss.reporting.component import component_text, registry_data
 
 IMPORTS = """\

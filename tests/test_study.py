@@ -17,7 +17,7 @@ import percuss
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
-from percuss.studies.layout import study_schema
+from percuss.studies.json_schema import study_schema
 from percuss.studies.parameters import Sample, combinations
 from percuss.studies.spec import read_study
 

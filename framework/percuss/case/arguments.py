@@ -8,30 +8,20 @@ from typing import Any
 
 from percuss.errors import InputError, Problem
 
-__all__ = ["expect_case", "expect_files", "expect_mapping_or_path", "expect_names", "expect_paths"]
+__all__ = ["expect_files", "expect_mapping_or_path", "expect_names", "expect_paths", "wrong_argument"]
 
 
-def _wrong(function: str, message: str, value: Any, advice: str) -> InputError:
+def wrong_argument(function: str, message: str, value: Any, advice: str) -> InputError:
+    """Return the error for a value of the wrong kind handed to a function."""
     text = repr(value)
     shown = text if len(text) <= 60 else f"{text[:57]}..."
     return InputError([Problem(function, "", f"{message}, found {shown} of type {type(value).__name__}", advice)])
 
 
-def expect_case(function: str, value: Any, *, many: bool = False, **paths: Any) -> None:
-    """Raise InputError unless `value` is a case, and each of `paths` fit for `expect_paths`."""
-    from percuss.case.case import Case
-
-    if not isinstance(value, Case):
-        example = repr(value) if isinstance(value, str) else "'case.yaml'"
-        raise _wrong(function, "expected a case", value, f"Load it first: percuss.load({example}).")
-    for what, given in paths.items():
-        expect_paths(function, what, given, many=many)
-
-
 def expect_mapping_or_path(function: str, value: Any) -> None:
     """Raise InputError unless `value` is a path or a mapping."""
     if not isinstance(value, (str, os.PathLike, Mapping)):
-        raise _wrong(function, "expected the path of a YAML file, or the same as a mapping", value, "")
+        raise wrong_argument(function, "expected the path of a YAML file, or the same as a mapping", value, "")
 
 
 def expect_paths(function: str, what: str, value: Any, *, many: bool = False) -> None:
@@ -40,21 +30,25 @@ def expect_paths(function: str, what: str, value: Any, *, many: bool = False) ->
     if value is None:
         return
     if not isinstance(value, Mapping) or not all(isinstance(path, str) for path in value):
-        raise _wrong(function, f"expected a mapping of dotted paths to values as `{what}`", value, f"As {example}.")
+        raise wrong_argument(
+            function, f"expected a mapping of dotted paths to values as `{what}`", value, f"As {example}."
+        )
     for path, items in value.items():
         if many and (isinstance(items, (str, bytes, Mapping)) or not isinstance(items, Iterable)):
-            raise _wrong(function, f"expected a list of values for '{path}' of `{what}`", items, f"As {example}.")
+            raise wrong_argument(
+                function, f"expected a list of values for '{path}' of `{what}`", items, f"As {example}."
+            )
 
 
 def expect_names(function: str, what: str, value: Any) -> None:
     """Raise InputError unless `value` is a list of names: a text would be read letter by letter."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         example = [value] if isinstance(value, str) else ["NAME"]
-        raise _wrong(function, f"expected a list of names as `{what}`", value, f"As {example}.")
+        raise wrong_argument(function, f"expected a list of names as `{what}`", value, f"As {example}.")
 
 
 def expect_files(function: str, value: Any) -> None:
     """Raise InputError unless `value` is a list of files: a text would be read letter by letter."""
     if isinstance(value, (str, bytes, os.PathLike)) or not isinstance(value, Iterable):
         example = [str(value)] if isinstance(value, (str, os.PathLike)) else ["my_law.py"]
-        raise _wrong(function, "expected a list of files as `plugins`", value, f"As {example}.")
+        raise wrong_argument(function, "expected a list of files as `plugins`", value, f"As {example}.")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case import overrides as overriding
-from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths
+from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths, wrong_argument
 from percuss.case.expectations import expectations
 from percuss.case.layout import MethodSpec, TimeSpec
 from percuss.case.reader import Reader
@@ -228,3 +228,12 @@ def _along(one: LoadSpec, dimension: int) -> LoadSpec:
     if one.direction is None:
         return one
     return dataclasses.replace(one, direction=one.direction + (0.0,) * (dimension - len(one.direction)))
+
+
+def expect_case(function: str, value: Any, *, many: bool = False, **paths: Any) -> None:
+    """Raise InputError unless `value` is a case, and each of `paths` fit for `expect_paths`."""
+    if not isinstance(value, Case):
+        example = repr(value) if isinstance(value, str) else "'case.yaml'"
+        raise wrong_argument(function, "expected a case", value, f"Load it first: percuss.load({example}).")
+    for what, given in paths.items():
+        expect_paths(function, what, given, many=many)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.case.arguments import expect_case, expect_names
+from percuss.case.arguments import expect_names
+from percuss.case.case import expect_case
 from percuss.certificate.closed_contacts import closed
 from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
 from percuss.certificate.criteria import BlackBoxJudge, EveryStretch, RowsJudge

@@ -17,7 +17,7 @@ def schema(
     with reporting(as_json=False):
         from percuss.case.json_schema import case_schema
         from percuss.methods.registry import Registry
-        from percuss.studies.layout import study_schema
+        from percuss.studies.json_schema import study_schema
 
         registry = Registry.load(plugin or [])
         print_json(study_schema(registry) if study else case_schema(registry))

@@ -75,7 +75,8 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
 
     from percuss.methods.registry import Registry
     from percuss.reporting.component import components_named
-    from percuss.testing.kit import Outcome, Report, Subject, checks, perform
+    from percuss.testing.kit import Outcome, Report, checks, perform
+    from percuss.testing.subject import Subject
 
     try:
         from hypothesis.configuration import set_hypothesis_home_dir

@@ -11,7 +11,6 @@ import functools
 import hashlib
 import importlib.metadata
 import inspect
-import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,14 +21,15 @@ from typing import Any, NamedTuple
 
 import pluggy
 
+from percuss.compiling import LOCK
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, begin_of, described, place_of
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.local_modules import companions, importing
+from percuss.methods.provenance import Broken, Provenance, shown
 from percuss.methods.source_digest import data_named, remember
-from percuss.solver.compiler.compiling import LOCK
 
 __all__ = ["Broken", "Provenance", "Registry"]
 
@@ -39,46 +39,6 @@ HOOKS = {PREFIX + family: family for family in FAMILIES}
 
 Key = tuple[str, str]
 Clashes = Mapping[Key, tuple["Provenance", ...]]
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """Where a component is from.
-
-    Attributes
-    ----------
-    distribution
-        Name of the installed distribution; empty for a single file.
-    version
-        Version of the distribution; for a single file, the first digits of the SHA-256 of it and of helpers beside it.
-    module, file
-        That define the class.
-    """
-
-    distribution: str
-    version: str
-    module: str
-    file: str
-
-    @property
-    def label(self) -> str:
-        """Distribution and version, or the file."""
-        return f"{self.distribution} {self.version}" if self.distribution else shown(self.file)
-
-    def __str__(self) -> str:
-        return f"{self.label} ({self.module if self.distribution else self.version})"
-
-
-@dataclass(frozen=True)
-class Broken:
-    """A plug-in, or a part of one, that was left out: whose, why, and ``file:line`` as far as known."""
-
-    source: str
-    error: str
-    file: str
-
-    def __str__(self) -> str:
-        return f"{self.source}: {self.error}" + (f" [{shown(self.file)}]" if self.file else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,12 +127,6 @@ class Registry:
     def __reduce__(self) -> tuple[Callable[..., Registry], tuple[Any, ...]]:
         # another process gathers anew: only then are the modules of single files where its pickles look
         return functools.partial(Registry.load, distributions=self.distributions), (self.files,)
-
-
-def shown(file: str) -> str:
-    """Return a path for people: below the home folder it starts with ``~``."""
-    home = os.path.expanduser("~")  # noqa: PTH111  Path.home raises where there is none
-    return "~" + file[len(home) :] if home != os.sep and file.startswith(home + os.sep) else file
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from percuss.files import PACKAGE
 from percuss.methods.local_modules import installed, managed
 
 if TYPE_CHECKING:
-    from percuss.methods.registry import Provenance
+    from percuss.methods.provenance import Provenance
 
 __all__ = ["SourceDigests", "content_digest", "data_named", "own_digest", "remember", "surroundings"]
 

@@ -15,8 +15,8 @@ from percuss.certificate.verdict import SAFETY, certificate
 from percuss.methods.interfaces import Component, Rows
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
-from percuss.solver import size_limits
 from percuss.solver.contact_rows import broadcast, judge
+from percuss.solver.recording import recordable
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
@@ -38,7 +38,7 @@ def explanation(model: Model) -> Explanation:
     """Return what the run of a model will do."""
     from percuss.jsonable import plain
 
-    known = certificate(size_limits.recordable(model))
+    known = certificate(recordable(model))
     measured = _measured(model, known["energy"])
     contacts = [_contact(model, p, meeting) for p, meeting in enumerate(model.meetings)]
     loads = [_load(spec) for spec in model.case.loads.values()]

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.case.arguments import expect_case
+from percuss.case.case import expect_case
 from percuss.certificate import cause, verdict
+from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.results import true_error
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
-from percuss.solver import size_limits
-from percuss.solver.compiler.compiling import Stopwatch
 from percuss.solver.march import March, Outcome, Progress
+from percuss.solver.recording import recordable
 from percuss.solver.stop import NOT_STARTED
 
 if TYPE_CHECKING:
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 REPEATS, REPEATING = 5, 0.3  # how often a march is made of which the time is asked, within so many seconds
 MARCHING = threading.Lock()  # of a process: one march is timed at a time
-
-AGAINST, NOT_VALID = "the certificate says no", "not a valid result"  # begin the notes that a table must show too
 
 
 def run(
@@ -102,7 +100,7 @@ def _run(
     repeats: int | None = 1,
     timed: bool = False,
 ) -> Result:
-    march = March(size_limits.recordable(verdict.settled(case)), compiled=compiled)
+    march = March(recordable(verdict.settled(case)), compiled=compiled)
     seconds = march.seconds
     seconds["build"] = watch.lap()
     known = verdict.certificate(march.model)
@@ -125,7 +123,9 @@ def _run(
                 twin = run(true_error.nudged(case, march.model.courant), compiled=compiled)
         except RunError as error:  # a hair's breadth decides whether it blows up
             twin = error.result
-        result.summary["exact"]["fragile"] = true_error.is_fragile(result, twin)
+        result.summary["exact"]["fragile"] = true_error.is_fragile(
+            *(made.arrays["contact_force"] for made in (result, twin))
+        )
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
     if outcome.status == "unstable":
         raise RunError(stop_message(result.summary["stop"]), result)

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.results.exact import ROUND_OFF
+
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.methods.interfaces import Exact, ExactContact, Floats
-    from percuss.results.result import Result
     from percuss.solver.model import Model
 
 NOTHING = 1e-18
@@ -19,7 +20,6 @@ ERRORS = (
 )
 NUDGE = 1e-12
 FRAGILE = 1e-4
-ROUND_OFF = 1e-12  # of the peak: a smaller force is none
 
 
 def verdict(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
@@ -154,8 +154,7 @@ def nudged(case: Case, courant: float) -> Case:
     return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE), **chosen})
 
 
-def is_fragile(result: Result, twin: Result) -> bool:
+def is_fragile(forces: Floats, others: Floats) -> bool:
     """Return whether the forces of a run and its nudged twin differ by more than `FRAGILE`, relative, in L2."""
-    forces, others = result.arrays["contact_force"], twin.arrays["contact_force"]
     size = float(np.linalg.norm(forces))
     return bool(forces.shape != others.shape or np.linalg.norm(forces - others) > FRAGILE * size)

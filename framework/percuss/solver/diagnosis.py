@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,9 +18,26 @@ from percuss.methods.kernel_trial import kernel_of, seen
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
-    from percuss.solver.march import March
+    from percuss.solver.model import Model
 
 SENTINEL = -1.2345678901234567e-301  # no kernel arrives at this number by itself
+
+
+class Marching(Protocol):
+    """The parts of a march (`percuss.solver.march.March`) that are needed to make one of its steps again."""
+
+    model: Model
+    own_laws: list[dict[str, Any]]
+    group_parts: Any
+    groups: Any
+    stepper: Any
+    kernels: Any
+
+    def changing(self) -> list[Any]:
+        """Return the arrays that a step changes."""
+
+    def advance(self, drive: Any, first: int, count: int) -> int:
+        """March `count` steps."""
 
 
 class NoMultiplier(Exception):
@@ -86,7 +103,7 @@ def probed(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> 
     return probe
 
 
-def repeat_in_python(march: March, drive: Any, step: int) -> BaseException | None:
+def repeat_in_python(march: Marching, drive: Any, step: int) -> BaseException | None:
     """Make one step of a march in plain Python from its present state; return the error that a kernel raised, or None.
 
     The state is left as it was.
@@ -121,7 +138,7 @@ def repeat_in_python(march: March, drive: Any, step: int) -> BaseException | Non
     return None
 
 
-def without_multiplier(march: March, drive: Any, step: int) -> NoMultiplier | None:
+def without_multiplier(march: Marching, drive: Any, step: int) -> NoMultiplier | None:
     """Return which contact the kernel of a law left without a multiplier in a step that is made again, or None."""
     if not march.own_laws:
         return None
@@ -148,7 +165,7 @@ def refuse_writing(error: Exception) -> None:
     )
 
 
-def told(march: March, drive: Any, step: int, raised: BaseException) -> PercussError:
+def told(march: Marching, drive: Any, step: int, raised: BaseException) -> PercussError:
     """Return the error that tells of a kernel that raised one in a step: where, which law, step and time."""
     error = repeat_in_python(march, drive, step) or raised
     law = ""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.methods.interfaces import Rows
@@ -17,7 +18,6 @@ from percuss.solver import diagnosis, recording
 from percuss.solver.build import Kernels, bind, bind_around
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
 from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
-from percuss.solver.compiler.compiling import compile_seconds
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, point_records
 from percuss.solver.multistage import Staged

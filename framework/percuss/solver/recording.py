@@ -1,4 +1,4 @@
-"""What a march keeps of its steps: empty arrays of the size that is needed."""
+"""The record of a march: what is kept of its steps, and whether that fits into memory."""
 
 from __future__ import annotations
 
@@ -6,12 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.solver import size_limits
 from percuss.solver.compiled import leapfrog_loop
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from percuss.methods.interfaces import Floats, Integers
+    from percuss.solver.model import Model
+import math
+from typing import TYPE_CHECKING
+
+from percuss.errors import Problem, TooLargeError
+
+if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 
@@ -70,3 +78,44 @@ def field_elements(model: Model) -> Integers:
         for body in model.bodies.values()
     ]
     return np.concatenate(kept).astype(np.int64)
+
+
+COPIES = 2  # of a record: as marched, and in the order of the case
+
+
+def recordable(model: Model) -> Model:
+    """Return a model as it is; refuse one whose records would not fit into memory, and say how many would.
+
+    Raises
+    ------
+    InputError
+        With what to do about it.
+    """
+    case = model.case
+    problems: list[Problem] = []
+    probes = case.record.probes
+    ends = len(probes) if probes is not None else sum(len(meeting.nodes) for meeting in model.meetings)
+    row = 8.0 * (3 * len(model.meetings) + 2 * ends * model.dim + 8)
+    size = COPIES * row * (model.steps / case.record.every)
+    if not size_limits.fits(size):
+        every = case.record.every * 10 ** math.ceil(
+            math.log10(size / (size_limits.SHARE * (size_limits.memory() or 1)))
+        )
+        message = (
+            f"expected records that fit into memory, found {model.steps:.4g} steps, whose records take "
+            f"{size_limits.in_words(size)}, {size_limits.in_this_machine()}"
+        )
+        advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
+        problems.append(case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice))
+    snapshots = min(case.record.fields, model.steps) + 1.0
+    elements = sum(min(body.stiffness.size, 400) for body in model.bodies.values())
+    size = 8.0 * COPIES * snapshots * 2 * elements * model.dim
+    if case.record.fields and not size_limits.fits(size):
+        message = (
+            f"expected snapshots that fit into memory, found {snapshots:.4g}, which take "
+            f"{size_limits.in_words(size)}, {size_limits.in_this_machine()}"
+        )
+        problems.append(case.problem(("record", "fields"), message, "A picture needs some hundreds."))
+    if problems:
+        raise TooLargeError(problems)
+    return model

@@ -11,22 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import InputError, Problem, TooLargeError
+from percuss.errors import InputError, TooLargeError
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
     from percuss.methods.interfaces import Mesh
     from percuss.solver.entities import Body
-    from percuss.solver.model import Model
 
-__all__ = ["check_step", "checked", "memory", "meshed", "recordable", "steps"]
+__all__ = ["check_step", "checked", "memory", "meshed", "steps"]
 
 LEAST, MOST = 1e-100, 1e100  # products of three such numbers are numbers still
 UNITS = "Choose units in which lengths, masses and times are nearer to 1."
 NODE = 400  # bytes that a node takes, certificate and march together
 MOST_STEPS = 2**40
-COPIES = 2  # of a record: as marched, and in the order of the case
 SHARE = 0.8  # of the memory that a run may take
 
 
@@ -40,20 +38,22 @@ def memory() -> int | None:
     return min((one for one in found if one > 0), default=None)
 
 
-def _fits(size: float) -> bool:
+def fits(size: float) -> bool:
+    """Return whether a number of bytes fits into the memory that a run may take."""
     most = memory()
     return most is None or size <= SHARE * most
 
 
-def _told(size: float) -> str:
+def in_words(size: float) -> str:
     """Return a number of bytes in words."""
     power = min(int(math.log(max(size, 1.0), 1024)), 8)
     return f"{size / 1024**power:.3g} {('bytes', 'KiB', 'MiB', 'GiB', 'TiB', 'PiB', 'EiB', 'ZiB', 'YiB')[power]}"
 
 
-def _machine() -> str:
+def in_this_machine() -> str:
+    """Return in words how much memory there is."""
     most = memory()
-    return f"and there are {_told(most)}" if most is not None else "more than there is"
+    return f"and there are {in_words(most)}" if most is not None else "more than there is"
 
 
 def meshed(case: Case, spec: BodySpec) -> Mesh:
@@ -70,9 +70,12 @@ def meshed(case: Case, spec: BodySpec) -> Mesh:
     try:
         count = spec.shape.mesh(at, 1).lengths.size * case.refine if case.refine > 1 else 0
         size = float(NODE) * count * at.size
-        if _fits(size):
+        if fits(size):
             return spec.shape.mesh(at, case.refine)
-        path, found = ("refine",), f"{count:.4g} in body '{spec.name}', which take {_told(size)}, {_machine()}"
+        path, found = (
+            ("refine",),
+            f"{count:.4g} in body '{spec.name}', which take {in_words(size)}, {in_this_machine()}",
+        )
     except MemoryError:
         pass
     raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {found}", "Take fewer.")])
@@ -162,38 +165,3 @@ def steps(case: Case, dt: float) -> int:
         message = f"expected at most {MOST_STEPS} steps, found {count:.3g}"
         raise InputError([case.problem(("time",), message, "Lengthen the step.")])
     return max(1, math.ceil(count))
-
-
-def recordable(model: Model) -> Model:
-    """Return a model as it is; refuse one whose records would not fit into memory, and say how many would.
-
-    Raises
-    ------
-    InputError
-        With what to do about it.
-    """
-    case = model.case
-    problems: list[Problem] = []
-    probes = case.record.probes
-    ends = len(probes) if probes is not None else sum(len(meeting.nodes) for meeting in model.meetings)
-    row = 8.0 * (3 * len(model.meetings) + 2 * ends * model.dim + 8)
-    size = COPIES * row * (model.steps / case.record.every)
-    if not _fits(size):
-        every = case.record.every * 10 ** math.ceil(math.log10(size / (SHARE * (memory() or 1))))
-        message = (
-            f"expected records that fit into memory, found {model.steps:.4g} steps, whose records take {_told(size)}, "
-            f"{_machine()}"
-        )
-        advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
-        problems.append(case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice))
-    snapshots = min(case.record.fields, model.steps) + 1.0
-    elements = sum(min(body.stiffness.size, 400) for body in model.bodies.values())
-    size = 8.0 * COPIES * snapshots * 2 * elements * model.dim
-    if case.record.fields and not _fits(size):
-        message = (
-            f"expected snapshots that fit into memory, found {snapshots:.4g}, which take {_told(size)}, {_machine()}"
-        )
-        problems.append(case.problem(("record", "fields"), message, "A picture needs some hundreds."))
-    if problems:
-        raise TooLargeError(problems)
-    return model

@@ -13,8 +13,8 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 import percuss
+from percuss.compiling import LOCK
 from percuss.errors import InputError, Problem, RunError
-from percuss.solver.compiler.compiling import LOCK
 from percuss.studies.job_package import Bench, Job
 from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record

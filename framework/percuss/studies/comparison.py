@@ -6,7 +6,8 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.arguments import expect_case, expect_names
+from percuss.case.arguments import expect_names
+from percuss.case.case import expect_case
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.studies.columns import ERRORS, metric, worst
 from percuss.studies.parameters import combinations

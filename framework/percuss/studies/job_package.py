@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import percuss
 from percuss.case.case import Case, load
+from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
 from percuss.methods.local_modules import companions
 from percuss.methods.registry import Registry
 from percuss.methods.source_digest import SourceDigests, data_named, own_digest, surroundings
-from percuss.solver.compiler.compiling import LOCK as ONE_AT_A_TIME
 from percuss.studies.stored_run import Record, record
 from percuss.studies.tasks import LOST, Task, perform_timed
 

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from percuss.case.json_schema import section_schema
 from percuss.case.layout import During, Items, Part
 from percuss.case.type_words import Expects
 from percuss.methods.interfaces import Doc, Ge, Le, Unit
-from percuss.methods.registry import Registry
 
 __all__ = [
     "Condition",
@@ -20,7 +18,6 @@ __all__ = [
     "RangeSection",
     "SampleSection",
     "StudySection",
-    "study_schema",
 ]
 
 
@@ -130,36 +127,3 @@ class StudySection:
         | None
     ) = None
     keep: Annotated[Any, Part(KeepSection), Doc("what is kept of each run beside its row")] = ()
-
-
-def study_schema(registry: Registry) -> dict[str, Any]:
-    """Return the JSON schema (draft 2020-12) of a study.
-
-    Parameters
-    ----------
-    registry
-        Its integrators and contact laws appear by name.
-    """
-    from percuss.studies.columns import METRICS
-
-    made = section_schema(StudySection, registry)
-    properties = {key.replace("_", "-"): value for key, value in made["properties"].items()}
-    values = {"type": "object"}
-    properties["set"] |= values
-    properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
-    properties["paired"] |= {"type": "array", "items": values}
-    for family, one in properties["methods"]["properties"].items():
-        named = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
-        one |= {"type": "array", "items": {"anyOf": named}}
-    ranges = {"type": "object", "additionalProperties": section_schema(RangeSection, registry)}
-    properties["sample"]["properties"]["of"] |= ranges
-    bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
-    properties["measure"] |= {"type": "array", "items": {"anyOf": [bare, section_schema(MeasureSection, registry)]}}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "percuss study",
-        "description": "A study of percuss, format 1",
-        **made,
-        "properties": properties,
-        "required": [key.replace("_", "-") for key in made["required"]],
-    }

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.options import options_of
 from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
-from percuss.results.runner import AGAINST, NOT_VALID, run, timed_run
+from percuss.results.assemble import AGAINST, NOT_VALID
+from percuss.results.runner import run, timed_run
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

@@ -10,18 +10,9 @@ One line runs all of it, with pytest or without::
 
 from __future__ import annotations
 
-from percuss.testing.kit import (
-    Check,
-    CheckFailed,
-    NotApplicable,
-    Outcome,
-    Report,
-    Subject,
-    checks,
-    conformance,
-    conformance_test,
-)
+from percuss.testing.kit import Outcome, Report, checks, conformance, conformance_test
 from percuss.testing.strict import StrictSystem
+from percuss.testing.subject import Check, CheckFailed, NotApplicable, Subject
 
 __all__ = [
     "Check",

@@ -16,7 +16,7 @@ import numpy as np
 
 from percuss.methods.interfaces import ContactPoints, Judged, LeapFrog, Rows, Stages, Trial
 from percuss.methods.kernel_trial import read_only
-from percuss.testing.kit import CheckFailed, NotApplicable
+from percuss.testing.subject import CheckFailed, NotApplicable
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, Floats, Integrator

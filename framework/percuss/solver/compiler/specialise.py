@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import percuss
+from percuss.compiling import compiler, listen
 from percuss.methods import slots
 from percuss.solver import compiled
-from percuss.solver.compiler.compiling import compiler, listen
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
     contents,

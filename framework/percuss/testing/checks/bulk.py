@@ -10,8 +10,8 @@ from percuss.errors import RunError
 from percuss.methods.interfaces import BodyMesh, Mesh, Region
 from percuss.solver.bodies import PROBING_STRAIN, ElementProbe
 from percuss.solver.compiler.specialise import Specialiser
-from percuss.testing.drawn import for_all, rows
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.draws import for_all, rows
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-10
 STEP = 1e-6  # of a difference quotient

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 TIMES = np.linspace(0.0, 1.0, 41)
 TOLERANCE = 1e-12

@@ -10,10 +10,9 @@ import numpy as np
 
 from percuss.errors import InputError, RefusedPair, RunError
 from percuss.methods.interfaces import LeapFrog, Rows
-from percuss.testing import drawn
-from percuss.testing.common import STEEL
-from percuss.testing.drawn import for_all, must_agree, number, replaced, rows, with_examples
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check, forbidden
+from percuss.testing import draws
+from percuss.testing.draws import STEEL, for_all, must_agree, number, replaced, rows, with_examples
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, forbidden
 
 PAIRS = ("integrators", "contacts")
 BALANCED = 1e-11
@@ -238,26 +237,26 @@ def _invariant(subject: Subject, change: Any, what: str, **given: Any) -> None:
 @check(*PAIRS)
 def check_translation(subject: Subject) -> None:
     """Nothing changes if everything is moved along x: only gaps and rates count, not where a contact is."""
-    _invariant(subject, lambda case: drawn.shifted(case, 2.5), "moving everything")
+    _invariant(subject, lambda case: draws.shifted(case, 2.5), "moving everything")
 
 
 @check(*PAIRS)
 def check_dimensions(subject: Subject) -> None:
     """Turned in two and in three dimensions a case gives the same forces, gaps and motions along the bars."""
     for direction in ((-1.0,), (3.0, -4.0), (1.0, 2.0, -2.0)):
-        _invariant(subject, lambda case, to=direction: drawn.turned(case, to), f"turning everything to {direction}")
+        _invariant(subject, lambda case, to=direction: draws.turned(case, to), f"turning everything to {direction}")
 
 
 @check(*PAIRS)
 def check_mirror(subject: Subject) -> None:
     """Nothing changes in a mirror: a law has no left and right."""
-    _invariant(subject, drawn.mirrored, "looking at it in a mirror")
+    _invariant(subject, draws.mirrored, "looking at it in a mirror")
 
 
 @check(*PAIRS)
 def check_naming(subject: Subject) -> None:
     """Nothing changes with the order in which bodies, and the sides of a contact, are named."""
-    _invariant(subject, drawn.turned_round, "naming bodies and sides the other way round")
+    _invariant(subject, draws.turned_round, "naming bodies and sides the other way round")
 
 
 @check(*PAIRS)
@@ -266,12 +265,12 @@ def check_units(subject: Subject) -> None:
 
     A constant with a unit inside a method, or a wrong unit of an option, gives another answer in other units.
     """
-    force, length = drawn.factor("force"), drawn.factor("length")
+    force, length = draws.factor("force"), draws.factor("length")
     factors = {"contact_force": force, "gap": length, "displacement": length}
 
     def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = one
-        other = subject.placed(drawn.converted(case), drawn.converted_options(subject, options), partner)
+        other = subject.placed(draws.converted(case), draws.converted_options(subject, options), partner)
         try:
             must_agree(subject, subject.placed(case, options, partner), other, "a change of units", factors)
         except InputError as error:
@@ -288,7 +287,7 @@ def check_refusals(subject: Subject) -> None:
 
     A refused pair stands in tables with its reason, never as a gap.
     """
-    from percuss.testing.kit import PARTNERS
+    from percuss.testing.subject import PARTNERS
 
     others = PARTNERS[subject.family]
     refused = []
@@ -335,7 +334,7 @@ def check_no_contact(subject: Subject) -> None:
         if other.arrays["contact_force"].any():
             raise CheckFailed("bodies that never meet feel a contact force")
         moved = float(np.abs(free.arrays["displacement"] - other.arrays["displacement"]).max())
-        if moved > drawn.FLOOR * float(np.abs(free.arrays["displacement"]).max()):
+        if moved > draws.FLOOR * float(np.abs(free.arrays["displacement"]).max()):
             raise CheckFailed(f"bodies that never meet move otherwise by {moved:.2g}")
 
     for_all(subject, with_examples(subject, rows()), alone, max(4, subject.draws // 2))

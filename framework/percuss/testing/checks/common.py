@@ -14,8 +14,17 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import InputError, RefusedPair, RunError
-from percuss.testing.drawn import apart, for_all, is_frozen_dataclass, option_values, round_off, rows, with_examples
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check, did_you_mean, known_names
+from percuss.testing.draws import (
+    TWO_BARS,
+    apart,
+    for_all,
+    is_frozen_dataclass,
+    option_values,
+    round_off,
+    rows,
+    with_examples,
+)
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, did_you_mean, known_names
 
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")  # what marches
 WITH_SOURCE = ("integrators", "contacts", "elements", "masses")
@@ -116,7 +125,7 @@ def check_options_documented(subject: Subject) -> None:
     The unit is read by the schema, by messages and by the check that nothing changes with the units.
     """
     from percuss.case.options import options_of, schema_of
-    from percuss.testing.drawn import factor
+    from percuss.testing.draws import factor
 
     schema = schema_of(subject.component)["properties"]
     for key, option in options_of(subject.component).items():
@@ -267,16 +276,3 @@ def check_compiled_and_plain(subject: Subject) -> None:
 def _has_number(schema: Mapping[str, Any]) -> bool:
     branches = [schema, *schema.get("anyOf", []), *([schema["items"]] if isinstance(schema.get("items"), dict) else [])]
     return any(one.get("type") in {"number", "integer"} or (one is not schema and _has_number(one)) for one in branches)
-
-
-STEEL = {"young": 100.0, "density": 0.01}
-TWO_BARS: dict[str, Any] = {
-    "percuss": 1,
-    "bodies": {
-        "a": {"bar": {"length": 1.0, "elements": 6}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.3},
-        "b": {"bar": {"length": 2.0, "elements": 12}, "material": STEEL, "area": 1.0, "at": 1.0, "velocity": -0.2},
-    },
-    "contacts": {"ab": {"between": ["a.right", "b.left"]}},
-    "time": {"steps": 40, "courant": 0.5},
-    "record": {"probes": ["a.left", "a.right", "b.left", "b.right"]},
-}

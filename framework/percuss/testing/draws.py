@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import PercussError
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
+
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run hangs on round-off and is compared with nothing
@@ -397,7 +398,7 @@ def with_examples(subject: Subject, strategy: SearchStrategy[Any]) -> SearchStra
     """
     from hypothesis import strategies as st
 
-    from percuss.testing.kit import PARTNERS
+    from percuss.testing.subject import PARTNERS
 
     family = PARTNERS.get(subject.family, "")
     partners = [
@@ -418,3 +419,16 @@ def is_frozen_dataclass(component: type) -> bool:
     """Return whether a class is a frozen dataclass of its own."""
     parameters = vars(component).get("__dataclass_params__")
     return dataclasses.is_dataclass(component) and bool(parameters and parameters.frozen)
+
+
+STEEL = {"young": 100.0, "density": 0.01}
+TWO_BARS: dict[str, Any] = {
+    "percuss": 1,
+    "bodies": {
+        "a": {"bar": {"length": 1.0, "elements": 6}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.3},
+        "b": {"bar": {"length": 2.0, "elements": 12}, "material": STEEL, "area": 1.0, "at": 1.0, "velocity": -0.2},
+    },
+    "contacts": {"ab": {"between": ["a.right", "b.left"]}},
+    "time": {"steps": 40, "courant": 0.5},
+    "record": {"probes": ["a.left", "a.right", "b.left", "b.right"]},
+}

@@ -10,8 +10,8 @@ import numpy as np
 
 from percuss.errors import RunError, nearest
 from percuss.methods.interfaces import Integrator, LeapFrog, Stages
-from percuss.testing.common import STEEL
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.draws import STEEL
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CONSERVED = ("energy", "momentum")
 COURANTS = (0.4, 0.2, 0.1, 0.05)  # of the measured order

@@ -10,10 +10,9 @@ import numpy as np
 from percuss.errors import InputError, RunError, nearest
 from percuss.methods.interfaces import ContactPoints, Rows, Trial
 from percuss.methods.kernel_trial import read_only
-from percuss.testing.common import STEEL
-from percuss.testing.drawn import for_all, round_off, rows, with_examples
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check, forbidden
+from percuss.testing.draws import STEEL, for_all, round_off, rows, with_examples
 from percuss.testing.strict import StrictSystem
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, forbidden
 
 COUNTS = (0, 1, 2, 5)
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from percuss.testing.common import TWO_BARS
-from percuss.testing.drawn import for_all, rows
-from percuss.testing.kit import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.draws import TWO_BARS, for_all, rows
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
 
@@ -112,7 +111,7 @@ def check_largest_values(subject: Subject) -> None:
 @check("solutions")
 def check_methods_tend_to_it(subject: Subject) -> None:
     """Displacements of a refined run tend to the exact ones, in a case that the solution covers."""
-    from percuss.testing.kit import Subject as Other
+    from percuss.testing.subject import Subject as Other
 
     for options in subject.examples:
         engine = subject.make(options)

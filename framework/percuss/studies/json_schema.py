@@ -1,0 +1,42 @@
+"""The JSON schema of a study: with it an editor completes and checks a plan."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from percuss.case.json_schema import section_schema
+from percuss.methods.registry import Registry
+from percuss.studies.layout import MeasureSection, RangeSection, StudySection
+
+
+def study_schema(registry: Registry) -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a study.
+
+    Parameters
+    ----------
+    registry
+        Its integrators and contact laws appear by name.
+    """
+    from percuss.studies.columns import METRICS
+
+    made = section_schema(StudySection, registry)
+    properties = {key.replace("_", "-"): value for key, value in made["properties"].items()}
+    values = {"type": "object"}
+    properties["set"] |= values
+    properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
+    properties["paired"] |= {"type": "array", "items": values}
+    for family, one in properties["methods"]["properties"].items():
+        named = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
+        one |= {"type": "array", "items": {"anyOf": named}}
+    ranges = {"type": "object", "additionalProperties": section_schema(RangeSection, registry)}
+    properties["sample"]["properties"]["of"] |= ranges
+    bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
+    properties["measure"] |= {"type": "array", "items": {"anyOf": [bare, section_schema(MeasureSection, registry)]}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "percuss study",
+        "description": "A study of percuss, format 1",
+        **made,
+        "properties": properties,
+        "required": [key.replace("_", "-") for key in made["required"]],
+    }
