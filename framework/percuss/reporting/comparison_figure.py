@@ -53,7 +53,7 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     Parameters
     ----------
     rows
-        As of `percuss.reporting.run_figure.plot_comparison`.
+        As of `percuss.reporting.comparison_figure.plot_comparison`.
     """
     runs = [(one_line(row["label"]), row["result"]) for row in rows if row.get("result") is not None]
     lost = [
