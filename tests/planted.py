@@ -10,20 +10,20 @@ import numpy as np
 from percuss import (
     BodyMesh,
     ContactLaw,
+    ContactState,
     Doc,
     Element,
     Ge,
     Gt,
     Integrator,
-    Judged,
     LeapFrog,
+    LinearLaw,
     Load,
     Mass,
     Material,
     Measure,
     Mesh,
     Region,
-    Rows,
     Shape,
     Stages,
     Unit,
@@ -81,7 +81,7 @@ class Spring(ContactLaw):
     beta_s: Stiffness = 0.25
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
 
 
 @caught_by("pushes-apart")
@@ -94,7 +94,7 @@ class WrongSign(ContactLaw):
     beta_s: Stiffness = 0.25
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness), gap=-1.0)
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness), gap=-1.0)
 
 
 @caught_by("options-bounded")
@@ -107,7 +107,7 @@ class NoBound(ContactLaw):
     beta_s: Annotated[float, Unit("1"), Doc("stiffness")] = 0.25
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
 
 
 @caught_by("units")
@@ -120,7 +120,7 @@ class WrongUnit(ContactLaw):
     epsilon: Annotated[float, Gt(0), Unit("1"), Doc("stiffness")] = 30.0
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / self.epsilon)
+        return LinearLaw(at="explicit", sigma=1.0 / self.epsilon)
 
 
 @caught_by("units")
@@ -132,7 +132,7 @@ class StepIgnored(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="end", sigma=1e-3**2 * points.delassus, active="all", sign=">= 0")
+        return LinearLaw(at="end", sigma=1e-3**2 * points.delassus, active="all", sign=">= 0")
 
 
 CACHE = {}
@@ -148,7 +148,7 @@ class Remembers(ContactLaw):
 
     def bind(self, points, dt):
         stiffness = CACHE.setdefault(len(points.names), points.stiffness)
-        return Rows(at="explicit", sigma=4.0 / stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / stiffness)
 
 
 @caught_by("any-number-of-contacts")
@@ -160,7 +160,7 @@ class OneForAll(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness[:1].sum())
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness[:1].sum())
 
 
 @caught_by("inputs-untouched")
@@ -173,7 +173,7 @@ class ChangesPoints(ContactLaw):
 
     def bind(self, points, dt):
         points.stiffness[:] *= 2.0
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
 
 @caught_by("no-contact")
@@ -185,7 +185,7 @@ class AtADistance(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness, active="all")
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness, active="all")
 
 
 @caught_by("guarantees")
@@ -198,7 +198,7 @@ class SaysTooMuch(ContactLaw):
     guarantees = ("no penetration",)
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
 
 @caught_by("guarantees")
@@ -212,7 +212,7 @@ class LumpedInertia(ContactLaw):
 
     def bind(self, points, dt):
         eps_s = 4.0 * points.stiffness
-        return Rows(at="explicit", sigma=1.0 / eps_s + 0.25 * dt**2 * points.delassus, acceleration=0.0)
+        return LinearLaw(at="explicit", sigma=1.0 / eps_s + 0.25 * dt**2 * points.delassus, acceleration=0.0)
 
 
 @caught_by("guarantees")
@@ -225,7 +225,7 @@ class UnknownGuarantee(ContactLaw):
     guarantees = ("never pull",)
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
 
 @caught_by("refusals")
@@ -237,7 +237,7 @@ class RefusesWithoutAWord(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
     def refuses(self, integrator):
         return "" if integrator.name == "central-difference" else None
@@ -252,7 +252,7 @@ class RefusesAll(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
     def refuses(self, integrator):
         return "out of principle"
@@ -267,7 +267,7 @@ class NoSource(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
 
 @caught_by("facts")
@@ -280,7 +280,7 @@ class Misspelt(ContactLaw):
     expected_failures = {"energy-newer-grows": "of a typing error"}
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
 
 @caught_by("units")
@@ -293,7 +293,7 @@ class DeclaredButPasses(ContactLaw):
     expected_failures = {"units": "it was so once"}
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
 
 @caught_by("options-documented")
@@ -306,7 +306,7 @@ class Silent(ContactLaw):
     beta_s: Annotated[float, Gt(0)] = 0.25
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
 
 
 @caught_by("examples")
@@ -320,7 +320,7 @@ class BadExample(ContactLaw):
     beta_s: Stiffness = 0.25
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
 
 
 @caught_by("resolved")
@@ -332,7 +332,7 @@ class ResolvesNothing(ContactLaw):
     summary = law.summary
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=4.0 / points.stiffness)
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
 
     def resolved(self, points, dt):
         return {"epsilon_s": 0.0 * points.stiffness / 0.0 if not len(points.names) else np.full(3, 1.0)}
@@ -367,7 +367,7 @@ class Rigid(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("exact-impact with central-difference")
@@ -386,7 +386,7 @@ class Twice(ContactLaw):
         multiplier[:] = 0.0
         for _ in range(2):
             for p in range(multiplier.size):
-                multiplier[p] += max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
+                multiplier[p] += max(-trial.predicted_gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("energy-never-grows with wu-predictor-corrector")
@@ -403,7 +403,7 @@ class StaleGap(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = max(-trial.gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("exact-impact with central-difference")
@@ -420,7 +420,7 @@ class NoStep(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.rate_answer * trial.delassus[p])
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.rate_response * trial.delassus[p])
 
 
 @caught_by("any-number-of-contacts")
@@ -436,7 +436,7 @@ class FirstOnly(ContactLaw):
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
-        multiplier[0] = max(-trial.predicted_gap[0], 0.0) / (trial.gap_answer * trial.delassus[0])
+        multiplier[0] = max(-trial.predicted_gap[0], 0.0) / (trial.gap_response * trial.delassus[0])
 
 
 @caught_by("inputs-untouched")
@@ -454,7 +454,7 @@ class ChangesTrial(ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             trial.predicted_gap[p] = min(trial.predicted_gap[p], 0.0)
-            multiplier[p] = -trial.predicted_gap[p] / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = -trial.predicted_gap[p] / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("no-hidden-state")
@@ -473,7 +473,7 @@ class KeepsInBound(ContactLaw):
         bound.none[0] += 1.0
         for p in range(multiplier.size):
             soft = 1.0 / (1.0 + 1e-3 * bound.none[0])
-            multiplier[p] = soft * max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = soft * max(-trial.predicted_gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
 
 
 NOTHING_KEPT = Nothing(np.zeros(1))
@@ -506,7 +506,7 @@ class Impulsive(ContactLaw):
                 if trial.predicted_gap[p] <= 0.0:
                     before = multiplier[p]
                     rate = coupled_rate(trial, multiplier, p)
-                    multiplier[p] = max(before - rate / (trial.rate_answer * trial.delassus[p]), 0.0)
+                    multiplier[p] = max(before - rate / (trial.rate_response * trial.delassus[p]), 0.0)
                     moved, largest = max(moved, abs(multiplier[p] - before)), max(largest, multiplier[p])
             if moved <= 1e-14 * largest:
                 break
@@ -527,7 +527,7 @@ class CouplingClaimed(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = max(-trial.predicted_gap[p], 0.0) / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("coupling")
@@ -550,8 +550,8 @@ class OwnCouplingAlone(ContactLaw):
                 push = trial.delassus[p] * multiplier[p]
                 for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
                     push += trial.coupling[k] * multiplier[trial.neighbour[k]]
-                gap = trial.predicted_gap[p] + trial.gap_answer * push
-                multiplier[p] = max(multiplier[p] - gap / (trial.gap_answer * trial.delassus[p]), 0.0)
+                gap = trial.predicted_gap[p] + trial.gap_response * push
+                multiplier[p] = max(multiplier[p] - gap / (trial.gap_response * trial.delassus[p]), 0.0)
 
 
 @caught_by("any-number-of-contacts")
@@ -571,7 +571,7 @@ class LeavesUnset(ContactLaw):
             if trial.predicted_gap[p] >= 0.0:
                 multiplier[p] = 0.0
             elif trial.rate[p] < 0.0:
-                multiplier[p] = -trial.predicted_gap[p] / (trial.gap_answer * trial.delassus[p])
+                multiplier[p] = -trial.predicted_gap[p] / (trial.gap_response * trial.delassus[p])
 
 
 class Deepest:
@@ -596,7 +596,7 @@ class KeepsInClass(ContactLaw):
         for p in range(multiplier.size):
             Deepest.overlap = max(Deepest.overlap, -trial.predicted_gap[p])
             overlap = max(-trial.predicted_gap[p], 0.0) - 1e-3 * Deepest.overlap
-            multiplier[p] = max(overlap, 0.0) / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = max(overlap, 0.0) / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("no-hidden-state")
@@ -614,7 +614,7 @@ class Dice(ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             overlap = max(-trial.predicted_gap[p], 0.0) * (1.0 + 1e-12 * np.random.rand())  # noqa: NPY002  what numba knows
-            multiplier[p] = overlap / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = overlap / (trial.gap_response * trial.delassus[p])
 
 
 @caught_by("units")
@@ -632,7 +632,7 @@ class Tolerant(ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             overlap = max(1e-4 - trial.predicted_gap[p], 0.0)
-            multiplier[p] = overlap / (trial.gap_answer * trial.delassus[p])
+            multiplier[p] = overlap / (trial.gap_response * trial.delassus[p])
 
 
 # -------------------------------------------------------------------------------------------------- integrators
@@ -654,11 +654,11 @@ class Predicting(Integrator):
     critical_courant = 1.0
 
     def bind(self, dt):
-        return LeapFrog(Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
+        return LeapFrog(ContactState("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
 
 
 def explicit(dt):
-    return LeapFrog(Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
+    return LeapFrog(ContactState("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
 
 
 @caught_by("order")
@@ -726,7 +726,7 @@ class ShowsTooMuch(Integrator):
     order = 2
 
     def bind(self, dt):
-        return LeapFrog(Judged("predicted", "predicted", "bulk", (0.0, 0.0, 1.0)), end_of_step(dt))
+        return LeapFrog(ContactState("predicted", "predicted", "bulk", (0.0, 0.0, 1.0)), end_of_step(dt))
 
 
 @caught_by("exact-impact with lagrange")
@@ -739,7 +739,7 @@ class WrongAnswer(Integrator):
     order = 2
 
     def bind(self, dt):
-        return explicit(dt)._replace(end=Judged("predicted", "predicted", "bulk", (0.1 * dt * dt, dt, 1.0)))
+        return explicit(dt)._replace(end=ContactState("predicted", "predicted", "bulk", (0.1 * dt * dt, dt, 1.0)))
 
 
 def at_the_top(cls):

@@ -426,7 +426,7 @@ class OnVelocity(percuss.ContactLaw):
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             lacking = -trial.predicted_rate[p] if trial.gap[p] <= 0.0 else 0.0
-            multiplier[p] = max(lacking / (trial.delassus[p] * trial.rate_answer), 0.0)
+            multiplier[p] = max(lacking / (trial.delassus[p] * trial.rate_response), 0.0)
 
 
 class Nothing(NamedTuple):

@@ -435,11 +435,11 @@ class Recorded(Load):
     record: Annotated[DataFile, Doc("CSV of time and acceleration")]
 
     def amplitude(self, time):
-        t, a = self.record.columns(2)
+        t, a = self.record.as_columns(2)
         return np.interp(time, t, a)
 
     def kinks(self):
-        return tuple(self.record.columns(2)[0])
+        return tuple(self.record.as_columns(2)[0])
 '''
 
 

@@ -287,10 +287,10 @@ def forget_files():
 @pytest.mark.usefixtures("forget_files")
 def test_a_plug_in_beside_the_case(tmp_path):
     (tmp_path / "soft_law.py").write_text(
-        "from dataclasses import dataclass\nfrom percuss.methods.interfaces import ContactLaw, Rows\n"
+        "from dataclasses import dataclass\nfrom percuss.methods.interfaces import ContactLaw, LinearLaw\n"
         "@dataclass(frozen=True)\nclass Soft(ContactLaw):\n    '''Soft.'''\n"
         "    name = 'soft'\n    summary = 'Soft'\n    stiffness: float = 1.0\n"
-        "    def bind(self, points, dt):\n        return Rows('explicit', 1 / self.stiffness)\n"
+        "    def bind(self, points, dt):\n        return LinearLaw('explicit', 1 / self.stiffness)\n"
     )
     case = from_text(tmp_path, text("plugins: [soft_law.py]\nmethod: {contact: {name: soft, stiffness: 3}}\n"))
     assert case.method.contact.stiffness == 3.0

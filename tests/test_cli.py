@@ -204,14 +204,14 @@ def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
     (tmp_path / "picky.py").write_text(
         "from dataclasses import dataclass\n"
         "from percuss import ContactLaw\n"
-        "from percuss.methods.interfaces import Rows\n"
+        "from percuss.methods.interfaces import LinearLaw\n"
         "@dataclass(frozen=True)\n"
         "class Picky(ContactLaw):\n"
         "    '''A law that works with Wu only.'''\n"
         "    name = 'picky'\n"
         "    summary = 'picky'\n"
         "    def bind(self, points, dt):\n"
-        "        return Rows('explicit', 1 / points.stiffness)\n"
+        "        return LinearLaw('explicit', 1 / points.stiffness)\n"
         "    def refuses(self, integrator):\n"
         "        return 'needs the predicted gap' if integrator.name == 'central-difference' else None\n"
     )

@@ -49,7 +49,7 @@ class MoreauJean(ContactLaw):
                 if trial.predicted_gap[p] <= 0.0:
                     before = multiplier[p]
                     rate = coupled_rate(trial, multiplier, p) + bound.e * trial.rate[p]
-                    multiplier[p] = max(before - rate / (trial.rate_answer * trial.delassus[p]), 0.0)
+                    multiplier[p] = max(before - rate / (trial.rate_response * trial.delassus[p]), 0.0)
                     moved = max(moved, abs(multiplier[p] - before))
             if moved <= 1e-14 * multiplier.max():
                 break
@@ -77,7 +77,7 @@ class Apart(ContactLaw):
             for p in range(multiplier.size):
                 before = multiplier[p]
                 gap = coupled_gap(trial, multiplier, p)
-                multiplier[p] = max(before - gap / (trial.gap_answer * trial.delassus[p]), 0.0)
+                multiplier[p] = max(before - gap / (trial.gap_response * trial.delassus[p]), 0.0)
                 moved = max(moved, abs(multiplier[p] - before))
             if moved <= 1e-14 * multiplier.max():
                 break
@@ -101,7 +101,7 @@ class Alone(ContactLaw):
         for p in range(multiplier.size):
             multiplier[p] = 0.0
             if trial.predicted_gap[p] <= 0.0:
-                multiplier[p] = max(-trial.predicted_rate[p] / (trial.rate_answer * trial.delassus[p]), 0.0)
+                multiplier[p] = max(-trial.predicted_rate[p] / (trial.rate_response * trial.delassus[p]), 0.0)
 '''
 
 

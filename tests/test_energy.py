@@ -338,7 +338,7 @@ def test_an_integrator_that_shows_its_laws_too_much_is_seen(tmp_path):
         textwrap.dedent(
             '''
             from dataclasses import dataclass
-            from percuss.methods.interfaces import Integrator, Judged, LeapFrog, end_of_step
+            from percuss.methods.interfaces import Integrator, ContactState, LeapFrog, end_of_step
 
 
             @dataclass(frozen=True)
@@ -350,7 +350,7 @@ def test_an_integrator_that_shows_its_laws_too_much_is_seen(tmp_path):
                 order = 2
 
                 def bind(self, dt):
-                    return LeapFrog(Judged("predicted", "predicted", "bulk", (0.0, 0.0, 1.0)), end_of_step(dt))
+                    return LeapFrog(ContactState("predicted", "predicted", "bulk", (0.0, 0.0, 1.0)), end_of_step(dt))
             '''
         ),
         encoding="utf-8",

@@ -188,7 +188,7 @@ LAW = '''
 from dataclasses import dataclass
 from typing import Annotated
 
-from percuss import ContactLaw, Doc, Gt, Rows, Unit
+from percuss import ContactLaw, Doc, Gt, LinearLaw, Unit
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ class Soft(ContactLaw):
     beta_s: Annotated[float, Gt(0), Unit("1"), Doc("stiffness over EA/h")] = 0.2
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1 / (self.beta_s * points.stiffness))
+        return LinearLaw(at="explicit", sigma=1 / (self.beta_s * points.stiffness))
 '''
 
 

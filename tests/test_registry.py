@@ -23,7 +23,7 @@ from percuss.reporting.component import component_text, registry_data
 
 IMPORTS = """\
 from dataclasses import dataclass
-from percuss.methods.interfaces import Component, ContactLaw, Integrator, Load, Rows
+from percuss.methods.interfaces import Component, ContactLaw, Integrator, Load, LinearLaw
 from percuss.methods.hookspecs import hookimpl
 
 """
@@ -39,7 +39,7 @@ class {cls}(ContactLaw):
     summary = "A law"
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0)
+        return LinearLaw(at="explicit", sigma=1.0)
 
 '''
 
@@ -445,7 +445,7 @@ WRONG = {
 
 def wrong_text(case):
     beside, said, where = WRONG[case]
-    text = IMPORTS.replace("Rows", "Rows, Shape") + law() + hook() + beside
+    text = IMPORTS.replace("LinearLaw", "LinearLaw, Shape") + law() + hook() + beside
     if where == "@hook":
         return text, said, line_of(text, beside.strip())
     return text, said, line_of(text, where) if where else None
@@ -570,14 +570,21 @@ def test_the_contract_comes_before_what_it_asks_for(install, contract):
 
 HERE = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
 NAMES = {
-    "near": ("from percuss import Rowz", f"ImportError: {HERE} has no 'Rowz' in percuss; did you mean 'Rows'?"),
+    "near": (
+        "from percuss import LinearLew",
+        f"ImportError: {HERE} has no 'LinearLew' in percuss; did you mean 'LinearLaw'?",
+    ),
+    "renamed": (
+        "from percuss import Rows",
+        f"ImportError: {HERE} has no 'Rows' in percuss; it is called `LinearLaw` since contract 2",
+    ),
     "not near": (
         "from percuss import Frictional",
         f"ImportError: {HERE} has no 'Frictional' in percuss; was it written for another percuss?",
     ),
     "elsewhere": (
-        "from percuss.errors import Rows",
-        f"ImportError: {HERE} has no 'Rows' in percuss.errors; it stands in percuss itself",
+        "from percuss.errors import LinearLaw",
+        f"ImportError: {HERE} has no 'LinearLaw' in percuss.errors; it stands in percuss itself",
     ),
     "no module": (
         "import percuss.laws",
@@ -748,7 +755,7 @@ def test_a_class_of_a_file_has_its_source_and_its_pickle(write, tmp_path, name):
 
 
 def test_an_error_in_a_method_of_a_file_shows_the_real_path(write, tmp_path):
-    text = IMPORTS + law().replace("return Rows", "raise RuntimeError; return Rows")
+    text = IMPORTS + law().replace("return LinearLaw", "raise RuntimeError; return LinearLaw")
     cls = Registry.load([write(text)]).get("contacts", "my-law")
     with pytest.raises(RuntimeError) as raised:
         cls().bind(None, 0.1)

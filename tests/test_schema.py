@@ -11,7 +11,7 @@ import yaml
 
 from percuss.case.json_schema import case_schema
 from percuss.case.source import Source
-from percuss.methods.interfaces import ContactLaw, Doc, Gt, Load, Rows, Unit
+from percuss.methods.interfaces import ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
 
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
@@ -125,7 +125,7 @@ class Soft(ContactLaw):
     stiffness: Annotated[float, Gt(0), Unit("force/length"), Doc("how soft")]
 
     def bind(self, points, dt):
-        return Rows("explicit", 1.0 / self.stiffness)
+        return LinearLaw("explicit", 1.0 / self.stiffness)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ import os, signal
 from dataclasses import dataclass
 from typing import Annotated
 from percuss import ContactLaw
-from percuss.methods.interfaces import Gt, Rows, Unit
+from percuss.methods.interfaces import Gt, LinearLaw, Unit
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Mine(ContactLaw):
 
     def bind(self, points, dt):
         FATE
-        return Rows("explicit", 1.0 / (SOFT * self.beta_s * points.stiffness))
+        return LinearLaw("explicit", 1.0 / (SOFT * self.beta_s * points.stiffness))
 """
 
 

@@ -29,7 +29,7 @@ UTIL = "SOFT = {soft}\n"
 LAW = """\
 from dataclasses import dataclass
 from percuss import ContactLaw
-from percuss.methods.interfaces import Rows
+from percuss.methods.interfaces import LinearLaw
 from {util} import SOFT
 
 
@@ -41,7 +41,7 @@ class Mine(ContactLaw):
     summary = "Mine"
 
     def bind(self, points, dt):
-        return Rows("explicit", 1.0 / (SOFT * points.stiffness))
+        return LinearLaw("explicit", 1.0 / (SOFT * points.stiffness))
 """
 LOAD = """\
 from dataclasses import dataclass
@@ -373,7 +373,7 @@ def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, e
 def test_a_plug_ins_own_error_is_kept_and_made_again_when_asked_for(tmp_path):
     law = LAW.replace("from {util} import SOFT\n", "SOFT = 1.0\n")
     file = tmp_path / "mine.py"
-    file.write_text(law.replace("return Rows", "{}['nothing']\n        return Rows"))
+    file.write_text(law.replace("return LinearLaw", "{}['nothing']\n        return LinearLaw"))
     study = given(tmp_path, methods={"contacts": ["mine", "penalty"]})
     first = percuss.study(study, tmp_path / "a.sqlite", workers=1, plugins=[file])
     assert first.counts == {"failed": 1, "done": 1}

@@ -41,7 +41,7 @@ class Mine(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            multiplier[p] = max(-trial.predicted_gap[p] / (trial.delassus[p] * trial.gap_answer), 0.0)
+            multiplier[p] = max(-trial.predicted_gap[p] / (trial.delassus[p] * trial.gap_response), 0.0)
 '''
 
 SCHEME = '''
@@ -74,8 +74,8 @@ class Mine(Integrator):
 SET = "            multiplier[p] = max("
 WRONG = {
     "an error in bind": (LAW, "return Bound(0.0)", "return points.wieght", "mine.py:29: AttributeError: 'ContactPoints'"),
-    "bind returns nothing": (LAW, "return Bound(0.0)", "pass", "law mine: bind returned nothing, expected Rows, or a Named"),
-    "bind returns a mapping": (LAW, "return Bound(0.0)", "return {}", "bind returned a dict, expected Rows"),
+    "bind returns nothing": (LAW, "return Bound(0.0)", "pass", "law mine: bind returned nothing, expected LinearLaw, or a Named"),
+    "bind returns a mapping": (LAW, "return Bound(0.0)", "return {}", "bind returned a dict, expected LinearLaw"),
     "bind without self": (LAW, "bind(self, points", "bind(points", "Mine.bind(points, dt) is called as bind(self, points, dt)"),
     "a kernel of two": (
         LAW, "(bound, trial, multiplier)", "(bound, trial)",

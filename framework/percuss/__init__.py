@@ -11,15 +11,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-CONTRACT = 1
+CONTRACT = 2
 
 _MODULES = {
     "case.case": "Case load",
     "studies.comparison": "compare",
     "methods.interfaces": (
-        "AllowInf BodyMesh ContactLaw ContactPoints DataFile Doc Element Exact ExactContact Floats Ge Gt "
-        "Integers Integrator Judged Le LeapFrog Load Lt Mass Material Measure Mesh Region Rows Shape Solution "
-        "Stages Trial Unit end_of_step"
+        "AllowInf BodyMesh ContactLaw ContactPoints ContactState DataFile Doc Element Exact ExactContact Floats Ge Gt "
+        "Integers Integrator Le LeapFrog LinearLaw Load Lt Mass Material Measure Mesh Region Shape Solution Stages "
+        "Trial Unit end_of_step"
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "methods.hookspecs": "hookimpl",
@@ -38,6 +38,7 @@ __all__ = [
     "Case",
     "ContactLaw",
     "ContactPoints",
+    "ContactState",
     "DataFile",
     "Doc",
     "Element",
@@ -49,9 +50,9 @@ __all__ = [
     "InputError",
     "Integers",
     "Integrator",
-    "Judged",
     "Le",
     "LeapFrog",
+    "LinearLaw",
     "Load",
     "Lt",
     "Mass",
@@ -63,7 +64,6 @@ __all__ = [
     "RefusedPair",
     "Region",
     "Result",
-    "Rows",
     "RunError",
     "Shape",
     "Solution",
@@ -97,6 +97,7 @@ if TYPE_CHECKING:
         BodyMesh,
         ContactLaw,
         ContactPoints,
+        ContactState,
         DataFile,
         Doc,
         Element,
@@ -107,9 +108,9 @@ if TYPE_CHECKING:
         Gt,
         Integers,
         Integrator,
-        Judged,
         Le,
         LeapFrog,
+        LinearLaw,
         Load,
         Lt,
         Mass,
@@ -117,7 +118,6 @@ if TYPE_CHECKING:
         Measure,
         Mesh,
         Region,
-        Rows,
         Shape,
         Solution,
         Stages,

@@ -36,7 +36,7 @@ HEAD = """
 from dataclasses import dataclass
 from typing import NamedTuple
 import numpy as np
-from percuss import ContactLaw, Rows
+from percuss import ContactLaw, LinearLaw
 
 
 class Bound(NamedTuple):
@@ -53,7 +53,7 @@ class Mine(ContactLaw):
     summary = "A penalty"
 
     def bind(self, points, dt):
-        return Rows(at="explicit", sigma=1.0 / (0.25 * points.stiffness))
+        return LinearLaw(at="explicit", sigma=1.0 / (0.25 * points.stiffness))
 '''
 KERNEL = '''
 @dataclass(frozen=True)

@@ -5,7 +5,19 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from percuss import ContactLaw, Doc, Gt, Integrator, Judged, LeapFrog, Rows, Stages, Unit, accelerations, end_of_step
+from percuss import (
+    ContactLaw,
+    ContactState,
+    Doc,
+    Gt,
+    Integrator,
+    LeapFrog,
+    LinearLaw,
+    Stages,
+    Unit,
+    accelerations,
+    end_of_step,
+)
 
 
 @dataclass(frozen=True)
@@ -23,7 +35,9 @@ class Nitsche(ContactLaw):
 
     def bind(self, points, dt):
         gamma = self.gamma0 * points.stiffness
-        return Rows(at="explicit", sigma=0.0, acceleration=1 / (gamma * points.delassus), active="all", sign=">= 0")
+        return LinearLaw(
+            at="explicit", sigma=0.0, acceleration=1 / (gamma * points.delassus), active="all", sign=">= 0"
+        )
 
 
 class Bound(NamedTuple):
@@ -49,7 +63,7 @@ class NitscheKernel(ContactLaw):
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
-            stress = (trial.predicted_rate[p] - trial.rate[p]) / (trial.rate_answer * trial.delassus[p])
+            stress = (trial.predicted_rate[p] - trial.rate[p]) / (trial.rate_response * trial.delassus[p])
             multiplier[p] = max(-bound.gamma[p] * trial.gap[p] - stress, 0.0)
 
 
@@ -70,7 +84,7 @@ class Row(ContactLaw):
     at_end: Annotated[bool, Doc("judged at the end of the step")] = False
 
     def bind(self, points, dt):
-        return Rows(
+        return LinearLaw(
             at="end" if self.at_end else "explicit",
             sigma=1.0 / (self.epsilon_s * points.stiffness),
             rate=self.rate,
@@ -91,7 +105,7 @@ class Blind(Integrator):
     order = 2
 
     def bind(self, dt):
-        return LeapFrog(Judged("predicted", "predicted", "none", (dt * dt, dt, 0.0)), end_of_step(dt))
+        return LeapFrog(ContactState("predicted", "predicted", "none", (dt * dt, dt, 0.0)), end_of_step(dt))
 
 
 @dataclass(frozen=True)

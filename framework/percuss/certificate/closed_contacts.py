@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods.interfaces import Rows
+from percuss.methods.interfaces import LinearLaw
 from percuss.solver.contact_rows import broadcast
 from percuss.solver.integrator_check import scheme
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats, Judged
+    from percuss.methods.interfaces import ContactState, Floats
     from percuss.solver.model import Model
 
 
@@ -92,7 +92,7 @@ def closed(model: Model, dt: float) -> Closed:
         law, where = entry["law"], entry["where"]
         points = model.points(where, dt)
         bound = law.bind(points, dt)
-        if not isinstance(bound, Rows):
+        if not isinstance(bound, LinearLaw):
             doubt(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
         rows = broadcast(bound, points, law.name)
@@ -105,11 +105,11 @@ def closed(model: Model, dt: float) -> Closed:
             continue
         if rows["at"] == "explicit":
             stiffness[where] = rows["gap"] / rows["sigma"]
-            by_gap, _, by_acceleration = table.explicit.answer
+            by_gap, _, by_acceleration = table.explicit.response
             inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
             predicted[where] = table.explicit.gap == "predicted"
             if table.explicit.gap == "predicted":
-                surplus[where] = inertia[where] / stiffness[where] - table.end.answer[0]
+                surplus[where] = inertia[where] / stiffness[where] - table.end.response[0]
         else:
             surplus[where] = 0.0
         if rows["rate"].any():
@@ -183,10 +183,10 @@ def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: b
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, where) else (NEVER_GROWS, BY_END)
 
 
-def _readable(judged: Judged, rows: dict[str, Any]) -> bool:
+def _readable(judged: ContactState, rows: dict[str, Any]) -> bool:
     """Return whether stiffness and inertia of a closed contact follow from a law's rows with this table."""
     if judged.gap == "current":
-        return judged.answer[0] == 0.0 and judged.acceleration == "bulk" and judged.answer[2] == 1.0
+        return judged.response[0] == 0.0 and judged.acceleration == "bulk" and judged.response[2] == 1.0
     return judged.acceleration == "none" or not rows["acceleration"].any()
 
 

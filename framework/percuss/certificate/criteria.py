@@ -20,7 +20,7 @@ from percuss.certificate.closed_contacts import Closed, closed
 from percuss.certificate.pencil import EDGE, Pencil, critical_step, largest
 from percuss.certificate.scheme_limit import reach
 from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, sets_in_question
-from percuss.methods.interfaces import Rows
+from percuss.methods.interfaces import LinearLaw
 from percuss.methods.kernel_trial import changes_with_time
 from percuss.solver.contact_rows import delassus_rows
 
@@ -122,7 +122,7 @@ class RowsJudge:
         out = []
         for label in range(int(labels.max()) + 1):
             group = which[labels == label]
-            scale = np.abs(laws.surplus[group]).max() + np.abs(self.model.tables[-1].end.answer[0])
+            scale = np.abs(laws.surplus[group]).max() + np.abs(self.model.tables[-1].end.response[0])
             out.append((group, bool(np.ptp(laws.surplus[group]) <= ALIKE * scale)))
         return out
 
@@ -340,7 +340,7 @@ class BlackBoxJudge:
         return [
             entry["law"].name
             for entry in self.model.laws
-            if not isinstance(entry["bound"], Rows)
+            if not isinstance(entry["bound"], LinearLaw)
             and changes_with_time(entry["law"], entry["bound"], entry["points"], self.model.dt, end)
         ]
 

@@ -13,8 +13,12 @@ __all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted"]
 
 PREFIX = "percuss_"
 # contract -> what a plug-in written for the one before has to change; never taken out, so that any can be brought up
-CHANGES = {1: "the first"}
-OLDEST = 1  # contract that is still kept: a method that states an older one is refused
+CHANGES = {
+    1: "the first",
+    2: "`Rows` is `LinearLaw`, `Judged` is `ContactState` with `response` in place of `answer`, `Trial.gap_answer` and "
+    "`Trial.rate_answer` are `gap_response` and `rate_response`, `DataFile.columns` is `as_columns`",
+}
+OLDEST = 2  # contract that is still kept: a method that states an older one is refused
 
 
 def admitted(family: str, offer: object) -> type[Component]:

@@ -19,6 +19,7 @@ from percuss.errors import PluginError, nearest
 from percuss.files import PACKAGE
 
 OWN = {"percuss", "percuss_methods"}
+RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # since contract 2
 PLUGIN_MODULES: set[str] = set()  # top modules of all plug-ins that were loaded; the registry adds to it
 
 _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
@@ -75,5 +76,6 @@ def described(error: BaseException) -> str:
         near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))
         advice = f"did you mean '{near}'?" if near else "was it written for another percuss?"
         advice = "it stands in percuss itself" if name in percuss.__all__ else advice
+        advice = f"it is called `{RENAMED[name]}` since contract 2" if name in RENAMED else advice
         text = f"{version} has no '{name}' in {module}; {advice}"
     return text if isinstance(error, PluginError) else ": ".join(filter(None, (type(error).__name__, text)))

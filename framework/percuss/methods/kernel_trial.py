@@ -17,7 +17,7 @@ import numpy as np
 
 from percuss.errors import PluginError
 from percuss.methods.blame import line_in_plugin
-from percuss.methods.interfaces import Rows, Trial
+from percuss.methods.interfaces import LinearLaw, Trial
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, ContactPoints
@@ -38,11 +38,11 @@ def bound_of(law: ContactLaw, points: ContactPoints, dt: float) -> Any:
         If `bind` returned anything but rows or a NamedTuple, or the kernel fails.
     """
     bound = law.bind(points, dt)
-    if isinstance(bound, Rows):
+    if isinstance(bound, LinearLaw):
         return bound
     if not (isinstance(bound, tuple) and hasattr(bound, "_fields")):
         found = "nothing" if bound is None else f"a {type(bound).__name__}"
-        wanted = "Rows, or a NamedTuple of what its kernel `multipliers` needs"
+        wanted = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
         raise PluginError(f"contact law {law.name}: bind returned {found}, expected {wanted}")
     bound = read_only(bound)
     count = len(points.names)
@@ -235,7 +235,7 @@ def kernel_of(law: ContactLaw) -> Callable[..., None]:
     kernel = getattr(type(law), "multipliers", None)
     if kernel is None:
         raise PluginError(
-            f"contact law {law.name}: bind returned no Rows, and the class has no static method "
+            f"contact law {law.name}: bind returned no LinearLaw, and the class has no static method "
             "`multipliers(bound, trial, multiplier)`"
         )
     return kernel  # type: ignore[no-any-return]

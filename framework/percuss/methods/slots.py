@@ -25,12 +25,12 @@ def coupled_push(trial: Trial, multiplier: Floats, p: int) -> float:
 
 def coupled_gap(trial: Trial, multiplier: Floats, p: int) -> float:
     """Return the predicted gap of point p with what all contacts at its ends press."""
-    return trial.predicted_gap[p] + trial.gap_answer * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
+    return trial.predicted_gap[p] + trial.gap_response * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
 
 
 def coupled_rate(trial: Trial, multiplier: Floats, p: int) -> float:
     """Return the predicted gap rate of point p with what all contacts at its ends press."""
-    return trial.predicted_rate[p] + trial.rate_answer * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
+    return trial.predicted_rate[p] + trial.rate_response * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
 
 
 def unbound() -> NoReturn:

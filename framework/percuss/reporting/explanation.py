@@ -12,7 +12,7 @@ import numpy as np
 from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SAFETY, certificate
-from percuss.methods.interfaces import Component, Rows
+from percuss.methods.interfaces import Component, LinearLaw
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
 from percuss.solver.contact_rows import broadcast, judge
@@ -240,12 +240,12 @@ def _contact(model: Model, number: int, meeting: Meeting) -> dict[str, Any]:
 def _row(model: Model, number: int, s: float) -> dict[str, Any] | None:
     """Return the row of a contact as the integrator judges it, None where its law has a kernel of its own."""
     entry = next(one for one in model.laws if number in one["where"])
-    if not isinstance(entry["bound"], Rows):
+    if not isinstance(entry["bound"], LinearLaw):
         return None
     rows = broadcast(entry["bound"], entry["points"], entry["law"].name)
     delassus = entry["points"].delassus
     one = judge(rows, model.tables[-1], delassus, entry["law"].name)[entry["where"].index(number)]
-    w = float(one["answer"])
+    w = float(one["response"])
     return {
         "at": rows["at"],
         "judged": "predicted" if one["sees_predicted_gap"] else "current",

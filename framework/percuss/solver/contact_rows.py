@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import PluginError
-from percuss.methods.interfaces import ContactPoints, Judged, LeapFrog, Rows
+from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw
 from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ENTRY, JUDGED, NOTHING, OTHER, POINT
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Side:
     response: Floats  # (dim,)
 
 
-def broadcast(rows: Rows, points: ContactPoints, law: str) -> dict[str, Any]:
+def broadcast(rows: LinearLaw, points: ContactPoints, law: str) -> dict[str, Any]:
     """Return a law's rows with one value a point, refusing what a law must not say.
 
     Raises
@@ -61,7 +61,7 @@ def broadcast(rows: Rows, points: ContactPoints, law: str) -> dict[str, Any]:
     return out
 
 
-def intervals(rows: Rows, law: str) -> Floats | None:
+def intervals(rows: LinearLaw, law: str) -> Floats | None:
     """Return the (K, 2) intervals of time in which a law acts, None for a law that always does.
 
     Raises
@@ -89,17 +89,17 @@ def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> 
     PluginError
         If nothing resists the contact: sigma and w are both zero.
     """
-    judged: Judged = getattr(table, rows["at"])
-    answer = sum(rows[f] * a for f, a in zip(("gap", "rate", "acceleration"), judged.answer, strict=True))
-    if ((rows["sigma"] + answer * delassus) <= 0).any():
+    judged: ContactState = getattr(table, rows["at"])
+    response = sum(rows[f] * a for f, a in zip(("gap", "rate", "acceleration"), judged.response, strict=True))
+    if ((rows["sigma"] + response * delassus) <= 0).any():
         raise PluginError(
-            f"contact law {law}: sigma and the answer of the judged state are both zero, so no force follows; "
+            f"contact law {law}: sigma and the response of the judged state are both zero, so no force follows; "
             "give a compliance, or judge at the end of the step"
         )
     out = np.zeros(delassus.size, dtype=JUDGED)
     for weight in ("gap", "rate", "acceleration"):
         out[f"weight_{weight}"] = rows[weight]
-    out["sigma"], out["answer"] = rows["sigma"], answer
+    out["sigma"], out["response"] = rows["sigma"], response
     with np.errstate(divide="ignore"):
         out["end_stiffness"] = np.where((rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan)
     out["sees_predicted_gap"] = judged.gap == "predicted"
@@ -108,19 +108,19 @@ def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> 
     out["always"] = rows["active"] == "all"
     out["never_pulls"] = rows["sign"] == ">= 0"
     # what a unit multiplier adds to the gap at the end is the same for every leap-frog scheme
-    out["surplus"] = answer - rows["gap"] * table.end.answer[0]
+    out["surplus"] = response - rows["gap"] * table.end.response[0]
     out["stores"] = storage(rows, judged)
     return out
 
 
-def storage(rows: dict[str, Any], judged: Judged) -> Any:
+def storage(rows: dict[str, Any], judged: ContactState) -> Any:
     """Return how the points of a law store energy, (P,): NOTHING, BY_END or BY_CURRENT."""
     inert = (rows["acceleration"] != 0) & (judged.acceleration == "bulk")
     plain = (rows["rate"] == 0) & (rows["sigma"] > 0)
     if judged.gap == "predicted":
         return np.where(plain & ~inert, BY_END, NOTHING)
-    whole = (judged.acceleration == "bulk" and judged.answer[2] == 1) | (rows["acceleration"] == 0)
-    return np.where(plain & whole & (judged.answer[0] == 0), BY_CURRENT, NOTHING)
+    whole = (judged.acceleration == "bulk" and judged.response[2] == 1) | (rows["acceleration"] == 0)
+    return np.where(plain & whole & (judged.response[0] == 0), BY_CURRENT, NOTHING)
 
 
 def own_multipliers(count: int) -> Any:

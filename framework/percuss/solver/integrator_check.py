@@ -10,13 +10,13 @@ import numpy as np
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import line_in_plugin
-from percuss.methods.interfaces import Integrator, Judged, LeapFrog, Rows, Stages
+from percuss.methods.interfaces import ContactState, Integrator, LeapFrog, LinearLaw, Stages
 from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
-IN_A_STAGE = Judged("current", "current", "bulk", (0.0, 0.0, 1.0))
+IN_A_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
 ROUND_OFF = 1e-9
 NO_END = "its stages do not say (`end`) at which state a law judged at the end of the step is to be judged"
 
@@ -43,7 +43,7 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
     _try(integrator, said, dt)
     _try_again(integrator, said, dt)
     return said, tuple(
-        LeapFrog(IN_A_STAGE, Judged("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
+        LeapFrog(IN_A_STAGE, ContactState("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
         for _, r_a, s_a in ends
     )
 
@@ -62,7 +62,7 @@ def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[st
         For the first such law.
     """
     for entry in laws if stages is not None and not stages.end else ():
-        if isinstance(entry["bound"], Rows) and entry["bound"].at == "end":
+        if isinstance(entry["bound"], LinearLaw) and entry["bound"].at == "end":
             raise RefusedPair(integrator.name, entry["law"].name, NO_END, integrator.name)
 
 
@@ -79,17 +79,17 @@ def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: li
     """
     for entry in laws:
         law, bound = entry["law"], entry["bound"]
-        if not isinstance(bound, Rows) or not np.any(bound.acceleration):
+        if not isinstance(bound, LinearLaw) or not np.any(bound.acceleration):
             continue
         for table in tables:
-            shown: Judged = getattr(table, bound.at)
+            shown: ContactState = getattr(table, bound.at)
             if shown.acceleration != "none":
                 continue
             unseen = f"{integrator.name} shows {law.name} no acceleration of the gap"
             if "acceleration" not in law.needs_only_response_of:
                 reason = f"{unseen}, on which its row has a weight: without it {law.name} would be another method"
                 raise RefusedPair(integrator.name, law.name, reason, integrator.name)
-            if not shown.answer[2]:
+            if not shown.response[2]:
                 reason = f"{unseen}, and lets its multiplier change none, so that its weight there would do nothing"
                 raise RefusedPair(integrator.name, law.name, reason, integrator.name)
 

@@ -13,7 +13,7 @@ import numpy as np
 from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
-from percuss.methods.interfaces import Rows
+from percuss.methods.interfaces import LinearLaw
 from percuss.solver import diagnosis, recording
 from percuss.solver.build import Kernels, bind, bind_around
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
@@ -102,7 +102,7 @@ class March:
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, self.group_parts = self._groups()
         count = len(model.meetings)
-        self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], Rows)]
+        self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], LinearLaw)]
         self.record, self.time = recording.prepared(model, self.probes, self.place, count)
         self._quiet = leapfrog_loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Rows
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, LinearLaw
 from percuss.methods.kernel_trial import bound_of
 from percuss.solver import size_limits
 from percuss.solver.compiled.contact_equation import NOTHING
@@ -353,11 +353,11 @@ class Model:
             except ValueError as error:
                 self._problem(("method", "contact"), str(error))
                 continue
-            during = intervals(bound, law.name) if isinstance(bound, Rows) else None
+            during = intervals(bound, law.name) if isinstance(bound, LinearLaw) else None
             laws.append(
                 {"law": law, "where": where, "bound": bound, "resolved": resolved, "points": points, "during": during}
             )
-        return sorted(laws, key=lambda entry: not isinstance(entry["bound"], Rows))
+        return sorted(laws, key=lambda entry: not isinstance(entry["bound"], LinearLaw))
 
     def delassus(self, midpoint: float) -> Floats:
         """Return the diagonal of S, (P,) [1/mass]."""
@@ -371,7 +371,7 @@ class Model:
         for entry in self.laws:
             law, where = entry["law"], entry["where"]
             order += where
-            if isinstance(entry["bound"], Rows):
+            if isinstance(entry["bound"], LinearLaw):
                 rows = broadcast(entry["bound"], entry["points"], law.name)
                 parts.append(judge(rows, table, delassus[where], law.name))
             else:
@@ -390,7 +390,7 @@ class Model:
         sentences = []
         for entry in self.laws:
             law: ContactLaw = entry["law"]
-            if isinstance(entry["bound"], Rows) or law.uses_coupling:
+            if isinstance(entry["bound"], LinearLaw) or law.uses_coupling:
                 continue
             shared = [row for row in at_node.values() if len(row) > 1 and set(row) & set(entry["where"])]
             for row in shared:

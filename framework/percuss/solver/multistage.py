@@ -47,8 +47,8 @@ class Staged:
         self.ends = ends_of(said, model.dt)
         order = [p for entry in model.laws for p in entry["where"]]
         delassus = model.delassus(0.5 * model.dt)
-        self.answers = np.array([model.judged(delassus, table)[1]["answer"] for table in model.tables])
-        self.answers = self.answers.reshape(len(said.times), len(order))
+        self.responses = np.array([model.judged(delassus, table)[1]["response"] for table in model.tables])
+        self.responses = self.responses.reshape(len(said.times), len(order))
         loads = list(model.case.loads.values())
         bodies = list(model.bodies.values())
         rows = [
@@ -70,7 +70,7 @@ class Staged:
         self.system = System(
             groups, masses, few, bound, self.pulls, self.axes,
             np.array([h.active(midpoint) for h in self.model.holds], dtype=np.int64),
-            self.answers, self.ends, np.array(said.times, dtype=float), self.model.dim,
+            self.responses, self.ends, np.array(said.times, dtype=float), self.model.dim,
             np.zeros((len(said.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.given,
             np.array([0.0, self.model.dt, 1.0]),
         )  # fmt: skip

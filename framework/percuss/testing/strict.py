@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods.interfaces import ContactPoints, Judged, LeapFrog, Rows, Stages, Trial
+from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw, Stages, Trial
 from percuss.methods.kernel_trial import read_only
 from percuss.testing.subject import CheckFailed, NotApplicable
 
@@ -166,7 +166,7 @@ class StrictSystem:
 
         dt, size, points = self.dt, self.mass.size, len(self.points.names)
         ends = stages.end or ((dt, dt * dt, dt),) * len(stages.times)
-        if not stages.end and isinstance(self.bound, Rows) and self.bound.at == "end":
+        if not stages.end and isinstance(self.bound, LinearLaw) and self.bound.at == "end":
             raise NotApplicable("the scheme says of no stage how the end of the step is answered")
         clock = [0.0]
 
@@ -176,8 +176,8 @@ class StrictSystem:
             acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]
             ahead = gap + r_v * rate + r_a * acceleration, rate + s_a * acceleration
             table = LeapFrog(
-                Judged("current", "current", "bulk", (0.0, 0.0, 1.0)),
-                Judged("predicted", "predicted", "bulk", (r_a, s_a, 1.0)),
+                ContactState("current", "current", "bulk", (0.0, 0.0, 1.0)),
+                ContactState("predicted", "predicted", "bulk", (r_a, s_a, 1.0)),
             )
             time = clock[0] + stages.times[stage] * dt
             multiplier = self.multipliers(table, (gap, ahead[0]), (rate, ahead[1]), acceleration, time)
@@ -205,18 +205,18 @@ class StrictSystem:
         time: float,
     ) -> Floats:
         """Return the multipliers, (contacts,), from gaps and gap rates as they are and as the bulk predicts them."""
-        if isinstance(self.bound, Rows):
+        if isinstance(self.bound, LinearLaw):
             return self._by_rows(self.bound, table, gaps, rates, acceleration)
         multiplier = np.full(len(self.points.names), np.nan)
         seen = [_locked(one) for one in (*gaps, *rates)]
-        answers = table.end.answer
+        responses = table.end.response
         trial = Trial(
-            seen[0], seen[1], seen[2], seen[3], _locked(np.diag(self.delassus)), self.dt, time, answers[0], answers[1],
-            *self._neighbours(),
+            seen[0], seen[1], seen[2], seen[3], _locked(np.diag(self.delassus)), self.dt, time,
+            responses[0], responses[1], *self._neighbours(),
         )  # fmt: skip
         kernel: Any = getattr(type(self.law), "multipliers", None)
         if kernel is None:
-            raise CheckFailed("bind returned no Rows, and there is no static method `multipliers`")
+            raise CheckFailed("bind returned no LinearLaw, and there is no static method `multipliers`")
         getattr(kernel, "py_func", kernel)(self.bound, trial, multiplier)
         if np.isnan(multiplier).any():
             raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
@@ -234,25 +234,25 @@ class StrictSystem:
 
     def _by_rows(
         self,
-        rows: Rows,
+        rows: LinearLaw,
         table: LeapFrog,
         gaps: tuple[Floats, Floats],
         rates: tuple[Floats, Floats],
         acceleration: Floats,
     ) -> Floats:
         count = len(self.points.names)
-        judged: Judged = getattr(table, rows.at)
+        judged: ContactState = getattr(table, rows.at)
         gap, rate = gaps[judged.gap == "predicted"], rates[judged.rate == "predicted"]
         weights = [np.broadcast_to(np.asarray(one, float), count) for one in (rows.gap, rows.rate, rows.acceleration)]
         sigma = np.broadcast_to(np.asarray(rows.sigma, dtype=float), count)
-        answer = sum(weight * one for weight, one in zip(weights, judged.answer, strict=True))
+        response = sum(weight * one for weight, one in zip(weights, judged.response, strict=True))
         right = -weights[0] * gap - weights[1] * rate
         if judged.acceleration == "bulk":
             right = right - weights[2] * acceleration
         intervals = [(-math.inf, math.inf)] if rows.during is None else rows.during
         acts = any(start < self._middle < stop for start, stop in intervals)
         active = np.flatnonzero(((gap < 0.0) | (rows.active == "all")) & acts)
-        left = np.diag(sigma) + np.asarray(answer)[:, None] * self.delassus
+        left = np.diag(sigma) + np.asarray(response)[:, None] * self.delassus
         out = np.zeros(count)
         out[active] = _solved(left[np.ix_(active, active)], right[active], free=rows.sign == "free")
         return out

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from percuss import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, Rows, Unit
+from percuss import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, LinearLaw, Unit
 from percuss_methods.contacts import _auto
 
 DEFAULT_RATIO = "matched"
@@ -97,10 +97,10 @@ class Bipenalty(ContactLaw):
         ratio = self.ratio or DEFAULT_RATIO
         return 0.0, SHARES[ratio] * dt**2 if isinstance(ratio, str) else 1.0 / (ratio * points.frequency**2)
 
-    def bind(self, points: ContactPoints, dt: float) -> Rows:
+    def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
         """Return the row ``lambda / eps_s = -g - (eps_m / eps_s) g''``."""
         eps_s, eps_m = self.penalties(points, dt)
-        return Rows(at="explicit", sigma=1.0 / eps_s, acceleration=eps_m / eps_s)
+        return LinearLaw(at="explicit", sigma=1.0 / eps_s, acceleration=eps_m / eps_s)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
         """Return both penalties and their dimensionless forms."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from percuss import ContactLaw, ContactPoints, Rows
+from percuss import ContactLaw, ContactPoints, LinearLaw
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,6 @@ class Lagrange(ContactLaw):
 
     guarantees = ("never pulls", "no penetration", "keeps the free step")
 
-    def bind(self, points: ContactPoints, dt: float) -> Rows:  # noqa: ARG002
+    def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
         """Return the row ``0 <= lambda``, ``gap at the end of the step >= 0``."""
-        return Rows(at="end", sigma=0.0, active="all", sign=">= 0")
+        return LinearLaw(at="end", sigma=0.0, active="all", sign=">= 0")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from percuss import ContactLaw, ContactPoints, Doc, Gt, Rows, Unit
+from percuss import ContactLaw, ContactPoints, Doc, Gt, LinearLaw, Unit
 from percuss_methods.contacts import _auto
 
 SCALE = 0.1
@@ -64,9 +64,9 @@ class Penalty(ContactLaw):
         beta_s = _auto.chosen(points, dt).beta_s if self.beta_s in {None, "auto"} else self.beta_s
         return beta_s * points.stiffness
 
-    def bind(self, points: ContactPoints, dt: float) -> Rows:
+    def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
         """Return the row ``lambda / eps_s = -g``."""
-        return Rows(at="explicit", sigma=1.0 / self.epsilon(points, dt))
+        return LinearLaw(at="explicit", sigma=1.0 / self.epsilon(points, dt))
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
         """Return stiffness and its dimensionless form."""

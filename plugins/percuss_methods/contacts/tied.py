@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from percuss import ContactLaw, ContactPoints, Doc, Rows, Unit
+from percuss import ContactLaw, ContactPoints, Doc, LinearLaw, Unit
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Tied(ContactLaw):
             if not start <= stop:
                 raise ValueError(f"the interval from {start:g} to {stop:g} ends before it starts")
 
-    def bind(self, points: ContactPoints, dt: float) -> Rows:  # noqa: ARG002
+    def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
         """Return the row ``g' = 0`` at the end of the step, in the intervals."""
         during = None if self.during is None else np.array(self.during, dtype=float).reshape(-1, 2)
-        return Rows(at="end", sigma=0.0, gap=0.0, rate=1.0, active="all", during=during)
+        return LinearLaw(at="end", sigma=0.0, gap=0.0, rate=1.0, active="all", during=during)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from percuss import Integrator, Judged, LeapFrog, end_of_step
+from percuss import ContactState, Integrator, LeapFrog, end_of_step
 
 
 @dataclass(frozen=True)
@@ -36,4 +36,4 @@ class CentralDifference(Integrator):
 
     def bind(self, dt: float) -> LeapFrog:
         """Return the table of the scheme: explicit laws see u_n, and a multiplier changes the acceleration alone."""
-        return LeapFrog(explicit=Judged("current", "current", "bulk", (0.0, 0.0, 1.0)), end=end_of_step(dt))
+        return LeapFrog(explicit=ContactState("current", "current", "bulk", (0.0, 0.0, 1.0)), end=end_of_step(dt))

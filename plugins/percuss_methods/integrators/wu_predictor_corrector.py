@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from percuss import Integrator, Judged, LeapFrog, end_of_step
+from percuss import ContactState, Integrator, LeapFrog, end_of_step
 
 
 @dataclass(frozen=True)
@@ -31,4 +31,4 @@ class WuPredictorCorrector(Integrator):
 
     def bind(self, dt: float) -> LeapFrog:
         """Return the table of the scheme: explicit laws see u*, and no gap acceleration."""
-        return LeapFrog(explicit=Judged("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end=end_of_step(dt))
+        return LeapFrog(explicit=ContactState("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end=end_of_step(dt))

@@ -50,7 +50,7 @@ class Table(Load):
     def points(self) -> tuple[Floats, Floats]:
         """Times and values; an exact solution asks for them thousands of times."""
         if self.file is not None:
-            columns = self.file.columns(2)
+            columns = self.file.as_columns(2)
             return columns[0], columns[1]
         return np.asarray(self.time, dtype=float), np.asarray(self.value, dtype=float)
 

@@ -12,8 +12,8 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from percuss.methods.interfaces.base import NAME_PATTERN, AllowInf, Component, DataFile, Doc, Floats, Integers, Unit
 from percuss.methods.interfaces.body import BodyMesh, Element, Mass, Material, Mesh, Region, Shape
-from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, Rows, Trial
-from percuss.methods.interfaces.integrator import Integrator, Judged, LeapFrog, Stages, end_of_step
+from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
+from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import Load
 from percuss.methods.interfaces.measure import Measure
 from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
@@ -26,6 +26,7 @@ __all__ = [
     "Component",
     "ContactLaw",
     "ContactPoints",
+    "ContactState",
     "DataFile",
     "Doc",
     "Element",
@@ -36,9 +37,9 @@ __all__ = [
     "Gt",
     "Integers",
     "Integrator",
-    "Judged",
     "Le",
     "LeapFrog",
+    "LinearLaw",
     "Load",
     "Lt",
     "Mass",
@@ -46,7 +47,6 @@ __all__ = [
     "Measure",
     "Mesh",
     "Region",
-    "Rows",
     "Shape",
     "Solution",
     "Stages",

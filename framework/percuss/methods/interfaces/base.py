@@ -77,7 +77,7 @@ class DataFile:
     def __hash__(self) -> int:
         return hash((self.path, self.table.shape))
 
-    def columns(self, count: int) -> Floats:
+    def as_columns(self, count: int) -> Floats:
         """Return the (count, rows) numbers.
 
         Raises

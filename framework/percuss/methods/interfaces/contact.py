@@ -62,11 +62,11 @@ class ContactPoints:
         return self.limits()
 
 
-class Rows(NamedTuple):
-    """A contact law as a line in (multiplier, gap, rate, acceleration), one a point.
+class LinearLaw(NamedTuple):
+    """A contact law as a linear relation of the multiplier lambda, the gap, its rate and its acceleration at a point.
 
     The framework solves ``(diag(sigma) + diag(w) S) lambda = gamma`` over all active points of a step, where w is
-    (gap, rate, acceleration) times the integrator's answer, and gamma minus (gap, rate, acceleration) times the
+    (gap, rate, acceleration) times the integrator's response, and gamma minus (gap, rate, acceleration) times the
     judged state.
 
     Attributes
@@ -97,12 +97,12 @@ class Rows(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """What the kernel of a law that is not rows sees of its points in one step; (P,) arrays, read-only.
+    """The state that the kernel of a law is handed, for all its points in one step; (P,) arrays, read-only.
 
-    It is the same with every leap-frog integrator: two of them differ in what they show to rows alone. `gap` is that
-    of the displacement the forces of the step are evaluated at (u_{n+1} of papers that update it before the balance is
-    solved), `predicted_gap` where the bodies would be a step later without contact. Gaps of bodies that touch are
-    round-off about zero: ``gap <= 0`` hangs on it, ``gap < 0`` less so.
+    It is the same with every leap-frog integrator: two of them differ in what they show to linear laws alone. `gap` is
+    that of the displacement the forces of the step are evaluated at (u_{n+1} of papers that update it before the
+    balance is solved), `predicted_gap` where the bodies would be a step later without contact. Gaps of bodies that
+    touch are round-off about zero: ``gap <= 0`` hangs on it, ``gap < 0`` less so.
 
     With an integrator of `Stages` it is called in every stage, and sees there g(u) and N^T v, and predicted the state
     that the integrator's `end` says; where that is empty, ``g + dt g' + dt^2 g''`` and ``g' + dt g''`` with the bulk
@@ -118,7 +118,7 @@ class Trial(NamedTuple):
         s of each point [1/mass].
     dt, time
         Step, and t_n or the time of the stage.
-    gap_answer, rate_answer
+    gap_response, rate_response
         What a multiplier of 1/s adds to the predicted gap and to the predicted rate: dt^2 and dt of a leap-frog step.
     first_neighbour, neighbour, coupling
         The entries of S off its diagonal, between points of this law that share an end: those of point p are
@@ -138,8 +138,8 @@ class Trial(NamedTuple):
     delassus: Floats
     dt: float
     time: float
-    gap_answer: float
-    rate_answer: float
+    gap_response: float
+    rate_response: float
     first_neighbour: Integers
     neighbour: Integers
     coupling: Floats
@@ -147,15 +147,15 @@ class Trial(NamedTuple):
 
 
 class ContactLaw(Component, contract="contacts"):
-    """A way to enforce contact: rows wherever it can be written so, else a kernel `multipliers`.
+    """A way to enforce contact: a linear law wherever it can be written so, else a kernel `multipliers`.
 
-    A law whose `bind` returns `Rows` is complete. Any other law returns a NamedTuple of arrays of its own and
+    A law whose `bind` returns `LinearLaw` is complete. Any other law returns a NamedTuple of arrays of its own and
     has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`,
     compression positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call
     every multiplier is nan: one that the kernel leaves unset ends the run, with the contact named. What the kernel is
     handed to read cannot be written, and nothing may be kept from one call to the next.
 
-    Where contacts share an end, the force of one changes the motion that the other is judged by. Rows are solved
+    Where contacts share an end, the force of one changes the motion that the other is judged by. Linear laws are solved
     together. A kernel sees each point by itself, as if no other force acted in the step, unless it declares
     `uses_coupling`; then `percuss.coupled_gap` and `percuss.coupled_rate` are the predicted gap and rate with what all
     contacts at that end press, and a few sweeps over the points solve them together::
@@ -168,7 +168,7 @@ class ContactLaw(Component, contract="contacts"):
                 for p in range(multiplier.size):
                     before = multiplier[p]
                     gap = coupled_gap(trial, multiplier, p)
-                    multiplier[p] = max(before - gap / (trial.gap_answer * trial.delassus[p]), 0.0)
+                    multiplier[p] = max(before - gap / (trial.gap_response * trial.delassus[p]), 0.0)
                     moved = max(moved, abs(multiplier[p] - before))
                 if moved <= 1e-14 * multiplier.max():
                     break
@@ -185,8 +185,8 @@ class ContactLaw(Component, contract="contacts"):
         each step), ``"keeps the free step"``; the conformance kit holds it against drawn runs.
     needs_only_response_of
         Quantities of the row (so far ``"acceleration"`` alone can be missing) -> why the law is still itself with an
-        integrator that does not show their bulk value (`Judged.acceleration` is ``"none"``), so that the weight acts on
-        what the multiplier itself adds to them and on nothing else. A penalty mass is such a weight: Wu's
+        integrator that does not show their bulk value (`ContactState.acceleration` is ``"none"``), so that the weight
+        acts on what the multiplier itself adds to them and on nothing else. A penalty mass is such a weight: Wu's
         predictor-corrector lets it resist the corrector's acceleration alone. A law that reads the bulk acceleration,
         as Nitsche's method reads the normal stress of the bodies from it, is not, and would silently become another
         method. A pair whose row has a weight that is neither shown nor named here is refused.
@@ -198,8 +198,8 @@ class ContactLaw(Component, contract="contacts"):
     needs_only_response_of: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
-    def bind(self, points: ContactPoints, dt: float) -> Rows | Any:
-        """Return the law's `Rows` at `points` for the step `dt`, or the bound arrays of its `multipliers`."""
+    def bind(self, points: ContactPoints, dt: float) -> LinearLaw | Any:
+        """Return the law's `LinearLaw` at `points` for the step `dt`, or the bound arrays of its `multipliers`."""
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
         """Return the parameters as they came out at `points` for the step `dt`; they go into the provenance."""

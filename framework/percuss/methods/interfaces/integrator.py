@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Literal, NamedTuple
 from percuss.methods.interfaces.base import Component
 
 
-class Judged(NamedTuple):
-    """At which state a contact law is judged, and how that state answers a multiplier.
+class ContactState(NamedTuple):
+    """The state at which a contact law is judged, and how much a multiplier changes it.
 
     Attributes
     ----------
@@ -19,14 +19,14 @@ class Judged(NamedTuple):
         ``"bulk"``: the gap's bulk acceleration; ``"none"``: zero is shown to the law. A law whose row has a weight on
         the acceleration is then refused, unless it says that it needs the response to its multiplier alone
         (`ContactLaw.needs_only_response_of`).
-    answer
+    response
         What a unit multiplier adds to (gap, rate, acceleration), in units of the Delassus operator S.
     """
 
     gap: Literal["current", "predicted"]
     rate: Literal["current", "predicted"]
     acceleration: Literal["bulk", "none"]
-    answer: tuple[float, float, float]
+    response: tuple[float, float, float]
 
 
 class LeapFrog(NamedTuple):
@@ -40,8 +40,8 @@ class LeapFrog(NamedTuple):
         For laws judged at the end of the step.
     """
 
-    explicit: Judged
-    end: Judged
+    explicit: ContactState
+    end: ContactState
 
 
 class Stages(NamedTuple):
@@ -134,6 +134,6 @@ class Integrator(Component, contract="integrators"):
         return None
 
 
-def end_of_step(dt: float) -> Judged:
-    """Return how the end of a leap-frog step answers a multiplier; the same for every leap-frog scheme."""
-    return Judged("predicted", "predicted", "bulk", (dt * dt, dt, 1.0))
+def end_of_step(dt: float) -> ContactState:
+    """Return the state at the end of a leap-frog step; the same for every leap-frog scheme."""
+    return ContactState("predicted", "predicted", "bulk", (dt * dt, dt, 1.0))

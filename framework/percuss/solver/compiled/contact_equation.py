@@ -30,7 +30,7 @@ JUDGED = np.dtype(
         ("weight_rate", "f8"),
         ("weight_acceleration", "f8"),
         ("sigma", "f8"),
-        ("answer", "f8"),  # w
+        ("response", "f8"),  # w
         ("end_stiffness", "f8"),  # 1/sigma of explicit laws, nan where there is none
         ("sees_predicted_gap", "i8"),  # 1 where the law is shown the predicted gap, else 0
         ("sees_predicted_rate", "i8"),
@@ -84,7 +84,7 @@ def solve(points: Any, others: Any, dt: float) -> bool:
         if p.own == 0:
             p.multiplier = 0.0
             if acts(p):
-                value = right_side(p, dt) / (p.sigma + p.answer * p.delassus)
+                value = right_side(p, dt) / (p.sigma + p.response * p.delassus)
                 if value > 0.0 or p.never_pulls == 0:
                     p.multiplier = value
     return others.size == 0 or sweep(points, others, dt)
@@ -146,8 +146,8 @@ def sweep(points: Any, others: Any, dt: float) -> bool:
             if p.own == 0 and p.other_start < p.other_stop and acts(p):
                 gamma = right_side(p, dt)
                 for k in range(p.other_start, p.other_stop):
-                    gamma -= p.answer * others[k].value * points[others[k].point].multiplier
-                value = gamma / (p.sigma + p.answer * p.delassus)
+                    gamma -= p.response * others[k].value * points[others[k].point].multiplier
+                value = gamma / (p.sigma + p.response * p.delassus)
                 if value < 0.0 and p.never_pulls == 1:
                     value = 0.0
                 moved = max(moved, abs(value - p.multiplier))

@@ -15,7 +15,7 @@ from percuss.solver.compiler.specialise import Specialiser, compile_error
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
-Answer = tuple[float, float]
+Response = tuple[float, float]
 
 
 class Sight(NamedTuple):
@@ -37,11 +37,11 @@ def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
     raise NotImplementedError
 
 
-def tail(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer, first: int) -> None:
+def tail(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
     """Slot: the laws behind this one; none unless bound."""
 
 
-def one_law(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer, first: int) -> None:
+def one_law(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
     """Let one law fill the multipliers of its points, which start at `first`, then those behind it."""
     seen, multiplier = bound[1], bound[2]
     stop = first + multiplier.size
@@ -56,22 +56,22 @@ def one_law(bound: Any, points: Any, others: Any, dt: float, time: float, answer
     for i in range(multiplier.size):
         multiplier[i] = np.nan
     trial = Trial(
-        seen.gap, seen.predicted_gap, seen.rate, seen.predicted_rate, seen.delassus, dt, time, answer[0], answer[1],
+        seen.gap, seen.predicted_gap, seen.rate, seen.predicted_rate, seen.delassus, dt, time, response[0], response[1],
         seen.first_neighbour, seen.neighbour, seen.coupling, seen.pushed_by_others,
     )  # fmt: skip
     multipliers(bound[0], trial, multiplier)
-    tail(bound[4], points, others, dt, time, answer, stop)
+    tail(bound[4], points, others, dt, time, response, stop)
 
 
-def laws(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer) -> None:
+def laws(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response) -> None:
     """Let every law that is not rows fill its multipliers; a template around `first_law`.
 
-    `answer` is what a multiplier of 1/s adds to the predicted gap and to the predicted rate.
+    `response` is what a multiplier of 1/s adds to the predicted gap and to the predicted rate.
     """
-    first_law(bound[2], points, others, dt, time, answer, bound[1])
+    first_law(bound[2], points, others, dt, time, response, bound[1])
 
 
-def first_law(bound: Any, points: Any, others: Any, dt: float, time: float, answer: Answer, first: int) -> None:
+def first_law(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
     """Slot: the first law that is not rows; nothing to do where there is none."""
 
 

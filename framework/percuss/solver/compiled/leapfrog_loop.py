@@ -127,12 +127,12 @@ def strain_energy(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> flo
     return elastic(groups, u, v, dim, dt)
 
 
-def own_laws(bound: Any, points: Any, others: Any, dt: float, time: float, answer: tuple[float, float]) -> None:
+def own_laws(bound: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float]) -> None:
     """Slot: the multipliers of laws that are not rows; nothing to do where there is none."""
 
 
 def find_multipliers(
-    bound: Any, points: Any, others: Any, dt: float, time: float, answer: tuple[float, float], span: float
+    bound: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float], span: float
 ) -> bool:
     """Find the multipliers of all points in a step or stage; return whether they were found.
 
@@ -147,7 +147,7 @@ def find_multipliers(
         Contact points, and the entries of S off its diagonal.
     dt, time
         Step, and time of the state.
-    answer
+    response
         What a multiplier of 1/s adds to the predicted gap and to the predicted rate.
     span
         Time between the two gap rates of a point.
@@ -157,7 +157,7 @@ def find_multipliers(
         for i in range(points.size):
             points[i].multiplier = 0.0
     for sweep in range(SWEEPS_BETWEEN_LAWS):
-        own_laws(bound, points, others, dt, time, answer)
+        own_laws(bound, points, others, dt, time, response)
         sound = solve(points, others, span)
         if not in_turn or not sound:
             return sound

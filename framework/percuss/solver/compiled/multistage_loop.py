@@ -46,7 +46,7 @@ class System(NamedTuple):
     pulls: Any  # PULL
     pull_axes: Floats
     acts: Integers  # (holds,) 1 where the hold is in force
-    answers: Floats  # (stages, points) w of each point
+    responses: Floats  # (stages, points) w of each point
     ends: Floats  # (stages, 3) r_v, r_a, s_a
     times: Floats  # (stages,) fractions of the step
     dim: int
@@ -179,7 +179,7 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
         p.rate = rate
         p.predicted_gap = gap + end[0] * rate + end[1] * acceleration
         p.predicted_rate = rate + end[2] * acceleration
-        p.answer = system.answers[stage, i]
+        p.response = system.responses[stage, i]
     time = system.clock[0] + system.times[stage] * system.clock[1]
     # the bulk acceleration is read from the rates, which lie s_a apart
     if not find_multipliers(system.bound, points, few.others, system.clock[1], time, (end[1], end[2]), end[2]):

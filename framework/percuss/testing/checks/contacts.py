@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import InputError, RunError, nearest
-from percuss.methods.interfaces import ContactPoints, Rows, Trial
+from percuss.methods.interfaces import ContactPoints, LinearLaw, Trial
 from percuss.methods.kernel_trial import read_only
 from percuss.testing.draws import STEEL, for_all, round_off, rows, with_examples
 from percuss.testing.strict import StrictSystem
@@ -120,7 +120,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
 def _said(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
     """Return what a law says of its points: its rows, or the multipliers of a state."""
     count = trial.gap.size
-    if isinstance(bound, Rows):
+    if isinstance(bound, LinearLaw):
         fields = ("sigma", "gap", "rate", "acceleration")
         values = {name: np.asarray(getattr(bound, name), dtype=float) for name in fields}
         for name, value in values.items():
@@ -130,7 +130,7 @@ def _said(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
     kernel = getattr(subject.component, "multipliers", None)
     if kernel is None:
         raise CheckFailed(
-            f"bind returned {type(bound).__name__}, which is no Rows, and there is no static method "
+            f"bind returned {type(bound).__name__}, which is no LinearLaw, and there is no static method "
             "`multipliers(bound, trial, multiplier)`"
         )
     multiplier = np.full(count, np.nan)
@@ -156,7 +156,7 @@ def check_inputs_untouched(subject: Subject) -> None:
     points, dt = some_points(3), 1e-3
     for options in subject.examples:
         bound = _bound(subject, options, points, dt)
-        if isinstance(bound, Rows):
+        if isinstance(bound, LinearLaw):
             continue
         trial = some_trial(points, dt)
         before = [np.array(one, copy=True) for one in (*bound, *trial)]
@@ -183,7 +183,7 @@ def check_coupling(subject: Subject) -> None:
     points, dt = some_points(5), 1e-3
     for options in subject.examples:
         bound = _bound(subject, options, points, dt)
-        if isinstance(bound, Rows):
+        if isinstance(bound, LinearLaw):
             raise CheckFailed("it declares `uses_coupling`, and is rows: these are solved together, whatever it says")
         free = some_trial(points, dt)
         deep = np.full(5, -1e-3)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import InputError, RefusedPair, RunError
-from percuss.methods.interfaces import LeapFrog, Rows
+from percuss.methods.interfaces import LeapFrog, LinearLaw
 from percuss.testing import draws
 from percuss.testing.draws import STEEL, for_all, must_agree, number, replaced, rows, with_examples
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, forbidden
@@ -166,9 +166,11 @@ def growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
 
     model = Model(subject.load(case))
     bounds = [entry["bound"] for entry in model.laws]
-    if any(isinstance(row, Rows) and np.any(row.rate) and row.sign == "free" and row.active == "all" for row in bounds):
+    if any(
+        isinstance(row, LinearLaw) and np.any(row.rate) and row.sign == "free" and row.active == "all" for row in bounds
+    ):
         raise NotApplicable("a tie is no contact: it takes up the gap rate of its ends as it begins, and says so")
-    rigid = all(isinstance(row, Rows) and row.sign == ">= 0" and not np.any(row.sigma) for row in bounds)
+    rigid = all(isinstance(row, LinearLaw) and row.sign == ">= 0" and not np.any(row.sigma) for row in bounds)
     whole = rigid or result.summary["energy_growth"]["quantity"] != "kinetic + elastic - work"
     if model.stages is None and whole:
         return float(result.summary["energy_growth"]["largest"])
