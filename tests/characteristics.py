@@ -36,17 +36,19 @@ class Histories:
     exact: int  # steps before the first closing between two times of the grid
 
 
-def march(bars: list[Bar], meetings: list[tuple[int | None, int | None, float]], step: float, steps: int) -> Histories:
+def march(
+    bars: list[Bar], contact_pairs: list[tuple[int | None, int | None, float]], step: float, steps: int
+) -> Histories:
     """Work the row off.
 
     A meeting is (bar whose right end, bar whose left end, gap); None is a rigid wall.
     """
     leaves = np.zeros((len(bars), 2, steps))
-    force = np.zeros((len(meetings), steps))
-    gap = np.zeros((len(meetings), steps + 1))
-    gap[:, 0] = [one[2] for one in meetings]
+    force = np.zeros((len(contact_pairs), steps))
+    gap = np.zeros((len(contact_pairs), steps + 1))
+    gap[:, 0] = [one[2] for one in contact_pairs]
     ends = np.zeros((len(bars), 2, steps))  # velocities
-    meets = {(one[side], RIGHT - side) for one in meetings for side in (0, 1) if one[side] is not None}
+    meets = {(one[side], RIGHT - side) for one in contact_pairs for side in (0, 1) if one[side] is not None}
     alone = [(b, end) for b in range(len(bars)) for end in (LEFT, RIGHT) if (b, end) not in meets]
     off = steps
 
@@ -69,7 +71,7 @@ def march(bars: list[Bar], meetings: list[tuple[int | None, int | None, float]],
     for k in range(steps):
         for b, end in alone:
             send(b, end, k, alone_velocity(b, end, k)[0])
-        for m, (left, right, _) in enumerate(meetings):
+        for m, (left, right, _) in enumerate(contact_pairs):
             v_left, y_left = (0.0, 0.0) if left is None else alone_velocity(left, RIGHT, k)
             v_right, y_right = (0.0, 0.0) if right is None else alone_velocity(right, LEFT, k)
             needed = v_left - v_right - gap[m, k] / step

@@ -13,9 +13,9 @@ from hypothesis import assume, event, given
 import percuss
 from percuss.certificate import criteria
 from percuss.certificate.black_box import ClosedStep, Motions, combinations, examine
-from percuss.certificate.closed_contacts import closed
-from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
-from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
+from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
+from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
 from percuss.certificate.pencil import Pencil
 from percuss.certificate.verdict import certificate
 from percuss.solver.compiled import leapfrog_loop
@@ -79,12 +79,12 @@ def test_the_published_critical_courant_numbers(ratio, beta, critical):
 
 @pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
 def test_closed_forms_give_the_published_critical_courant_numbers(ratio, beta, critical):
-    assert round(ClosedForm(model_of(wall(beta, ratio))).critical() * 60, 4) == critical
+    assert round(ClosedFormCriterion(model_of(wall(beta, ratio))).critical() * 60, 4) == critical
 
 
 def test_the_closed_form_of_the_penalty_method():
     for beta in (0.1, 1.0, 30.0):
-        found = ClosedForm(model_of(wall(beta, math.inf))).critical() * 60
+        found = ClosedFormCriterion(model_of(wall(beta, math.inf))).critical() * 60
         assert found == pytest.approx(math.sqrt(2 / (1 + math.sqrt(1 + beta**2))), rel=1e-9)
 
 
@@ -96,17 +96,17 @@ def test_unlike_bars_have_a_closed_form_too(integrator):
     }  # fmt: skip
     case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
     model = model_of(case)
-    assert ClosedForm(model).critical() == pytest.approx(RowsJudge(model).critical(), rel=1e-6)
+    assert ClosedFormCriterion(model).critical() == pytest.approx(PencilCriterion(model).critical(), rel=1e-6)
 
 
 def test_no_closed_form_where_none_is_known():
     case = wall(1.0, 1.0)
     case["bodies"]["b"]["bar"]["grading"] = 2.0
     with pytest.raises(NoClosedFormError, match="body 'b' are unequal"):
-        ClosedForm(model_of(case))
+        ClosedFormCriterion(model_of(case))
     case = {**wall(1.0, 1.0), "method": {"integrator": "noh-bathe", "contact": "penalty"}}
     with pytest.raises(NoClosedFormError, match="noh-bathe is no leap-frog scheme"):
-        ClosedForm(model_of(case))
+        ClosedFormCriterion(model_of(case))
 
 
 def three_bars(integrator, direction):
@@ -139,8 +139,8 @@ def test_theta_of_several_contacts_is_that_of_the_determinant(direction):
     model = model_of(three_bars(WU, direction))
     motions = Motions(model)
     closed_step, free = (ClosedStep(motions, model.dt, c) for c in ([0, 1, 2], []))
-    judge = RowsJudge(model)
-    said = closed(model, model.dt)
+    judge = PencilCriterion(model)
+    said = closed_contacts(model, model.dt)
     s = judge.delassus
     thetas = model.dt**2 * np.linalg.eigvals(np.linalg.solve(np.eye(3) + s * said.inertia, s * said.stiffness))
     assert np.linalg.det(closed_step.matrix()) == pytest.approx(np.prod(1 - thetas).real, abs=1e-10)
@@ -164,13 +164,13 @@ def test_central_difference_keeps_the_volume(direction):
 # ----------------------------------------------------------------------------------------------- the limit is tight
 
 
-def check_the_limit_is_tight(model, judge_class=RowsJudge):
+def check_the_limit_is_tight(model, judge_class=PencilCriterion):
     """Demand that 1 % below the critical step nothing grows in any combination, and 1 % above it does in the worst."""
     judge = judge_class(model)
     critical = judge.critical()
     motions = Motions(model)
     below, above = 0.99 * critical, 1.01 * critical
-    for contacts in combinations(len(model.meetings)):
+    for contacts in combinations(len(model.contact_pairs)):
         found = examine(motions, below, contacts)
         assert found.radius <= 1 + 1e-9
         assert found.stable
@@ -186,7 +186,7 @@ def check_the_limit_is_tight(model, judge_class=RowsJudge):
 def test_the_limit_is_tight(pair, case):
     model = drawn_model(case, pair)
     critical = check_the_limit_is_tight(model)
-    event("lowered by contact" if critical < 0.999 * RowsJudge(model).free else "that of the bodies")
+    event("lowered by contact" if critical < 0.999 * PencilCriterion(model).free else "that of the bodies")
 
 
 @given(case=rows(moving=False, loads=False, bars=2))
@@ -197,7 +197,7 @@ def test_bars_that_are_tied_keep_the_step_of_the_bars(case):
     assert found["by"] == "pencil"
     assert found["stable"] in {"yes", "marginal"} or model.dt > found["dt_critical_free"]
     assert found["dt_critical"] == pytest.approx(found["dt_critical_free"], rel=1e-9)
-    everywhere = list(range(len(model.meetings)))
+    everywhere = list(range(len(model.contact_pairs)))
     assert examine(Motions(model), found["dt_critical_free"] * (1 - 1e-6), everywhere).stable
 
 
@@ -230,7 +230,7 @@ def test_the_verdict_turns_where_theta_is_one(theta):
 def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
         model = model_of(hunek(n=200, integrator=CD, contact=law))
-        assert BlackBoxJudge(model).critical() == pytest.approx(RowsJudge(model).critical(), rel=1e-4)
+        assert BlackBoxCriterion(model).critical() == pytest.approx(PencilCriterion(model).critical(), rel=1e-4)
     found = certificate(model_of(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
     assert "Krylov" in found["why"]
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
@@ -278,7 +278,7 @@ def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
 
 def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
     case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
-    expected = RowsJudge(model_of(wall(3.0, math.inf))).critical()
+    expected = PencilCriterion(model_of(wall(3.0, math.inf))).critical()
     assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 
@@ -296,7 +296,7 @@ def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(tmp_pat
 # --------------------------------------------------------------------------------------------------- planted defects
 
 
-def limit_of(case, judge_class=RowsJudge):
+def limit_of(case, judge_class=PencilCriterion):
     return check_the_limit_is_tight(model_of(case), judge_class)
 
 
@@ -318,10 +318,10 @@ def test_nothing_planted_nothing_found(integrator):
 @pytest.mark.parametrize("integrator", [WU, CD])
 def test_a_penalty_left_out_of_the_step_estimate_is_seen(integrator, monkeypatch):
     def forgets(model, dt):
-        said = closed(model, dt)
+        said = closed_contacts(model, dt)
         return dataclasses.replace(said, stiffness=0.0 * said.stiffness)
 
-    monkeypatch.setattr(criteria, "closed", forgets)
+    monkeypatch.setattr(criteria, "closed_contacts", forgets)
     with pytest.raises((AssertionError, IndexError)):
         limit_of(unlike_pair(integrator))
 
@@ -335,12 +335,12 @@ def test_a_lumped_mass_penalty_is_seen(monkeypatch):
             matrix[part, part] = np.diag(4 / dt**2 * mass - diagonal) - np.diag(off, 1) - np.diag(off, -1)
         if not (np.linalg.eigvalsh(matrix) > 0).all():
             return False, []
-        for p, meeting in enumerate(self.model.meetings):
+        for p, contact_pair in enumerate(self.model.contact_pairs):
             n = np.zeros(count)
-            for node, normal in meeting.rows():
+            for node, normal in contact_pair.rows():
                 n[node] = normal[0]
             matrix += 4 / dt**2 * inertia[p] * np.diag(np.abs(n)) - stiffness[p] * np.outer(n, n)
-        return bool((np.linalg.eigvalsh(matrix) > 0).all()), list(range(len(self.model.meetings)))
+        return bool((np.linalg.eigvalsh(matrix) > 0).all()), list(range(len(self.model.contact_pairs)))
 
     monkeypatch.setattr(Pencil, "definite", lumped)
     with pytest.raises(AssertionError):

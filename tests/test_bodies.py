@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.certificate import maps, verdict
-from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
+from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.waves import waves
 from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
@@ -137,7 +137,7 @@ def test_maps_closed_forms_waves_and_tied_twins_say_that_it_is_not_known(not_lin
         assert row["courant_critical"] is None
         assert name in row["reason"]
     with pytest.raises(NoClosedFormError, match=name):
-        ClosedForm(Model(loaded))
+        ClosedFormCriterion(Model(loaded))
     with pytest.raises(PercussError, match=name):
         waves(Model(loaded))
     twin = compared(case | {"plugins": plugins}, tmp_path, "--tied")[-1]
@@ -377,7 +377,7 @@ def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
     assert reason in known["energy_why"]
     assert ("no line in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")
     with pytest.raises(NoClosedFormError, match=reason):
-        ClosedForm(model).critical()
+        ClosedFormCriterion(model).critical()
 
 
 # ---------------------------------------------------------------------------------------------------- swaps

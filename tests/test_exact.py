@@ -293,11 +293,11 @@ class GridRow:
                     one.velocity[end] = np.full(self.steps * finer, self.held[b, end])
             bars.append(one)
         last = len(bars)
-        meetings = [
+        contact_pairs = [
             (k - 1 if k else None, k if k < last else None, gap) for k, gap in enumerate(self.gaps) if gap is not None
         ]
         names = [f"c{k}" for k, gap in enumerate(self.gaps) if gap is not None]
-        return names, characteristics.march(bars, meetings, STEP / finer, self.steps * finer)
+        return names, characteristics.march(bars, contact_pairs, STEP / finer, self.steps * finer)
 
     @property
     def speed(self):

@@ -127,7 +127,7 @@ def test_a_method_is_short(written, kind, most):
 
 
 def test_a_name_that_the_code_has_already_is_told_apart(tmp_path):
-    for name, cls in [("rows", "RowsMethod"), ("contact-law", "ContactLawMethod"), ("spring_2", "Spring2")]:
+    for name, cls in [("linear-law", "LinearLawMethod"), ("contact-law", "ContactLawMethod"), ("spring_2", "Spring2")]:
         made = scaffold.scaffold(name, "contact", tmp_path, single_file=True)
         assert made.component == cls
         assert Registry.load([made.files[0]]).get("contacts", name).__name__ == cls

@@ -270,11 +270,11 @@ def test_a_long_history_keeps_its_extremes():
     values = np.sin(time)
     values[123_457] = 9.0
     values[765_433] = -9.0
-    few, thinned = figures.thinned(time, values)
-    assert few.size <= figures.MOST_POINTS + 2
+    boundary, thinned = figures.thinned(time, values)
+    assert boundary.size <= figures.MOST_POINTS + 2
     assert (thinned.max(), thinned.min()) == (9.0, -9.0)
-    assert np.array_equal(values[few.astype(int)], thinned)
-    assert np.all(np.diff(few) > 0)
+    assert np.array_equal(values[boundary.astype(int)], thinned)
+    assert np.all(np.diff(boundary) > 0)
 
 
 def test_a_title_is_never_mathematics(good, tmp_path):

@@ -10,7 +10,7 @@ from hypothesis import given
 
 import dense
 import percuss
-from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
+from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
@@ -321,7 +321,7 @@ def on_a_wall(name, law, elements=12):
 def test_the_step_itself_has_the_limit_of_the_rows(name, law, files):
     """Growth seen in the step, what is kept between steps included, against oscillators and the closed pencil."""
     model = Model(percuss.load(on_a_wall(name, law), plugins=files))
-    assert BlackBoxJudge(model).critical() == pytest.approx(RowsJudge(model).critical(), rel=5e-6)
+    assert BlackBoxCriterion(model).critical() == pytest.approx(PencilCriterion(model).critical(), rel=5e-6)
 
 
 @pytest.mark.parametrize("courant", [1.8, 1.9])
@@ -406,16 +406,16 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
     }  # fmt: skip
     model = Model(percuss.load(case, plugins=files))
     march_ = March(model)
-    march_.settle()
+    march_.compile()
     march_.staged.start(march_.kernels.begin)
-    K, mass, total = dense.assemble(case).K, model.mass, march_.few.totals[0]
+    K, mass, total = dense.assemble(case).K, model.mass, march_.boundary.totals[0]
     total.floor = np.inf
     kinetic = lambda v: 0.5 * float(mass @ v**2)  # noqa: E731
     moved = 0
     for first, last in model.segments():
         if first > 0:
             march_._switch((first + 0.5) * model.dt)
-            total = march_.few.totals[0]
+            total = march_.boundary.totals[0]
         for n in range(first, min(last, model.steps)):
             u, v = march_.u.copy(), march_.v.copy()
             works = total.external_work + total.contact_work

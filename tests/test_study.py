@@ -241,8 +241,12 @@ def test_a_shipped_study_is_one(path, tmp_path):
     assert spec.data["title"]
     assert spec.data["question"]
     # its first points on the first case are made
-    few = {**spec.data, "cases": [str(path.parent / spec.data["cases"][0])], "where": [*SHORT] if spec.vary else []}
-    study = percuss.study(few, tmp_path / "a.sqlite", workers=1)
+    boundary = {
+        **spec.data,
+        "cases": [str(path.parent / spec.data["cases"][0])],
+        "where": [*SHORT] if spec.vary else [],
+    }
+    study = percuss.study(boundary, tmp_path / "a.sqlite", workers=1)
     assert study.complete
     assert study.counts["done"] >= 3
 

@@ -38,8 +38,7 @@ KRYLOV = 24  # vectors kept
 RESTARTS = 12  # half as many for states above
 HUGE = 5000
 LINEAR = 1e-6
-BARELY = 1e-6  # below 1, where the radius of what contact does not damp ends
-UNFELT = 1e-7  # of a motion: a smaller change of the closed gaps is round-off
+UNFELT = 1e-7  # relative: a motion that contact changes by less is one that it leaves alone
 MOST_TOGETHER = 3  # contacts of which every combination is tried; above, none, each one, and all
 
 
@@ -50,8 +49,7 @@ class Found:
     Attributes
     ----------
     radius
-        Largest modulus of the eigenvalues left after deflation; above theta = 1 of those whose motion a closed gap
-        feels, unless another grows. nan where the step is not linear.
+        Largest modulus of the eigenvalues left after deflation; nan where the step is not linear.
     theta
         Of steps whose contact answers the predicted overlap alone: the largest part of it that is taken back, else
         None.
@@ -63,6 +61,7 @@ class Found:
     theta: float | None
     whole: bool
     failure: str = ""  # what a kernel raised deep in contact, where it did
+    felt: float = np.inf  # above theta = 1 the largest modulus of motions that contact changes, where it is known
 
     @property
     def linear(self) -> bool:
@@ -71,8 +70,12 @@ class Found:
 
     @property
     def stable(self) -> bool:
-        """Whether nothing was found to grow; above theta = 1 growth starts so slowly that a radius of 1 is none."""
-        return not self.radius > (1.0 - BARELY if _beyond(self.theta) else 1.0 + EDGE)
+        """Whether nothing was found to grow.
+
+        Above theta = 1 growth starts so slowly that a modulus of 1 may hide it: motions that contact feels must decay.
+        The others move as free bodies do.
+        """
+        return not self.radius > 1.0 + EDGE and not (_beyond(self.theta) and self.felt > 1.0 - EDGE)
 
 
 def _beyond(theta: float | None) -> bool:
@@ -96,20 +99,20 @@ class ClosedStep:
     def __init__(self, motions: Motions, dt: float, closed: Sequence[int]) -> None:
         self.motions = motions
         resting = motions.model.resting(0.5 * motions.model.dt)
-        self.model = motions.model.still(dt, motions.pencil.holds, resting)
+        self.model = motions.model.still(dt, motions.pencil.constraints, resting)
         self.closed = sorted(closed)
         self.size = motions.basis.shape[1]
         self.march = March(self.model)
-        self.march.settle()
+        self.march.compile()
         self.parts = 2 + (self.march.staged.state.kept.shape[0] if self.march.staged else 0)
         self._drive = self._no_loads()
         self._record = self.march.record._replace(every=2**62, last=-1, field_every=0)
-        self._few = self.march.few
-        self._few.totals[0].floor = np.inf
+        self._boundary = self.march.boundary
+        self._boundary.totals[0].floor = np.inf
         self._start = self._hold()
         self._after = self._step(self._start)
         # a law may be off at that time: its contact is as good as open
-        acts = (self._few.points.multiplier != 0) | ((self._few.points.own == 0) & bool(self.march.staged))
+        acts = (self._boundary.points.multiplier != 0) | ((self._boundary.points.own == 0) & bool(self.march.staged))
         self.acting = [p for p, one in zip(self.march.order, acts, strict=True) if one and p in self.closed]
 
     def _no_loads(self) -> Any:
@@ -121,12 +124,12 @@ class ClosedStep:
 
     def _hold(self) -> Floats:
         """Set the gaps deep in contact or far out of it; return the state from which all steps are made, (parts, n)."""
-        signs = np.ones(len(self.model.meetings))
+        signs = np.ones(len(self.model.contact_pairs))
         signs[self.closed] = -1.0
-        nodes = [node for meeting in self.model.meetings for node in meeting.nodes]
+        nodes = [node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes]
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
         self._scale = np.sqrt(lightest) / self.motions.root
-        points, order = self._few.points, self.march.order
+        points, order = self._boundary.points, self.march.order
         points.initial_gap = DEPTH * signs[order]
         if self.march.staged:
             closed, rows = signs[order] < 0, points.own == 0
@@ -149,7 +152,7 @@ class ClosedStep:
             march.staged.advance(march.kernels.advance, self._drive, self._record, 1, 1, whole)
             return np.concatenate([views[0][None], views[1][None], views[2]])
         march.kernels.advance(
-            march.nested, march.bulk, self._few, march.bound, self._drive, self._record, state[0], state[1],
+            march.nested, march.bulk, self._boundary, march.bound, self._drive, self._record, state[0], state[1],
             False, march.dim, self.model.dt, 1, 1,
         )  # fmt: skip
         return state
@@ -199,9 +202,9 @@ class Motions:
     @cached_property
     def gaps(self) -> Floats:
         """N^T of all contacts on the weighted displacements, (P, n)."""
-        out = np.zeros((len(self.model.meetings), self.root.size))
-        for p, meeting in enumerate(self.model.meetings):
-            for node, normal in meeting.rows():
+        out = np.zeros((len(self.model.contact_pairs), self.root.size))
+        for p, contact_pair in enumerate(self.model.contact_pairs):
+            for node, normal in contact_pair.rows():
                 out[p, node * self.model.dim : (node + 1) * self.model.dim] += normal
         return np.asarray(self.read @ (out / self.root).T).T
 
@@ -261,7 +264,7 @@ def _basis(model: Model, pencil: Pencil) -> Any:
     """Return the motions in question as sparse orthonormal columns: along each bar, and every way where it touches."""
     from scipy import sparse
 
-    touched = {node for meeting in model.meetings for node in meeting.nodes}
+    touched = {node for contact_pair in model.contact_pairs for node in contact_pair.nodes}
     columns: list[tuple[int, Floats]] = []
     for body in model.bodies.values():
         axis = body.mesh.direction
@@ -308,7 +311,7 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.march.staged else None
     size = step.parts * step.size
     if size > DENSE and theta is not None:  # then the closed step is bounded where that of the bodies is
-        nothing = np.zeros(len(motions.model.meetings))
+        nothing = np.zeros(len(motions.model.contact_pairs))
         return Found(1.0 if motions.pencil.definite(dt, nothing, nothing)[0] else np.inf, theta, whole=True)
     idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
     if size > DENSE:
@@ -320,11 +323,9 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
         return Found(float(np.abs(np.linalg.eigvals(rest)).max(initial=0.0)), theta, whole=True)
     values, motions_of = np.linalg.eig(rest)
     moduli = np.abs(values)
-    gaps = np.kron(np.eye(step.parts), motions.gaps[step.closed])
-    felt = np.linalg.norm(gaps @ motions_of, axis=0) > UNFELT * np.linalg.norm(gaps)
-    others = moduli[~felt].max(initial=0.0)  # motions of bodies that contact leaves alone neither grow nor decay
-    radius = moduli[felt].max(initial=0.0)
-    return Found(float(max(radius, others) if others > 1.0 + EDGE else radius), theta, whole=True)
+    changed = matrix - ClosedStep(motions, dt, ()).matrix()  # by contact; the gaps themselves vanish at theta = 1
+    felt = np.linalg.norm(changed @ motions_of, axis=0) > UNFELT * np.linalg.norm(changed)
+    return Found(float(moduli.max(initial=0.0)), theta, whole=True, felt=float(moduli[felt].max(initial=0.0)))
 
 
 def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:

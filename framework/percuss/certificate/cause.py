@@ -16,7 +16,7 @@ UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or 
 
 def not_started(model: Model, certificate: dict[str, Any]) -> Stop:
     """Return the stop of a run that its certificate forbids, at the node that limits the step."""
-    worst = [meeting.nodes[0] for meeting in model.meetings if meeting.name in certificate["worst"]]
+    worst = [contact_pair.nodes[0] for contact_pair in model.contact_pairs if contact_pair.name in certificate["worst"]]
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
     node = worst[0] if worst else body.start + int(np.argmax(body.frequency))
     return Stop(0, node, "not started", NOT_STARTED, f"{certificate['why']}: {certificate['cure']}")

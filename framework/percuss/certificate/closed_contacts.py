@@ -32,7 +32,7 @@ OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and
 
 
 @dataclass(frozen=True)
-class Closed:
+class ClosedContacts:
     """What the laws of a model say of its points at one step; (P,) each, in the order of the case.
 
     Attributes
@@ -69,9 +69,9 @@ class Closed:
     why: str
 
 
-def closed(model: Model, dt: float) -> Closed:
+def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     """Return what the laws of a model say of its closed points for a step `dt`."""
-    count = len(model.meetings)
+    count = len(model.contact_pairs)
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     unknown: list[str] = []
@@ -123,7 +123,7 @@ def closed(model: Model, dt: float) -> Closed:
     stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
     ties = tuple(p for p in tied if p not in resting)
     weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
-    return Closed(
+    return ClosedContacts(
         stiffness,
         inertia,
         predicted,
@@ -192,5 +192,5 @@ def _readable(judged: ContactState, rows: dict[str, Any]) -> bool:
 
 def _share_an_end(model: Model, where: list[int]) -> bool:
     """Return whether a contact of `where` shares a node with any other: one then opens or closes what another saw."""
-    nodes = [node for meeting in model.meetings for node in meeting.nodes]
-    return any(nodes.count(node) > 1 for p in where for node in model.meetings[p].nodes)
+    nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+    return any(nodes.count(node) > 1 for p in where for node in model.contact_pairs[p].nodes)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.certificate.closed_contacts import closed
+from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.pencil import Pencil, critical_step
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ class NoClosedFormError(Exception):
     """A case for which no closed form is known; the message says why."""
 
 
-class ClosedForm:
+class ClosedFormCriterion:
     """Critical steps of uniform bars taken as endless: no mesh, no matrix.
 
     A harmonic that decays into an endless bar of elements h holds its end with the stiffness
@@ -48,18 +48,18 @@ class ClosedForm:
         for body in model.bodies.values():
             if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
                 raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
-        nodes = [node for meeting in model.meetings for node in meeting.nodes]
+        nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         if len(set(nodes)) < len(nodes):
             raise NoClosedFormError("an end is in several contacts")
-        if {hold.node for hold in Pencil(model).holds} & set(nodes):
+        if {hold.node for hold in Pencil(model).constraints} & set(nodes):
             raise NoClosedFormError("an end in contact is fixed or driven")
-        for meeting in model.meetings:
-            ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in meeting.nodes]
+        for contact_pair in model.contact_pairs:
+            ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in contact_pair.nodes]
             self.sides.append([(float(b.stiffness[e]), float(b.frequency[e])) for b, e in ends])
         self.free = 2.0 / model.omega
 
     def _stable(self, dt: float) -> bool:
-        said = closed(self.model, dt)
+        said = closed_contacts(self.model, dt)
         if said.unknown:
             raise NoClosedFormError("; ".join(said.doubts))
         if dt > self.free:

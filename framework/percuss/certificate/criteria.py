@@ -1,7 +1,7 @@
-"""Three ways to judge whether a step is stable: the rows of the laws, the step itself, and closed forms.
+"""Criteria of stability: by the linear relations of the laws, and by the step itself.
 
-`BlackBoxJudge` asks nothing of the laws and `ClosedForm` nothing of meshes, so that each checks `RowsJudge`; that one
-asks the step itself only about bars of an element or two, above theta = 1.
+`BlackBoxCriterion` asks nothing of the laws and `percuss.certificate.closed_form` nothing of meshes, so that each
+checks `PencilCriterion`; that one asks the step itself only about bars of an element or two, above theta = 1.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.black_box import DENSE, Motions, combinations, examine
-from percuss.certificate.closed_contacts import Closed, closed
-from percuss.certificate.pencil import EDGE, Pencil, critical_step, largest
+from percuss.certificate.black_box import DENSE, MOST_TOGETHER, Motions, combinations, examine
+from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
+from percuss.certificate.pencil import EDGE, FEW, Pencil, critical_step, largest
 from percuss.certificate.scheme_limit import reach
 from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, sets_in_question
 from percuss.methods.interfaces import LinearLaw
@@ -33,6 +33,7 @@ UNALIKE = (
     "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
     "can grow at any theta"
 )
+NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or judge contact at the current gap"
 SHORT = 3  # elements
 LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
@@ -73,7 +74,7 @@ class Finding:
     cure: str = ""
 
 
-class RowsJudge:
+class PencilCriterion:
     """Judges steps by the rows of the laws: exact for any mesh and any combination of closed contacts.
 
     Central difference by the inertia of the closed pencil. In stages, laws judged at the current state make every mode
@@ -106,7 +107,7 @@ class RowsJudge:
             for q, value in row.items():
                 self.delassus[p, q] = value
 
-    def _groups(self, laws: Closed) -> list[tuple[Any, bool]]:
+    def _groups(self, laws: ClosedContacts) -> list[tuple[Any, bool]]:
         """Return the groups of contacts that share ends, of laws with a `surplus`, and whether F of each is symmetric.
 
         Contacts that cannot press at all, for want of stiffness, are left out.
@@ -126,14 +127,14 @@ class RowsJudge:
             out.append((group, bool(np.ptp(laws.surplus[group]) <= ALIKE * scale)))
         return out
 
-    def _theta_of(self, part: Any, dt: float, laws: Closed) -> float:
+    def _theta_of(self, part: Any, dt: float, laws: ClosedContacts) -> float:
         """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts judged at the predicted gap."""
         s = self.delassus[np.ix_(part, part)]
         left = np.eye(part.size) + s * laws.inertia[part]
         values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
         return float(dt**2 * np.max(values.real))
 
-    def theta(self, dt: float, laws: Closed) -> tuple[float | None, list[int]]:
+    def theta(self, dt: float, laws: ClosedContacts) -> tuple[float | None, list[int]]:
         """Return the largest theta of the contacts judged at the predicted gap, None where there are none.
 
         And the contacts it comes from. Of a group that shares ends, every part is tried unless F is symmetric; of a
@@ -159,13 +160,13 @@ class RowsJudge:
 
     def judge(self, dt: float) -> Finding:
         """Return what is to be said of a step."""
-        laws = closed(self.model, dt)
+        laws = closed_contacts(self.model, dt)
         finding = self._by_rows(dt, laws)
         if finding.stable and (unalike := self._unalike(laws)):
             return dataclasses.replace(self._by_matrix(dt, laws, unalike), theta=finding.theta)
         return finding
 
-    def _by_rows(self, dt: float, laws: Closed) -> Finding:
+    def _by_rows(self, dt: float, laws: ClosedContacts) -> Finding:
         """Return what inertia of the pencil and theta say of a step."""
         current = ~laws.predicted
         if self.reach == 0.0:
@@ -181,13 +182,13 @@ class RowsJudge:
             return Finding(definite, limiting, theta)
         if self._coarse is not None:
             return dataclasses.replace(self._coarse.judge(dt), theta=theta)
-        return Finding(False, group, theta)
+        return Finding(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
 
-    def _unalike(self, laws: Closed) -> list[Any]:
+    def _unalike(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
         return [group for group, alike in self._groups(laws) if not alike]
 
-    def _by_matrix(self, dt: float, laws: Closed, unalike: list[Any]) -> Finding:
+    def _by_matrix(self, dt: float, laws: ClosedContacts, unalike: list[Any]) -> Finding:
         """Return what the amplification matrix says of groups of which theta does not tell all."""
         reason = UNALIKE.format(named(self.model, [int(p) for group in unalike for p in group]))
         sets = list(itertools.islice(sets_in_question(unalike, laws), MOST_SETS))
@@ -204,10 +205,10 @@ class RowsJudge:
         return ClosedMatrix(self.pencil)
 
     @cached_property
-    def _coarse(self) -> BlackBoxJudge | None:
+    def _coarse(self) -> BlackBoxCriterion | None:
         """The judge of steps above theta = 1, where a bar so short that contact damps all of it may stay stable."""
         short = any(body.stiffness.size < SHORT for body in self.model.bodies.values())
-        return BlackBoxJudge(self.model) if short and 2 * self.model.mass.size <= DENSE else None
+        return BlackBoxCriterion(self.model) if short and 2 * self.model.mass.size <= DENSE else None
 
     @cached_property
     def free(self) -> float:
@@ -218,14 +219,19 @@ class RowsJudge:
         """Return the largest stable step, laws bound anew for each step tried; nan where that is not known."""
         if self.free in {0.0, np.inf}:  # no step, or any: all nodes are held
             return self.free
-        bound = critical_step(lambda dt: self._by_rows(dt, closed(self.model, dt)).stable, self.free)
-        if not 0.0 < bound < np.inf or not self._unalike(closed(self.model, bound)):
+
+        def holds(dt: float) -> bool:
+            finding = self._by_rows(dt, closed_contacts(self.model, dt))
+            return finding.stable and finding.known
+
+        bound = critical_step(holds, self.free)
+        if not 0.0 < bound < np.inf or not self._unalike(closed_contacts(self.model, bound)):
             return bound
         # what grows because they are unalike does so at shorter steps too, ever more slowly: there is no critical one
         return bound if self.judge(bound * (1.0 - EDGE)).stable else np.nan
 
 
-class EveryStretch:
+class RunCriterion:
     """The judges of all stretches of a run together: the worst of them speaks.
 
     Parameters
@@ -233,10 +239,10 @@ class EveryStretch:
     model
         The model of the whole run.
     kind
-        `RowsJudge` or `BlackBoxJudge`.
+        `PencilCriterion` or `BlackBoxCriterion`.
     """
 
-    def __init__(self, model: Model, kind: type[RowsJudge | BlackBoxJudge]) -> None:
+    def __init__(self, model: Model, kind: type[PencilCriterion | BlackBoxCriterion]) -> None:
         self.model = model
         self.by = kind.by
         self.stretches = model.stretches()
@@ -266,12 +272,12 @@ class EveryStretch:
 
 def named(model: Model, points: Sequence[int]) -> str:
     """Return the names of contacts in quotes, the first few of many."""
-    names = ", ".join(f"'{model.meetings[p].name}'" for p in points[:MOST_NAMED])
+    names = ", ".join(f"'{model.contact_pairs[p].name}'" for p in points[:MOST_NAMED])
     more = len(points) - MOST_NAMED
     return f"{names} and {more} more" if more > 0 else names
 
 
-class BlackBoxJudge:
+class BlackBoxCriterion:
     """Judges steps by the amplification matrix of the march's own step; needs nothing from integrator and law.
 
     Parameters
@@ -296,7 +302,7 @@ class BlackBoxJudge:
     @cached_property
     def _tried(self) -> list[tuple[int, ...]]:
         """The combinations of closed contacts; of stages without the open one, which `free` is about."""
-        every = combinations(len(self.model.meetings))
+        every = combinations(len(self.model.contact_pairs))
         return every if self.model.stages is None else every[1:]
 
     def judge(self, dt: float) -> Finding:
@@ -306,7 +312,7 @@ class BlackBoxJudge:
         tried = self._tried
         if self.model.stages is not None and dt > self.free * (1.0 + EDGE):
             return Finding(False)
-        complete = 2 ** len(self.model.meetings) == len(combinations(len(self.model.meetings)))
+        complete = 2 ** len(self.model.contact_pairs) == len(combinations(len(self.model.contact_pairs)))
         if not complete:
             doubt = (
                 "no growth was found with no contact, each one and all of them closed; other combinations can be worse"
@@ -314,7 +320,7 @@ class BlackBoxJudge:
         for one in tried:
             found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
             if not found.linear:
-                names = ", ".join(f"'{self.model.meetings[p].name}'" for p in one) or "none"
+                names = ", ".join(f"'{self.model.contact_pairs[p].name}'" for p in one) or "none"
                 doubt = f"the step is not linear with contacts {names} closed"
                 if found.failure:
                     doubt = f"with contacts {names} held closed a kernel fails ({found.failure})"
@@ -322,7 +328,7 @@ class BlackBoxJudge:
             if found.theta is not None and (theta is None or found.theta > theta):
                 theta = found.theta
             if not found.stable:
-                return Finding(False, list(one), found.theta)
+                return Finding(False, self._fewest(dt, one), found.theta)
             if not found.whole:
                 complete = False
                 doubt = "the model is large: growth was looked for by a Krylov iteration, and none found"
@@ -332,6 +338,18 @@ class BlackBoxJudge:
             names = ", ".join(self._changing)
             doubt = f"{names} changes with time, and no growth was found as it acts at the start"
         return Finding(True, worst, theta, doubt, known=complete and not self._changing)
+
+    def _fewest(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
+        """Return contacts of an unstable combination that suffice to make it so, none of which can be left out."""
+        kept = list(unstable)
+        if len(self.model.contact_pairs) <= MOST_TOGETHER or len(kept) > FEW:
+            return kept  # all smaller combinations were stable, or there are too many
+        for contact in unstable:
+            fewer = [other for other in kept if other != contact]
+            found = examine(self.motions, dt, fewer)
+            if found.linear and not found.stable:
+                kept = fewer
+        return kept
 
     @cached_property
     def _changing(self) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from percuss.certificate.criteria import EveryStretch, RowsJudge
+from percuss.certificate.criteria import PencilCriterion, RunCriterion
 from percuss.solver.model import Model
 
 
@@ -19,7 +19,7 @@ def no_step(model: Model, free: float) -> str:
     return "take another law: with this one no step is stable"
 
 
-def cure_of(judge: EveryStretch, critical: float) -> str:
+def cure_of(judge: RunCriterion, critical: float) -> str:
     """Return the cheapest cures of an unstable step, with their numbers."""
     model = judge.model
     cures = []
@@ -29,7 +29,7 @@ def cure_of(judge: EveryStretch, critical: float) -> str:
         law = entry["law"]
         for option in ("beta_s", "epsilon_s", "ratio", "scale"):
             value = getattr(law, option, None)
-            if isinstance(value, float) and judge.by == RowsJudge.by:
+            if isinstance(value, float) and judge.by == PencilCriterion.by:
                 found = option_at_most(judge, law, option, value)
                 if found is not None:
                     cures.append(f"set {option} of {law.name} to at most {down(found)}")
@@ -47,7 +47,7 @@ def down(value: float) -> str:
     return f"{np.floor(value * (1.0 - 1e-9) / digit) * digit:.6g}"
 
 
-def option_at_most(judge: EveryStretch, law: Any, option: str, value: float) -> float | None:
+def option_at_most(judge: RunCriterion, law: Any, option: str, value: float) -> float | None:
     """Return the largest value of a law's option below the present one with which the step is stable."""
     models = [stretch.model for stretch in judge.stretches]
     kept = [model.laws for model in models]

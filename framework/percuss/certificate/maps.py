@@ -13,9 +13,9 @@ import numpy as np
 
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
-from percuss.certificate.closed_contacts import closed
-from percuss.certificate.closed_form import ClosedForm, NoClosedFormError
-from percuss.certificate.criteria import BlackBoxJudge, EveryStretch, RowsJudge
+from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
+from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion, RunCriterion
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
 from percuss.files import replacing
@@ -79,7 +79,7 @@ def stability(
         except (PluginError, RefusedPair) as error:
             rows += [_row(varied, way, None, str(error)) for way in unknown]
         else:
-            unsaid = closed(model, model.dt).doubts
+            unsaid = closed_contacts(model, model.dt).doubts
             rows += [_judged(model, varied, way, unsaid) for way in by or ("black-box" if unsaid else "pencil",)]
         if progress is not None:
             progress(done + 1, len(combinations))
@@ -123,8 +123,11 @@ def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[
     if way == "pencil" and unsaid:
         return _row(varied, way, None, f"nothing follows from the rows: {'; '.join(unsaid)}")
     try:
-        kinds: dict[str, type[RowsJudge | BlackBoxJudge]] = {"pencil": RowsJudge, "black-box": BlackBoxJudge}
-        judge: Any = EveryStretch(model, kinds[way]) if way in kinds else ClosedForm(model)
+        kinds: dict[str, type[PencilCriterion | BlackBoxCriterion]] = {
+            "pencil": PencilCriterion,
+            "black-box": BlackBoxCriterion,
+        }
+        judge: Any = RunCriterion(model, kinds[way]) if way in kinds else ClosedFormCriterion(model)
         critical = judge.critical()
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))

@@ -36,9 +36,11 @@ class Pencil:
     def __init__(self, model: Model) -> None:
         self.model = model
         end = model.steps * model.dt
-        self.holds = [h for h in model.holds if h.load is None or (h.load.start <= 0 and h.load.stop >= end)]
+        self.constraints = [
+            h for h in model.constraints if h.load is None or (h.load.start <= 0 and h.load.stop >= end)
+        ]
         held: dict[int, list[Floats]] = {}
-        for hold in self.holds:
+        for hold in self.constraints:
             held.setdefault(hold.node, []).append(hold.direction)
         self.held = held
         self.bodies: list[tuple[int, Floats, Floats, Floats]] = []  # first free node, masses, diagonal, off-diagonal
@@ -73,9 +75,9 @@ class Pencil:
 
     def normals(self, first: int, count: int) -> Floats:
         """Return N of all contacts along the axis of a body, at `count` of its nodes from `first` on, (count, P)."""
-        columns = np.zeros((count, len(self.model.meetings)))
-        for p, meeting in enumerate(self.model.meetings):
-            for node, normal in meeting.rows():
+        columns = np.zeros((count, len(self.model.contact_pairs)))
+        for p, contact_pair in enumerate(self.model.contact_pairs):
+            for node, normal in contact_pair.rows():
                 if first <= node < first + count:
                     columns[node - first, p] += float(normal @ self.model.body_of(node).mesh.direction)
         return columns
@@ -84,8 +86,8 @@ class Pencil:
         """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
         from scipy.linalg import cho_solve_banded
 
-        meetings = self.model.meetings
-        out = np.zeros((len(meetings), len(meetings)))
+        contact_pairs = self.model.contact_pairs
+        out = np.zeros((len(contact_pairs), len(contact_pairs)))
         for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
             columns = self.normals(first, mass.size)
             touched = np.flatnonzero(columns.any(axis=0))

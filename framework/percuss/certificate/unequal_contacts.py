@@ -18,7 +18,7 @@ from percuss.certificate.pencil import EDGE
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from percuss.certificate.closed_contacts import Closed
+    from percuss.certificate.closed_contacts import ClosedContacts
     from percuss.certificate.pencil import Pencil
 
 SLOW = 1e-7  # growth in a step: less is not told from rounding with certainty
@@ -38,7 +38,7 @@ class ClosedMatrix:
         sizes = [mass.size for _, mass, _, _ in pencil.bodies]
         self.size = sum(sizes)
         self.scaled = np.zeros((self.size, self.size))  # M^-1/2 K M^-1/2
-        self.normal = np.zeros((self.size, len(pencil.model.meetings)))  # M^-1/2 N
+        self.normal = np.zeros((self.size, len(pencil.model.contact_pairs)))  # M^-1/2 N
         rigid = []
         at = 0
         for (first, mass, diagonal, off), size in zip(pencil.bodies, sizes, strict=True):
@@ -54,7 +54,7 @@ class ClosedMatrix:
             at += size
         self.rigid = np.array(rigid).reshape(-1, self.size).T
 
-    def radius(self, dt: float, laws: Closed, closed: Sequence[int]) -> float:
+    def radius(self, dt: float, laws: ClosedContacts, closed: Sequence[int]) -> float:
         """Return the largest modulus of the eigenvalues of the step, motions without strain left out.
 
         Parameters
@@ -90,7 +90,7 @@ class ClosedMatrix:
         """Return how much it takes to examine a step with `count` sets of closed contacts."""
         return float(count * (2 * self.size) ** 3)
 
-    def worst(self, dt: float, laws: Closed, sets: Sequence[Sequence[int]]) -> tuple[bool | None, list[int]]:
+    def worst(self, dt: float, laws: ClosedContacts, sets: Sequence[Sequence[int]]) -> tuple[bool | None, list[int]]:
         """Return whether the step is stable in all the given sets of closed contacts, and the first where it is not.
 
         None in place of a truth value: growth is so slow there that it may be rounding.
@@ -105,7 +105,7 @@ class ClosedMatrix:
         return (True, []) if doubtful is None else (None, doubtful)
 
 
-def sets_in_question(groups: Sequence[Sequence[int]], laws: Closed) -> Iterator[tuple[int, ...]]:
+def sets_in_question(groups: Sequence[Sequence[int]], laws: ClosedContacts) -> Iterator[tuple[int, ...]]:
     """Yield the sets of closed contacts in which two of one group differ in what they weigh, the smallest first.
 
     Contacts that are tied are closed in each of them.

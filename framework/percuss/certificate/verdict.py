@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, Closed, closed
-from percuss.certificate.criteria import BlackBoxJudge, EveryStretch, Finding, RowsJudge, named
+from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
+from percuss.certificate.criteria import BlackBoxCriterion, Finding, PencilCriterion, RunCriterion, named
 from percuss.certificate.cures import capital, cure_of, down, no_step
 from percuss.certificate.pencil import EDGE
 from percuss.errors import InputError
@@ -40,7 +40,7 @@ def settled(case: Case) -> Model:
         raise InputError([case.problem(("time", "courant"), message, advice)])
     limit = np.inf
     while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
-        judge = judge_of(model)
+        judge = criterion_of(model)
         critical = judge.critical()
         chosen = judge.judge(SAFETY * critical) if 0.0 < critical < np.inf else Finding(False, known=False)
         # growth so slow that a single tiny step does not show it is no stability
@@ -54,9 +54,9 @@ def settled(case: Case) -> Model:
         model = Model(case, SAFETY * critical)
 
 
-def judge_of(model: Model) -> EveryStretch:
+def criterion_of(model: Model) -> RunCriterion:
     """Return the judge of a run: the rows of its laws where they are enough, else the step itself."""
-    return EveryStretch(model, BlackBoxJudge if closed(model, model.dt).unknown else RowsJudge)
+    return RunCriterion(model, BlackBoxCriterion if closed_contacts(model, model.dt).unknown else PencilCriterion)
 
 
 def certificate(model: Model) -> dict[str, Any]:
@@ -82,10 +82,10 @@ def certificate(model: Model) -> dict[str, Any]:
     """
     if model.why_not_linear:
         return _of_bodies_not_linear(model)
-    judge = judge_of(model)
+    judge = criterion_of(model)
     free, critical = judge.free, judge.critical()
     finding = judge.judge(model.dt)
-    if finding.known and np.isnan(critical) and judge.by == BlackBoxJudge.by:
+    if finding.known and np.isnan(critical) and judge.by == BlackBoxCriterion.by:
         finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
     if finding.known and finding.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
@@ -107,7 +107,7 @@ def certificate(model: Model) -> dict[str, Any]:
         "dt_critical_free": free,
         "courant_critical": None if np.isnan(critical) else 0.5 * critical * model.omega,
         "margin": None if np.isnan(critical) else model.dt / critical if critical > 0 else np.inf,
-        "worst": [model.meetings[p].name for p in finding.worst],
+        "worst": [model.contact_pairs[p].name for p in finding.worst],
         "stretch": [stretch.start, stretch.stop] if len(judge.stretches) > 1 else None,
         "theta": finding.theta,
         "by": judge.by,
@@ -123,7 +123,7 @@ def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
     Their highest frequency changes with the strain, so that no step is known to be stable. A step that is unstable for
     small motions about rest is known to be unstable, where the bodies about rest are as stiff as they declare.
     """
-    laws = closed(model, model.dt)
+    laws = closed_contacts(model, model.dt)
     out: dict[str, Any] = {
         "stable": "unknown",
         "energy": laws.energy,
@@ -138,20 +138,20 @@ def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
     }
     if laws.unknown or not tangent_as_declared(model):
         return out
-    judge = judge_of(model)
+    judge = criterion_of(model)
     finding, critical = judge.judge(model.dt), judge.critical()
     about_rest, why = _verdict(judge, finding, judge.free, critical)
     if about_rest == "no":
         lower = f"lower the step below {down(critical)}, the critical step of small motions about rest"
         out |= {"stable": "no", "by": judge.by, "why": f"for small motions about rest {why}"}
         out["cure"] = lower if critical > 0 else no_step(model, judge.free)
-        out["worst"], out["theta"] = [model.meetings[p].name for p in finding.worst], finding.theta
+        out["worst"], out["theta"] = [model.contact_pairs[p].name for p in finding.worst], finding.theta
     else:
         out["why"] += f"; for small motions about rest {why}"
     return out
 
 
-def _verdict(judge: EveryStretch, finding: Finding, free: float, critical: float) -> tuple[str, str]:
+def _verdict(judge: RunCriterion, finding: Finding, free: float, critical: float) -> tuple[str, str]:
     """Return the verdict on the closed linear step, and the reason in words."""
     model = judge.model
     if free == 0.0:
@@ -190,10 +190,10 @@ def _against(dt: float, critical: float, combination: str, *, stable: bool) -> t
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
-def _energy(judge: EveryStretch, finding: Finding, verdict: str) -> tuple[str, str]:
+def _energy(judge: RunCriterion, finding: Finding, verdict: str) -> tuple[str, str]:
     """Return what the pair of methods guarantees of the energy in this run, and the reason in words."""
     model = judge.model
-    laws = closed(model, model.dt)
+    laws = closed_contacts(model, model.dt)
     if laws.energy in {NEVER_GROWS, BETWEEN}:
         if verdict == "no" or (finding.theta is not None and finding.theta >= 1.0):
             more = ", with theta below 1" if finding.theta is not None else ""
@@ -203,7 +203,7 @@ def _energy(judge: EveryStretch, finding: Finding, verdict: str) -> tuple[str, s
     return laws.energy, laws.why
 
 
-def _stiffening(model: Model, laws: Closed) -> str:
+def _stiffening(model: Model, laws: ClosedContacts) -> str:
     """Return the words for a contact that a change of supports stiffens at the end of the step, "" for none.
 
     ``kappa = 1 / (1/eps_s + (eps_m/eps_s - dt^2) s)`` rises with s where eps_m / eps_s is below dt^2, and falls with it

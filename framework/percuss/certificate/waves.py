@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.black_box import ClosedStep, Motions
-from percuss.certificate.closed_contacts import closed
+from percuss.certificate.closed_contacts import closed_contacts
 from percuss.errors import InputError, PercussError, Problem, suggestion
 
 if TYPE_CHECKING:
@@ -92,12 +92,12 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         raise PercussError(
             f"{name} is no leap-frog scheme: harmonics at an interface are known of a leap-frog step only"
         )
-    names = [meeting.name for meeting in model.meetings]
+    names = [contact_pair.name for contact_pair in model.contact_pairs]
     if not names or (contact and contact not in names):
         advice = suggestion(contact, names, "contact") if names else "Add a contact."
         raise InputError([Problem("--contact", "", f"expected the name of a contact, found '{contact}'", advice)])
     p = names.index(contact) if contact else 0
-    meeting = model.meetings[p]
+    contact_pair = model.contact_pairs[p]
     ends = _Ends(model, p)
     courant = [0.5 * model.dt * frequency for _, frequency in ends.sides]
     # up to where the first side or the leap-frog step itself ends
@@ -120,32 +120,35 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(ends.sides, phase, strict=True)]
     onward = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0
     formula, reason = _formula(model, p, frequency, turn)
-    return Waves(meeting.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + onward, formula, reason)
+    return Waves(contact_pair.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + onward, formula, reason)
 
 
 class _Ends:
     """What the step makes of the ends of a contact: ``dt v`` after it, by place and speed of ends and nodes behind."""
 
     def __init__(self, model: Model, p: int) -> None:
-        meeting = model.meetings[p]
+        contact_pair = model.contact_pairs[p]
         motions = Motions(model)
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():
-            raise PercussError(f"contact '{meeting.name}': the step is not linear while it is closed")
-        held = {hold.node for hold in motions.pencil.holds}
-        bodies = [model.body_of(node) for node in meeting.nodes]
-        others = [m.name for m in model.meetings if m is not meeting and set(m.nodes) & set(meeting.nodes)]
-        if held & set(meeting.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
+            raise PercussError(f"contact '{contact_pair.name}': the step is not linear while it is closed")
+        held = {hold.node for hold in motions.pencil.constraints}
+        bodies = [model.body_of(node) for node in contact_pair.nodes]
+        others = [
+            m.name for m in model.contact_pairs if m is not contact_pair and set(m.nodes) & set(contact_pair.nodes)
+        ]
+        if held & set(contact_pair.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
             raise PercussError(
-                f"contact '{meeting.name}': waves need ends that move freely, in one contact, with two elements behind"
+                f"contact '{contact_pair.name}': waves need ends that move freely, in one contact, with two elements "
+                "behind"
             )
         self.sides = [
             (float(b.stiffness[b.end_element(n)]), float(b.frequency[b.end_element(n)]))
-            for b, n in zip(bodies, meeting.nodes, strict=True)
+            for b, n in zip(bodies, contact_pair.nodes, strict=True)
         ]
-        behind = [n + 1 if n == b.start else n - 1 for b, n in zip(bodies, meeting.nodes, strict=True)]
-        nodes = [node for pair in zip(meeting.nodes, behind, strict=True) for node in pair]
-        place = np.stack([self._unit(motions, model, node, meeting.normal) for node in nodes], axis=1)
+        behind = [n + 1 if n == b.start else n - 1 for b, n in zip(bodies, contact_pair.nodes, strict=True)]
+        nodes = [node for pair in zip(contact_pair.nodes, behind, strict=True) for node in pair]
+        place = np.stack([self._unit(motions, model, node, contact_pair.normal) for node in nodes], axis=1)
         rest = np.zeros_like(place)
         read = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
         self.place = read.T @ step(np.concatenate([place, rest]))[step.size :]
@@ -165,17 +168,17 @@ def _phase(frequency: Floats) -> Any:
 
 def _formula(model: Model, p: int, frequency: Floats, turn: Floats) -> tuple[Any, str]:
     """Return the transmission of identical bars by formula, or why there is none."""
-    meeting = model.meetings[p]
-    if len(meeting.nodes) < 2 or not meeting.equal_sides:
+    contact_pair = model.contact_pairs[p]
+    if len(contact_pair.nodes) < 2 or not contact_pair.equal_sides:
         return None, "a formula is known for identical bars only"
-    said = closed(model, model.dt)
-    if meeting.law.name in said.unknown or said.stiffness[p] == 0:
-        return None, f"no formula for {meeting.law.name}"
+    said = closed_contacts(model, model.dt)
+    if contact_pair.law.name in said.unknown or said.stiffness[p] == 0:
+        return None, f"no formula for {contact_pair.law.name}"
     side = frequency * np.sqrt(1.0 - 0.25 * frequency**2)
-    stiffness, inertia = said.stiffness[p] / meeting.stiffness, said.inertia[p] / meeting.mass
+    stiffness, inertia = said.stiffness[p] / contact_pair.stiffness, said.inertia[p] / contact_pair.mass
     if not said.predicted[p]:
         # eps_s - eps_m omega^2, over EA/h; with rho A h / 2 = 2 (EA/h) / (2c/h)^2
         return 1.0 / (1.0 + 1j * side / (2.0 * (stiffness - 0.5 * inertia * frequency**2))), ""
     # 1/kappa over h/EA, s = 2/m of two equal masses; 0 at theta = 1, where contact takes back all of the overlap
-    soft = (1.0 + (said.inertia[p] - model.dt**2 * said.stiffness[p]) * 2.0 / meeting.mass) / stiffness
+    soft = (1.0 + (said.inertia[p] - model.dt**2 * said.stiffness[p]) * 2.0 / contact_pair.mass) / stiffness
     return 1.0 / (1.0 + 0.5j * side * np.exp(-1j * turn) * soft), ""

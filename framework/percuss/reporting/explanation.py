@@ -15,12 +15,12 @@ from percuss.certificate.verdict import SAFETY, certificate
 from percuss.methods.interfaces import Component, LinearLaw
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
-from percuss.solver.contact_rows import broadcast, judge
+from percuss.solver.contact_rows import broadcast, law_records
 from percuss.solver.recording import recordable
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
-    from percuss.solver.entities import Meeting
+    from percuss.solver.entities import ContactPair
     from percuss.solver.model import Model
 
 MOST_LETTERS = 60  # of the value of an option, as a table's
@@ -40,7 +40,7 @@ def explanation(model: Model) -> Explanation:
 
     known = certificate(recordable(model))
     measured = _measured(model, known["energy"])
-    contacts = [_contact(model, p, meeting) for p, meeting in enumerate(model.meetings)]
+    contacts = [_contact(model, p, contact_pair) for p, contact_pair in enumerate(model.contact_pairs)]
     loads = [_load(spec) for spec in model.case.loads.values()]
     step, exact = _step(model), _exact(model)
     methods = [_method(component) for component in _components(model)]
@@ -218,21 +218,26 @@ def _exact(model: Model) -> dict[str, str]:
 # -------------------------------------------------------------------------------------------------- contacts
 
 
-def _contact(model: Model, number: int, meeting: Meeting) -> dict[str, Any]:
+def _contact(model: Model, number: int, contact_pair: ContactPair) -> dict[str, Any]:
     """Return what is known of a contact: its sides, the numbers its law is handed, and the row that follows."""
-    spec = model.case.contacts[meeting.name]
+    spec = model.case.contacts[contact_pair.name]
     s = float(model.delassus(0.5 * model.dt)[number])
     points = model.points([number], model.dt)
-    resolved = {key: value for key, value in model.parameters()[meeting.name].items() if key != "law"}
+    resolved = {key: value for key, value in model.parameters()[contact_pair.name].items() if key != "law"}
     return {
-        "name": meeting.name,
+        "name": contact_pair.name,
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
-        "gap": meeting.gap,
-        "law": meeting.law.name,
-        "given": _given(meeting.law),
+        "gap": contact_pair.gap,
+        "law": contact_pair.law.name,
+        "given": _given(contact_pair.law),
         "resolved": resolved,
-        "chosen": dict(meeting.law.chosen(points, model.dt)),
-        "point": {"EA/h": meeting.stiffness, "2c/h": meeting.frequency, "rho A h / 2": meeting.mass, "s": s},
+        "chosen": dict(contact_pair.law.chosen(points, model.dt)),
+        "point": {
+            "EA/h": contact_pair.stiffness,
+            "2c/h": contact_pair.frequency,
+            "rho A h / 2": contact_pair.mass,
+            "s": s,
+        },
         "row": _row(model, number, s),
     }
 
@@ -244,7 +249,7 @@ def _row(model: Model, number: int, s: float) -> dict[str, Any] | None:
         return None
     rows = broadcast(entry["bound"], entry["points"], entry["law"].name)
     delassus = entry["points"].delassus
-    one = judge(rows, model.tables[-1], delassus, entry["law"].name)[entry["where"].index(number)]
+    one = law_records(rows, model.tables[-1], delassus, entry["law"].name)[entry["where"].index(number)]
     w = float(one["response"])
     return {
         "at": rows["at"],
@@ -344,7 +349,7 @@ def _load(spec: LoadSpec) -> dict[str, Any]:
 def _components(model: Model) -> list[Component]:
     """Return one of each component that the run uses, the exact solution included."""
     case = model.case
-    found_: list[Component] = [case.method.integrator, *(meeting.law for meeting in model.meetings)]
+    found_: list[Component] = [case.method.integrator, *(contact_pair.law for contact_pair in model.contact_pairs)]
     found_ += [load.load for load in case.loads.values()]
     found_ += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
     found_.append(case.method.mass)

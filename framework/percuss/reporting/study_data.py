@@ -286,9 +286,9 @@ def is_log(values: Any) -> bool:
     above = finite[finite >= lowest(values)]
     distinct = np.unique(above)
     steps = distinct[1:] / distinct[:-1]
-    few = distinct.size <= DISTINCT
-    multiples = few and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
-    return multiples or bool(distinct[-1] / (FAR_FEW if few else FAR_MANY) >= distinct[0])
+    boundary = distinct.size <= DISTINCT
+    multiples = boundary and distinct.size > 2 and bool(np.allclose(steps, steps[0], rtol=1e-6))
+    return multiples or bool(distinct[-1] / (FAR_FEW if boundary else FAR_MANY) >= distinct[0])
 
 
 def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, Any]:
@@ -522,7 +522,7 @@ def problems(table: Any, varied: Sequence[str]) -> Problems:
     paths = [path for path in varied if path not in CHOICES]
     without = {path: lacking(table, path) & set(solvers) for path in paths}
     # a pair that lacks a value which others have sets no problems of its own
-    partial = {method for few in without.values() if len(few) < len(solvers) for method in few}
+    partial = {method for boundary in without.values() if len(boundary) < len(solvers) for method in boundary}
     runs: dict[Any, list[int]] = {}
     points: dict[Any, None] = {}
     words = [texts(table[path]) for path in paths]

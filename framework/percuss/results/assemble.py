@@ -107,7 +107,7 @@ def result_of(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
         "resolved": resolved_methods(model),
         "plugins": plugins_used(model.case),
     }
-    coordinates = {"contact": [m.name for m in model.meetings], "probe": names}
+    coordinates = {"contact": [m.name for m in model.contact_pairs], "probe": names}
     result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), plain(provenance))
     result.solution = solution
     return result
@@ -121,14 +121,14 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
     if known["stable"] == "marginal":
         said.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     said += march.model.ignored_couplings()
-    if march.record.every > 1 and march.model.meetings:
+    if march.record.every > 1 and march.model.contact_pairs:
         said.append("true errors of the contact force need `record.every: 1`")
     if march.staged:
         name = march.model.case.method.integrator.name
         said.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
-    total = march.few.totals[0]
+    total = march.boundary.totals[0]
     allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
     if outcome.status != "unstable" and not total.contact_work <= allowed:
         work = f"{total.contact_work:.6g}"
@@ -152,7 +152,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
     solution, name, reason = exact_solution(model, (outcome.done + 1) * model.dt)
     if solution is None:
         return None, true_error.verdict(None, reason)
-    names = [meeting.name for meeting in model.meetings]
+    names = [contact_pair.name for contact_pair in model.contact_pairs]
     # what the impulse lambda dt is the force of: the step around t_n, or in stages the one behind it
     middle = arrays["time"] + (march.energy_at - 0.5) * model.dt
     arrays |= sampled(solution, names, arrays["time"], middle, model.dt)

@@ -83,7 +83,7 @@ def growth_notes(march: March, outcome: Outcome, found: Mapping[str, Any]) -> li
     """Return the note that names a growth beyond what is guaranteed."""
     if found["kept"] is not False:
         return []
-    laws = " and ".join(dict.fromkeys(meeting.law.name for meeting in march.model.meetings))
+    laws = " and ".join(dict.fromkeys(contact_pair.law.name for contact_pair in march.model.contact_pairs))
     pair = f"{march.model.case.method.integrator.name} with {laws}"
     if found["guarantee"] == NEVER_GROWS:
         return [

@@ -59,7 +59,7 @@ def run_exact(case: Case) -> Result:
     if solution is None:
         raise InputError([Problem(case.origin.name, "", f"no exact solution covers this case: {reason}")])
     solved = time.perf_counter() - started
-    names = [meeting.name for meeting in model.meetings]
+    names = [contact_pair.name for contact_pair in model.contact_pairs]
     arrays, probes = _histories(model, solution, names)
     summary = {
         "status": "interrupted" if reason else "done",
@@ -109,7 +109,7 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[st
             along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)
             values[:, k] = along[:, None] * body.mesh.direction
     energies = np.array([solution.energy(float(s)) for s in t])
-    worked = model.pushes or model.pulls or any(hold.load is not None for hold in model.holds)
+    worked = model.nodal_forces or model.body_forces or any(hold.load is not None for hold in model.constraints)
     work = np.array([solution.work(float(s)) for s in t]) if worked else np.zeros(t.size)
     total = energies.sum(axis=1)
     closure = total - total[0] - work

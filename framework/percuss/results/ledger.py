@@ -115,13 +115,13 @@ def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
     before = (mass * outcome.starting_velocity.reshape(-1, dim)).sum(axis=0)
     after = (mass * outcome.final_velocity.reshape(-1, dim)).sum(axis=0)
     supports = np.zeros(dim)
-    for hold, reaction in zip(model.holds, outcome.reactions, strict=True):
+    for hold, reaction in zip(model.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * hold.direction
     walls = np.zeros(dim)
     for point, impulse in zip(march.order, outcome.points.impulse, strict=True):
-        meeting = model.meetings[point]
-        if len(meeting.nodes) == 1:
-            walls -= impulse * meeting.normal
+        contact_pair = model.contact_pairs[point]
+        if len(contact_pair.nodes) == 1:
+            walls -= impulse * contact_pair.normal
     closure = after - before - outcome.load_impulse - supports - walls
     moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
     started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
@@ -188,7 +188,7 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, dict[str, Any]]
     for place, point in sorted(enumerate(march.order), key=lambda pair: pair[1]):
         p = outcome.points[place]
         met = p.first >= 0
-        out[model.meetings[point].name] = {
+        out[model.contact_pairs[point].name] = {
             "impulse": float(p.impulse),
             "peak_force": float(p.peak),
             "first_closed": float(p.first * dt) if met else None,

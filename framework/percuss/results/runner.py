@@ -109,7 +109,7 @@ def _run(
         outcome = march.refuse(cause.not_started(march.model, known))
     else:
         marginal = known["stable"] == "marginal"
-        march.settle()  # compiles before the march of this process begins, for which other threads wait
+        march.compile()  # compiles before the march of this process begins, for which other threads wait
         with MARCHING if timed else nullcontext():
             outcome = march.run(progress, marginal=marginal)
             if timed and outcome.status == "done":

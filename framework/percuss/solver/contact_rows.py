@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.errors import PluginError
 from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw
-from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ENTRY, JUDGED, NOTHING, OTHER, POINT
+from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ENTRY, LAW, NOTHING, OTHER, POINT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,51 +81,51 @@ def intervals(rows: LinearLaw, law: str) -> Floats | None:
     return during
 
 
-def judge(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> Any:
-    """Return the (P,) `JUDGED` records that follow from a law's rows and an integrator's table.
+def law_records(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> Any:
+    """Return the (P,) `LAW` records that follow from a law's rows and an integrator's table.
 
     Raises
     ------
     PluginError
         If nothing resists the contact: sigma and w are both zero.
     """
-    judged: ContactState = getattr(table, rows["at"])
-    response = sum(rows[f] * a for f, a in zip(("gap", "rate", "acceleration"), judged.response, strict=True))
+    state: ContactState = getattr(table, rows["at"])
+    response = sum(rows[f] * a for f, a in zip(("gap", "rate", "acceleration"), state.response, strict=True))
     if ((rows["sigma"] + response * delassus) <= 0).any():
         raise PluginError(
             f"contact law {law}: sigma and the response of the judged state are both zero, so no force follows; "
             "give a compliance, or judge at the end of the step"
         )
-    out = np.zeros(delassus.size, dtype=JUDGED)
+    out = np.zeros(delassus.size, dtype=LAW)
     for weight in ("gap", "rate", "acceleration"):
         out[f"weight_{weight}"] = rows[weight]
     out["sigma"], out["response"] = rows["sigma"], response
     with np.errstate(divide="ignore"):
         out["end_stiffness"] = np.where((rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan)
-    out["sees_predicted_gap"] = judged.gap == "predicted"
-    out["sees_predicted_rate"] = judged.rate == "predicted"
-    out["sees_acceleration"] = judged.acceleration == "bulk"
+    out["sees_predicted_gap"] = state.gap == "predicted"
+    out["sees_predicted_rate"] = state.rate == "predicted"
+    out["sees_acceleration"] = state.acceleration == "bulk"
     out["always"] = rows["active"] == "all"
     out["never_pulls"] = rows["sign"] == ">= 0"
     # what a unit multiplier adds to the gap at the end is the same for every leap-frog scheme
     out["surplus"] = response - rows["gap"] * table.end.response[0]
-    out["stores"] = storage(rows, judged)
+    out["stores"] = storage(rows, state)
     return out
 
 
-def storage(rows: dict[str, Any], judged: ContactState) -> Any:
+def storage(rows: dict[str, Any], state: ContactState) -> Any:
     """Return how the points of a law store energy, (P,): NOTHING, BY_END or BY_CURRENT."""
-    inert = (rows["acceleration"] != 0) & (judged.acceleration == "bulk")
+    inert = (rows["acceleration"] != 0) & (state.acceleration == "bulk")
     plain = (rows["rate"] == 0) & (rows["sigma"] > 0)
-    if judged.gap == "predicted":
+    if state.gap == "predicted":
         return np.where(plain & ~inert, BY_END, NOTHING)
-    whole = (judged.acceleration == "bulk" and judged.response[2] == 1) | (rows["acceleration"] == 0)
-    return np.where(plain & whole & (judged.response[0] == 0), BY_CURRENT, NOTHING)
+    whole = (state.acceleration == "bulk" and state.response[2] == 1) | (rows["acceleration"] == 0)
+    return np.where(plain & whole & (state.response[0] == 0), BY_CURRENT, NOTHING)
 
 
 def own_multipliers(count: int) -> Any:
-    """Return (count,) `JUDGED` records of a law that is no rows: nothing but the mark that its kernel speaks."""
-    out = np.zeros(count, dtype=JUDGED)
+    """Return (count,) `LAW` records of a law that is no rows: nothing but the mark that its kernel speaks."""
+    out = np.zeros(count, dtype=LAW)
     out["own"], out["end_stiffness"] = 1, np.nan
     return out
 
@@ -149,35 +149,35 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
         for side in row:
             at_node.setdefault(side.node, []).append((p, side))
     entries: list[dict[int, float]] = [{} for _ in sides]
-    for meeting in at_node.values():
-        for p, mine in meeting:
-            for q, theirs in meeting:
+    for contact_pair in at_node.values():
+        for p, mine in contact_pair:
+            for q, theirs in contact_pair:
                 entries[p][q] = entries[p].get(q, 0.0) + float(mine.normal @ theirs.response)
     diagonal = np.array([row.pop(p, 0.0) for p, row in enumerate(entries)])
     return diagonal, entries
 
 
 def point_records(
-    judged: Any, gaps: Sequence[float], sides: Sequence[Sequence[Side]], place: dict[int, int]
+    laws: Any, gaps: Sequence[float], sides: Sequence[Sequence[Side]], place: dict[int, int]
 ) -> tuple[Any, Any, Any]:
     """Return the record arrays (points, entries, others) of the loop.
 
     Parameters
     ----------
-    judged : (P,) JUDGED
+    laws : (P,) LAW
         What the laws say.
     gaps
         Initial gap of each point.
     sides
         Its sides.
     place
-        Node to its first entry among the special nodes.
+        Node to its first entry among the boundary degrees of freedom.
     """
     diagonal, rows = delassus_rows(sides)
     points = np.recarray(len(sides), dtype=POINT)
     points[:] = np.zeros((), dtype=POINT)
-    for name in JUDGED.names or ():
-        points[name] = judged[name]
+    for name in LAW.names or ():
+        points[name] = laws[name]
     points["initial_gap"], points["delassus"] = gaps, diagonal
     compliance = points["sigma"] + points["surplus"] * diagonal
     spring = (points["stores"] == BY_END) & (compliance > 0)

@@ -1,4 +1,4 @@
-"""The parts of a model: bodies, meetings of their ends, and what holds, pushes and pulls them."""
+"""The parts of a model: bodies, contact pairs of their ends, constraints, and forces on nodes and bodies."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
 
 
 @dataclass(frozen=True)
-class Meeting:
+class ContactPair:
     """One contact point: its nodes, unit normal (from the first side to the second) and initial gap."""
 
     name: str
@@ -106,7 +106,7 @@ class Meeting:
 
 
 @dataclass(frozen=True)
-class Hold:
+class Constraint:
     """A direction in which a node's velocity is prescribed, always (a support) or within a window (a drive)."""
 
     node: int
@@ -115,12 +115,12 @@ class Hold:
     column: int
 
     def active(self, midpoint: float) -> bool:
-        """Return whether it holds in the step around `midpoint`."""
+        """Return whether the constraint is in force in the step around `midpoint`."""
         return self.load is None or self.load.start < midpoint < self.load.stop
 
 
 @dataclass(frozen=True)
-class Push:
+class NodalForce:
     """A force on one node: vector at amplitude 1, and the load that gives the amplitude."""
 
     node: int
@@ -130,7 +130,7 @@ class Push:
 
 
 @dataclass(frozen=True)
-class Pull:
+class BodyForce:
     """An acceleration of a whole body: vector at amplitude 1, and the load that gives the amplitude."""
 
     body: int

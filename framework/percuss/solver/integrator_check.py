@@ -136,10 +136,10 @@ def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
         known(system, stage, u, v, a)
 
     step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
-    pushed = np.array([0.0, 1.0])
-    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(pushed, (integrator.kept, 1))
+    work_of_nodal_forces = np.array([0.0, 1.0])
+    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(work_of_nodal_forces, (integrator.kept, 1))
     try:
-        step(stages.numbers, (pushed,), u, v, kept, dt)
+        step(stages.numbers, (work_of_nodal_forces,), u, v, kept, dt)
     except Exception as error:
         where = line_in_plugin(error)
         text = f"{where + ': ' if where else ''}integrator {integrator.name}: step: {type(error).__name__}: {error}"

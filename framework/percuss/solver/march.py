@@ -76,7 +76,7 @@ class March:
         started = time.perf_counter()
         self.model = model
         self.dim = model.dim
-        self.order, self.judged = model.judged(model.delassus(0.5 * model.dt))
+        self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
         self.kernels = kernels or bind(self.group_parts, self.groups, self.own_laws, self.stepper, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
@@ -84,11 +84,11 @@ class March:
     def _arrays(self) -> None:
         model, dim = self.model, self.dim
         self.probes = self._probe_nodes()
-        meeting = [node for m in model.meetings for node in m.nodes]
-        acted = [hold.node for hold in model.holds] + [push.node for push in model.pushes]
-        self.reactions = np.zeros(len(model.holds))
-        self.special_nodes = list(dict.fromkeys([*meeting, *acted, *self.probes]))
-        self.place = {node: k * dim for k, node in enumerate(self.special_nodes)}
+        contact_pair = [node for m in model.contact_pairs for node in m.nodes]
+        acted = [hold.node for hold in model.constraints] + [push.node for push in model.nodal_forces]
+        self.reactions = np.zeros(len(model.constraints))
+        self.boundary_nodes = list(dict.fromkeys([*contact_pair, *acted, *self.probes]))
+        self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
         self.staged = Staged(model, model.stages) if model.stages is not None else None
         self.stepper = model.case.method.integrator if self.staged else None
         if self.staged:
@@ -101,24 +101,24 @@ class March:
         mass = np.repeat(model.mass, dim)
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, self.group_parts = self._groups()
-        count = len(model.meetings)
+        count = len(model.contact_pairs)
         self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], LinearLaw)]
         self.record, self.time = recording.prepared(model, self.probes, self.place, count)
         self._quiet = leapfrog_loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
-        number = {n: model.body_of(n).number for n in self.special_nodes}
+        number = {n: model.body_of(n).number for n in self.boundary_nodes}
         dofs = [
             (n * dim + d, model.mass[n], number[n] * dim + d, 0, 0, 0, 0)
-            for n in self.special_nodes
+            for n in self.boundary_nodes
             for d in range(dim)
         ]
-        self.few = self._acting(0.5 * model.dt, records(dofs, leapfrog_loop.SPECIAL))
+        self.boundary = self._acting(0.5 * model.dt, records(dofs, leapfrog_loop.BOUNDARY_DOF))
         self._renew(0.5 * model.dt)
 
     def _probe_nodes(self) -> list[int]:
         probes = self.model.case.record.probes
         if probes is None:
-            return list(dict.fromkeys(node for m in self.model.meetings for node in m.nodes))
+            return list(dict.fromkeys(node for m in self.model.contact_pairs for node in m.nodes))
         return [self.model.node(address) for address in probes]
 
     def _momenta(self) -> Floats:
@@ -152,19 +152,23 @@ class March:
             )
         return groups, list(kinds)
 
-    def _acting(self, midpoint: float, special: Any) -> leapfrog_loop.Few:
-        """Return what acts on few nodes for a run of steps with the same drives; sums start at zero."""
+    def _acting(self, midpoint: float, boundary_dofs: Any) -> leapfrog_loop.Boundary:
+        """Return the boundary for a run of steps with the same drives; its sums start at zero."""
         model, dim = self.model, self.dim
         # what a scheme of stages keeps may bring reactions of a hold that has let go
-        active = [(row, h) for row, h in enumerate(model.holds) if self.staged or h.active(midpoint)]
+        active = [(row, h) for row, h in enumerate(model.constraints) if self.staged or h.active(midpoint)]
         self.held = [row for row, _ in active]
         sides = model.sides(midpoint)
         sides = [sides[p] for p in self.order]
-        judged = self.judged.copy()
-        judged["always"][np.isin(self.order, model.resting(midpoint))] = NEVER
-        points, entries, others = point_records(judged, [model.meetings[p].gap for p in self.order], sides, self.place)
+        law_records = self.law_records.copy()
+        law_records["always"][np.isin(self.order, model.resting(midpoint))] = NEVER
+        points, entries, others = point_records(
+            law_records, [model.contact_pairs[p].gap for p in self.order], sides, self.place
+        )
         self.bound = custom_laws.nest(self.own_laws, points, others)
-        holds = [(self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)]
+        constraints = [
+            (self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)
+        ]
         shares = [
             (i, p, float(h.direction @ side.normal))
             for i, (_, h) in enumerate(active)
@@ -172,19 +176,19 @@ class March:
             for side in row
             if side.node == h.node and h.active(midpoint)
         ]
-        pushes = [
+        nodal_forces = [
             (self.place[f.node], i * dim, 1.0 / model.mass[f.node], f.column)
-            for i, f in enumerate(model.pushes, start=len(active))
+            for i, f in enumerate(model.nodal_forces, start=len(active))
         ]
-        axes = [h.direction for _, h in active] + [f.force for f in model.pushes]
-        return leapfrog_loop.Few(
-            special,
+        axes = [h.direction for _, h in active] + [f.force for f in model.nodal_forces]
+        return leapfrog_loop.Boundary(
+            boundary_dofs,
             points,
             entries,
             others,
-            records(holds, leapfrog_loop.HOLD),
+            records(constraints, leapfrog_loop.CONSTRAINT),
             records(shares, leapfrog_loop.SHARE),
-            records(pushes, leapfrog_loop.PUSH),
+            records(nodal_forces, leapfrog_loop.NODAL_FORCE),
             np.array(axes, dtype=float).ravel(),
             np.zeros(1, dtype=leapfrog_loop.TOTAL).view(np.recarray),
             np.zeros(len(model.bodies) * dim),
@@ -193,22 +197,22 @@ class March:
 
     def _switch(self, midpoint: float) -> None:
         """Change over to the drives that hold and the laws that act at `midpoint`, with all sums going on."""
-        before = self.few
+        before = self.boundary
         self._bank()
-        fresh = self._acting(midpoint, before.special)
+        fresh = self._acting(midpoint, before.boundary_dofs)
         carry_over(before.points, fresh.points)
-        self.few = fresh._replace(totals=before.totals)
+        self.boundary = fresh._replace(totals=before.totals)
         self._renew(midpoint)
 
     def _renew(self, midpoint: float) -> None:
         if self.staged:
-            self.staged.renew(self.nested, self.bulk, self.few, self.bound, midpoint)
+            self.staged.renew(self.nested, self.bulk, self.boundary, self.bound, midpoint)
 
     def _bank(self) -> None:
-        """Move the reactions summed so far to the account of the model's holds."""
-        for row, one in zip(self.held, self.few.holds, strict=True):
+        """Add the reactions summed so far to those of the constraints of the model."""
+        for row, one in zip(self.held, self.boundary.constraints, strict=True):
             self.reactions[row] += one.reaction
-        self.few.holds["reaction"] = 0.0
+        self.boundary.constraints["reaction"] = 0.0
 
     def _drive(self, first: int, count: int) -> Any:
         model, dim = self.model, self.dim
@@ -229,7 +233,7 @@ class March:
             else:
                 force[:, column] = model.amplitude(spec, t, average=True)
         pull = np.zeros((count, len(model.bodies) * dim))
-        for one in model.pulls:
+        for one in model.body_forces:
             column = loads.index(one.load) + 1
             pull[:, one.body * dim : (one.body + 1) * dim] += force[:, column, None] * one.acceleration
         return leapfrog_loop.Drive(force, velocity, pull)
@@ -247,7 +251,7 @@ class March:
             Whether the step is the critical one, at which the highest frequency of a bar may grow with time.
         """
         started = time.perf_counter()
-        self.settle()
+        self.compile()
         if self.staged:
             self._begin(self.staged)
         settled, compiled = time.perf_counter(), compile_seconds()
@@ -255,7 +259,7 @@ class March:
         out = self._nothing_yet()
         out.energy_before = self._energy()
         self._marginal = marginal
-        total = self.few.totals[0]
+        total = self.boundary.totals[0]
         total.began_with = max(self.initial_energy(), out.energy_before)
         total.growth, total.floor = GROWTH, self.noise() if self.model.case.time.on_unstable == "stop" else np.inf
         # plain Python warns of what compiled code passes over, and the watch sees to
@@ -264,8 +268,8 @@ class March:
             self._bank()
             out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
             out.final_displacement = self.u.copy()
-            out.points = self.few.points.copy()
-            out.totals = self.few.totals.copy()
+            out.points = self.boundary.points.copy()
+            out.totals = self.boundary.totals.copy()
             if out.status != "unstable":
                 self._trial(out.done)
         every = self.record.every
@@ -298,10 +302,10 @@ class March:
             records=0,
             time=self.time,
             record=self.record,
-            points=self.few.points,
+            points=self.boundary.points,
             starting_velocity=self.v.copy(),
             energy_before=0.0,
-            totals=self.few.totals,
+            totals=self.boundary.totals,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,
             seconds=self.seconds,
@@ -376,8 +380,8 @@ class March:
         if self.staged:
             return self.staged.advance(self.kernels.advance, drive, self.record, first, count)
         return self.kernels.advance(
-            self.nested, self.bulk, self.few, self.bound, drive, self.record, self.u, self.v,
-            bool(self.model.pulls), self.dim, self.model.dt, first, count,
+            self.nested, self.bulk, self.boundary, self.bound, drive, self.record, self.u, self.v,
+            bool(self.model.body_forces), self.dim, self.model.dt, first, count,
         )  # fmt: skip
 
     @property
@@ -388,7 +392,7 @@ class March:
             nested = (group, nested)
         return nested
 
-    def settle(self) -> None:
+    def compile(self) -> None:
         """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
         error = self._failure()
         if error is not None:
@@ -441,7 +445,7 @@ class March:
         if not self.model.case.loads:
             return total
         sums = drive.force.sum(axis=0)
-        for push in self.model.pushes:
+        for push in self.model.nodal_forces:
             total += sums[push.column] * push.force
         weights = np.array([b.mass.sum() for b in self.model.bodies.values()])
         total += weights @ drive.pull.sum(axis=0).reshape(-1, self.dim)
@@ -451,7 +455,7 @@ class March:
 
     def _sound(self) -> bool:
         """Return whether the state is finite and no more energetic than what was put in allows."""
-        total = self.few.totals[0]
+        total = self.boundary.totals[0]
         put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
         allowed = KINETIC_GROWTH * put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
@@ -459,9 +463,9 @@ class March:
 
     def changing(self) -> list[Any]:
         """Return the arrays that a step changes, in an order of its own."""
-        few = self.few
+        boundary = self.boundary
         more = self.staged.changing() if self.staged else [self.u, self.v]
-        return [*more, few.points, few.holds, few.totals, few.before]
+        return [*more, boundary.points, boundary.constraints, boundary.totals, boundary.before]
 
     def _copy(self) -> list[Any]:
         """Return what a step changes, as it is now; written over by the next call."""
@@ -484,7 +488,7 @@ class March:
             solved = self.advance(row, first + s, 1) == 1
             if not solved or not self._sound():
                 break
-        if self.own_laws and not np.isfinite(self.few.points.multiplier).all():
+        if self.own_laws and not np.isfinite(self.boundary.points.multiplier).all():
             unset = self._unset(row, before, first + s)
             if unset is not None:
                 return first + s, unset
@@ -492,15 +496,15 @@ class March:
 
     def _stop(self, step: int, *, solved: bool) -> Stop:
         """Return what is wrong after a step, and where it shows most."""
-        total = self.few.totals[0]
+        total = self.boundary.totals[0]
         allowed = total.growth * (total.began_with + total.largest_work) + total.floor
         by_contact = not total.contact_work <= allowed + leapfrog_loop.NOISE * total.step_energy
-        points = self.few.points
+        points = self.boundary.points
         pressing = np.flatnonzero(points.multiplier != 0.0) if by_contact or not solved else np.zeros(0, dtype=np.int64)
         node = int(np.argmax(np.abs(self.v))) // self.dim
         if pressing.size:
             worst = int(pressing[np.argmax(np.abs(points.multiplier[pressing]))])
-            node = int(self.few.special[self.few.entries[points[worst].start].place].dof) // self.dim
+            node = int(self.boundary.boundary_dofs[self.boundary.entries[points[worst].start].place].dof) // self.dim
         finite = np.isfinite(self.u) & np.isfinite(self.v)
         kind: Kind
         if by_contact:
@@ -521,8 +525,8 @@ class March:
         self._restore(after)
         if fault is None:
             return None
-        (meeting,) = (one for one in self.model.meetings if one.name == fault.contact)
-        return Stop(step, meeting.nodes[0], "kernel", fault.what, fault.cause)
+        (contact_pair,) = (one for one in self.model.contact_pairs if one.name == fault.contact)
+        return Stop(step, contact_pair.nodes[0], "kernel", fault.what, fault.cause)
 
     def _restore(self, values: list[Any]) -> None:
         for array, value in zip(self.changing(), values, strict=True):

@@ -17,8 +17,8 @@ from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floa
 from percuss.methods.kernel_trial import bound_of
 from percuss.solver import size_limits
 from percuss.solver.compiled.contact_equation import NOTHING
-from percuss.solver.contact_rows import Side, broadcast, delassus_rows, intervals, judge, own_multipliers
-from percuss.solver.entities import Body, Hold, Meeting, Pull, Push, end_reserves
+from percuss.solver.contact_rows import Side, broadcast, delassus_rows, intervals, law_records, own_multipliers
+from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, NodalForce, end_reserves
 from percuss.solver.integrator_check import refuse_end, refuse_unseen, scheme
 
 if TYPE_CHECKING:
@@ -67,8 +67,10 @@ class Model:
         self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
         self.omega = max(float(body.frequency.max()) for body in self.bodies.values())
         self.dt, self.steps = self._time(dt)
-        self.meetings = [meeting for spec in case.contacts.values() if (meeting := self._meeting(spec)) is not None]
-        self.holds, self.pushes, self.pulls = self._loads()
+        self.contact_pairs = [
+            contact_pair for spec in case.contacts.values() if (contact_pair := self._contact_pair(spec)) is not None
+        ]
+        self.constraints, self.nodal_forces, self.body_forces = self._loads()
         self._raise()
         self._refuse()
         # laws that are rows first: the others fill their part of the multipliers by kernels of their own
@@ -119,13 +121,13 @@ class Model:
         listed: dict[Any, Stretch] = {}
         for first, last in self.segments():
             middle = (first + 0.5) * self.dt
-            holds = tuple(row for row, hold in enumerate(self.holds) if hold.active(middle))
+            constraints = tuple(row for row, hold in enumerate(self.constraints) if hold.active(middle))
             resting = self.resting(middle)
-            if (holds, resting) not in listed:
-                at_rest = [dataclasses.replace(self.holds[row], load=None, column=0) for row in holds]
+            if (constraints, resting) not in listed:
+                at_rest = [dataclasses.replace(self.constraints[row], load=None, column=0) for row in constraints]
                 model = self.still(self.dt, at_rest, resting)
                 start, stop = first * self.dt, min(last, self.steps) * self.dt
-                listed[holds, resting] = Stretch(start, max(stop, start), model)
+                listed[constraints, resting] = Stretch(start, max(stop, start), model)
         return list(listed.values())
 
     def resting(self, midpoint: float) -> tuple[int, ...]:
@@ -137,22 +139,22 @@ class Model:
                 out += entry["where"]
         return tuple(sorted(set(out)))
 
-    def still(self, dt: float, holds: Sequence[Hold], resting: Sequence[int] = ()) -> Model:
-        """Return a stretch of the run by itself: no loads, `holds` at rest, laws bound anew for a step `dt`.
+    def still(self, dt: float, constraints: Sequence[Constraint], resting: Sequence[int] = ()) -> Model:
+        """Return a stretch of the run by itself: no loads, `constraints` at rest, laws bound anew for a step `dt`.
 
         Parameters
         ----------
         dt
             Time step.
-        holds
+        constraints
             The supports and drives of the stretch.
         resting
             Points whose law does not act in it; the others act throughout.
         """
         other = copy.copy(self)
         other.__dict__.pop("initial_velocity", None)
-        other.dt, other.steps, other.pushes, other.pulls = dt, 1, [], []
-        other.holds = list(holds)
+        other.dt, other.steps, other.nodal_forces, other.body_forces = dt, 1, [], []
+        other.constraints = list(constraints)
         other._resting = tuple(resting)
         other.stages, other.tables = scheme(self.case.method.integrator, dt)
         other.laws = [{**entry, "during": None} for entry in other._laws()]
@@ -180,7 +182,7 @@ class Model:
 
     # -- contacts ----------------------------------------------------------------------------------------
 
-    def _meeting(self, spec: ContactSpec) -> Meeting | None:
+    def _contact_pair(self, spec: ContactSpec) -> ContactPair | None:
         path = ("contacts", spec.name)
         first = self.bodies[spec.sides[0].body]
         normal = first.mesh.regions[spec.sides[0].region].outward
@@ -221,7 +223,7 @@ class Model:
         stiffness = [float(b.stiffness[e]) for b, e in zip(bodies, elements, strict=True)]
         frequency = [float(b.frequency[e]) for b, e in zip(bodies, elements, strict=True)]
         softer = int(np.argmin(stiffness))
-        return Meeting(
+        return ContactPair(
             name=spec.name,
             nodes=nodes,
             normal=normal,
@@ -252,24 +254,24 @@ class Model:
             array.flags.writeable = False
             return array
 
-        meetings = [self.meetings[p] for p in where]
+        contact_pairs = [self.contact_pairs[p] for p in where]
         delassus, coupling = self.whole._largest_delassus
         return ContactPoints(
-            names=tuple(m.name for m in meetings),
-            stiffness=column([m.stiffness for m in meetings]),
-            frequency=column([m.frequency for m in meetings]),
-            mass=column([m.mass for m in meetings]),
-            equal_sides=column([m.equal_sides for m in meetings], bool),
+            names=tuple(m.name for m in contact_pairs),
+            stiffness=column([m.stiffness for m in contact_pairs]),
+            frequency=column([m.frequency for m in contact_pairs]),
+            mass=column([m.mass for m in contact_pairs]),
+            equal_sides=column([m.equal_sides for m in contact_pairs], bool),
             delassus=column(delassus[where]),
             coupling=column(coupling[where]),
-            weight=column([1.0] * len(meetings)),
+            weight=column([1.0] * len(contact_pairs)),
             limits=lambda: column(self.whole._stiffness_limits(dt)[where]),
         )
 
     @cached_property
     def _largest_delassus(self) -> tuple[Floats, Floats]:
         """The largest s of each point in the run, and the largest sum of its row of S over that, (P,) each."""
-        largest, sums = np.zeros(len(self.meetings)), np.zeros(len(self.meetings))
+        largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
         for start, _ in self.segments(laws=False):
             diagonal, others = delassus_rows(self.sides((start + 0.5) * self.dt))
             largest = np.maximum(largest, diagonal)
@@ -283,8 +285,8 @@ class Model:
         ``r_a u_a^2 + r_b u_b^2``, where the inverse of B between its ends gives both r. Closed contacts of stiffness
         eps_s take ``eps_s (u_a - u_b)^2``, which is no more than that where ``eps_s (1/r_a + 1/r_b) <= 1``.
         """
-        uses = Counter(node for meeting in self.meetings for node in meeting.nodes)
-        always_held = {hold.node for hold in self.holds if hold.load is None}
+        uses = Counter(node for contact_pair in self.contact_pairs for node in contact_pair.nodes)
+        always_held = {hold.node for hold in self.constraints if hold.load is None}
         reserve: dict[int, float] = {}
         for body in self.bodies.values():
             ends = [node for node in (body.start, body.stop - 1) if node in uses]
@@ -293,21 +295,21 @@ class Model:
                 reserve.update(end_reserves(body, step, ends))
         with np.errstate(divide="ignore"):
             softness = [
-                sum(uses[node] / np.float64(reserve[node]) for node in meeting.nodes if node not in always_held)
-                for meeting in self.meetings
+                sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in always_held)
+                for contact_pair in self.contact_pairs
             ]
             return 1.0 / np.array(softness, dtype=float)
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of every contact point, with the supports and drives that hold at `midpoint`."""
         held: dict[int, list[Floats]] = {}
-        for hold in self.holds:
+        for hold in self.constraints:
             if hold.active(midpoint):
                 held.setdefault(hold.node, []).append(hold.direction)
         rows = []
-        for meeting in self.meetings:
+        for contact_pair in self.contact_pairs:
             row = []
-            for node, normal in meeting.rows():
+            for node, normal in contact_pair.rows():
                 free = normal.copy()
                 for direction in held.get(node, ()):
                     free -= (direction @ free) * direction
@@ -318,10 +320,10 @@ class Model:
     def _check_movable(self) -> None:
         for start, _ in self.segments(laws=False):
             delassus = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
-            for meeting, s in zip(self.meetings, delassus, strict=True):
-                if s * min(self.mass[node] for node in meeting.nodes) < 1e-12:
+            for contact_pair, s in zip(self.contact_pairs, delassus, strict=True):
+                if s * min(self.mass[node] for node in contact_pair.nodes) < 1e-12:
                     self._problem(
-                        ("contacts", meeting.name),
+                        ("contacts", contact_pair.name),
                         "expected a contact that can move, found every side fixed or driven",
                         "Free one of the ends, or drop the contact.",
                     )
@@ -331,19 +333,19 @@ class Model:
 
     def _refuse(self) -> None:
         integrator = self.case.method.integrator
-        for meeting in self.meetings:
+        for contact_pair in self.contact_pairs:
             for reason, by in (
-                (integrator.refuses(meeting.law), integrator.name),
-                (meeting.law.refuses(integrator), meeting.law.name),
+                (integrator.refuses(contact_pair.law), integrator.name),
+                (contact_pair.law.refuses(integrator), contact_pair.law.name),
             ):
                 if reason:
-                    raise RefusedPair(integrator.name, meeting.law.name, reason, by)
+                    raise RefusedPair(integrator.name, contact_pair.law.name, reason, by)
 
     def _laws(self) -> list[dict[str, Any]]:
         """Bind each law at its points; one entry a law, laws that are rows before the others."""
         groups: dict[ContactLaw, list[int]] = {}
-        for p, meeting in enumerate(self.meetings):
-            groups.setdefault(meeting.law, []).append(p)
+        for p, contact_pair in enumerate(self.contact_pairs):
+            groups.setdefault(contact_pair.law, []).append(p)
         laws = []
         for law, where in groups.items():
             points = self.points(where, self.dt)
@@ -363,8 +365,8 @@ class Model:
         """Return the diagonal of S, (P,) [1/mass]."""
         return delassus_rows(self.sides(midpoint))[0]
 
-    def judged(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
-        """Return the order of the points in the loop, and what their laws say there, (P,) `JUDGED`."""
+    def law_records(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
+        """Return the order of the points in the loop, and what their laws say there, (P,) `LAW`."""
         table = table or self.tables[-1]
         order: list[int] = []
         parts = [own_multipliers(0)]
@@ -373,7 +375,7 @@ class Model:
             order += where
             if isinstance(entry["bound"], LinearLaw):
                 rows = broadcast(entry["bound"], entry["points"], law.name)
-                parts.append(judge(rows, table, delassus[where], law.name))
+                parts.append(law_records(rows, table, delassus[where], law.name))
             else:
                 parts.append(own_multipliers(len(where)))
         out = np.concatenate(parts)
@@ -384,8 +386,8 @@ class Model:
     def ignored_couplings(self) -> list[str]:
         """Return, in sentences, which laws with a kernel take no account of other contacts at the ends of theirs."""
         at_node: dict[int, list[int]] = {}
-        for p, meeting in enumerate(self.meetings):
-            for node in meeting.nodes:
+        for p, contact_pair in enumerate(self.contact_pairs):
+            for node in contact_pair.nodes:
                 at_node.setdefault(node, []).append(p)
         sentences = []
         for entry in self.laws:
@@ -394,7 +396,7 @@ class Model:
                 continue
             shared = [row for row in at_node.values() if len(row) > 1 and set(row) & set(entry["where"])]
             for row in shared:
-                names = ", ".join(f"'{self.meetings[p].name}'" for p in row)
+                names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in row)
                 sentences.append(
                     f"contacts {names} share an end, and the kernel of law {law.name} sees each of its contacts by "
                     "itself: it ignores what the others at that end press in the same step (it does not declare "
@@ -404,36 +406,41 @@ class Model:
 
     def parameters(self) -> dict[str, dict[str, float]]:
         """Return, for each contact, its law's parameters as they came out."""
-        out: dict[str, dict[str, Any]] = {meeting.name: {"law": meeting.law.name} for meeting in self.meetings}
+        out: dict[str, dict[str, Any]] = {
+            contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
+        }
         for entry in self.laws:
             for name, value in entry["resolved"].items():
                 for where, one in zip(entry["where"], np.broadcast_to(value, (len(entry["where"]),)), strict=True):
-                    out[self.meetings[where].name][name] = float(one)
+                    out[self.contact_pairs[where].name][name] = float(one)
         return out
 
     # -- supports and loads ------------------------------------------------------------------------------
 
-    def _loads(self) -> tuple[list[Hold], list[Push], list[Pull]]:
-        holds: list[Hold] = []
-        pushes: list[Push] = []
-        pulls: list[Pull] = []
+    def _loads(self) -> tuple[list[Constraint], list[NodalForce], list[BodyForce]]:
+        constraints: list[Constraint] = []
+        nodal_forces: list[NodalForce] = []
+        body_forces: list[BodyForce] = []
         for body in self.bodies.values():
             for region in body.spec.fixed:
                 node = body.start + body.mesh.regions[region].nodes[0]
-                holds += [Hold(node, axis, None, 0) for axis in np.eye(self.dim)]
+                constraints += [Constraint(node, axis, None, 0) for axis in np.eye(self.dim)]
         for column, spec in enumerate(self.case.loads.values(), start=1):
             for body, region in self._targets(spec):
                 direction = self._direction(spec, body)
                 if spec.acts_as == "velocity":
-                    self._drive(holds, Hold(body.start + body.mesh.regions[region].nodes[0], direction, spec, column))
+                    self._drive(
+                        constraints,
+                        Constraint(body.start + body.mesh.regions[region].nodes[0], direction, spec, column),
+                    )
                 elif region:
                     node = body.start + body.mesh.regions[region].nodes[0]
                     share = self.mass[node] if spec.acts_as == "acceleration" else 1.0
-                    pushes.append(Push(node, share * direction, spec, column))
+                    nodal_forces.append(NodalForce(node, share * direction, spec, column))
                 else:
                     share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
-                    pulls.append(Pull(body.number, share * direction, spec))
-        return holds, pushes, pulls
+                    body_forces.append(BodyForce(body.number, share * direction, spec))
+        return constraints, nodal_forces, body_forces
 
     def _targets(self, spec: LoadSpec) -> list[tuple[Body, str]]:
         if not spec.on:
@@ -448,9 +455,9 @@ class Model:
         direction[: len(given)] = given
         return direction / np.linalg.norm(direction)
 
-    def _drive(self, holds: list[Hold], new: Hold) -> None:
+    def _drive(self, constraints: list[Constraint], new: Constraint) -> None:
         """Add a drive unless the node is held along it already."""
-        for old in holds:
+        for old in constraints:
             if old.node != new.node or new.load is None:
                 continue
             other = "a fixed end" if old.load is None else f"the load '{old.load.name}'"
@@ -463,7 +470,7 @@ class Model:
                 "An end is fixed or driven, once at a time and along perpendicular directions.",
             )
             return
-        holds.append(new)
+        constraints.append(new)
 
     def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
         """Return runs of steps (first, one past last) within which nothing switches; the trial step included.
@@ -471,7 +478,7 @@ class Model:
         Supports and drives switch, and `laws` that act in intervals of time only.
         """
         total = self.steps + 1
-        instants = [t for hold in self.holds if hold.load is not None for t in (hold.load.start, hold.load.stop)]
+        instants = [t for hold in self.constraints if hold.load is not None for t in (hold.load.start, hold.load.stop)]
         if laws:
             instants += [t for entry in self.laws if entry["during"] is not None for t in entry["during"].ravel()]
         cuts = {0, total}
@@ -521,7 +528,7 @@ class Model:
 
     def _prescribe(self, velocity: Floats, time: float) -> None:
         """Set the velocities of supports and drives that hold in the first step; a drive is extended before t = 0."""
-        for hold in self.holds:
+        for hold in self.constraints:
             if hold.active(0.5 * self.dt):
                 wanted = 0.0
                 if hold.load is not None:
@@ -532,10 +539,10 @@ class Model:
     def starting_velocity(self) -> Floats:
         """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim): a second-order start, without contact forces."""
         start = self.initial_velocity.copy()
-        for push in self.pushes:
+        for push in self.nodal_forces:
             start[push.node] -= self._before_start(push.load) * push.force / self.mass[push.node]
         bodies = list(self.bodies.values())
-        for pull in self.pulls:
+        for pull in self.body_forces:
             body = bodies[pull.body]
             start[body.start : body.stop] -= self._before_start(pull.load) * pull.acceleration
         self._prescribe(start, -0.5 * self.dt)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.solver.compiled.multistage_loop import PULL, Given, System
+from percuss.solver.compiled.multistage_loop import BODY_FORCE, Given, System
 from percuss.solver.integrator_check import ends_of
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Stages
     from percuss.solver.compiled.bulk import Bulk
-    from percuss.solver.compiled.leapfrog_loop import Few, Record
+    from percuss.solver.compiled.leapfrog_loop import Boundary, Record
     from percuss.solver.model import Model
 
 
@@ -39,7 +39,7 @@ class Staged:
         self.model, self.said = model, said
         self.nodal = model.n_nodes * model.dim
         self.columns = len(model.case.loads) + 1
-        size = self.nodal + len(model.meetings) + len(model.holds) + self.columns
+        size = self.nodal + len(model.contact_pairs) + len(model.constraints) + self.columns
         kept = model.case.method.integrator.kept
         self.state = State(np.zeros(size), np.zeros(size), np.zeros((kept, size)))
         self.state.v[: self.nodal] = model.initial_velocity.ravel()
@@ -47,16 +47,16 @@ class Staged:
         self.ends = ends_of(said, model.dt)
         order = [p for entry in model.laws for p in entry["where"]]
         delassus = model.delassus(0.5 * model.dt)
-        self.responses = np.array([model.judged(delassus, table)[1]["response"] for table in model.tables])
+        self.responses = np.array([model.law_records(delassus, table)[1]["response"] for table in model.tables])
         self.responses = self.responses.reshape(len(said.times), len(order))
         loads = list(model.case.loads.values())
         bodies = list(model.bodies.values())
         rows = [
             (bodies[one.body].start, bodies[one.body].stop, k * model.dim, loads.index(one.load) + 1, 0.0)
-            for k, one in enumerate(model.pulls)
+            for k, one in enumerate(model.body_forces)
         ]
-        self.pulls = np.array(rows, dtype=PULL).view(np.recarray)
-        self.axes = np.array([one.acceleration for one in model.pulls], dtype=float).ravel()
+        self.body_forces = np.array(rows, dtype=BODY_FORCE).view(np.recarray)
+        self.axes = np.array([one.acceleration for one in model.body_forces], dtype=float).ravel()
         self._quiet = Given(np.zeros((0, 1, 1)), np.zeros((0, 2, 1)))
         self.system: System
 
@@ -64,12 +64,12 @@ class Staged:
         """Return what a step changes, beyond what that of a leap-frog scheme does."""
         return [*self.state, self.given]
 
-    def renew(self, groups: Any, masses: Bulk, few: Few, bound: Any, midpoint: float) -> None:
-        """Take up what acts on few nodes in a run of steps around `midpoint` with the same drives."""
+    def renew(self, groups: Any, masses: Bulk, boundary: Boundary, bound: Any, midpoint: float) -> None:
+        """Take up the boundary of a run of steps around `midpoint` with the same drives."""
         said, columns = self.said, self.columns
         self.system = System(
-            groups, masses, few, bound, self.pulls, self.axes,
-            np.array([h.active(midpoint) for h in self.model.holds], dtype=np.int64),
+            groups, masses, boundary, bound, self.body_forces, self.axes,
+            np.array([h.active(midpoint) for h in self.model.constraints], dtype=np.int64),
             self.responses, self.ends, np.array(said.times, dtype=float), self.model.dim,
             np.zeros((len(said.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.given,
             np.array([0.0, self.model.dt, 1.0]),
@@ -116,9 +116,9 @@ class Staged:
     def load_impulse(self) -> Floats:
         """Return the impulse of the loads on all bodies so far, (dim,)."""
         model, total = self.model, np.zeros(self.model.dim)
-        for push in model.pushes:
+        for push in model.nodal_forces:
             total += self.given[push.column] * push.force
         bodies = list(model.bodies.values())
-        for pull, row in zip(model.pulls, self.pulls, strict=True):
+        for pull, row in zip(model.body_forces, self.body_forces, strict=True):
             total += self.given[row.column] * bodies[pull.body].mass.sum() * pull.acceleration
         return model.dt * total

@@ -35,7 +35,7 @@ def prepared(
     probes
         Nodes whose motion is kept.
     place
-        Node to its first entry among the special ones.
+        Node to its first entry among the boundary degrees of freedom.
     points
         Number of contact points.
     """
@@ -94,8 +94,8 @@ def recordable(model: Model) -> Model:
     case = model.case
     problems: list[Problem] = []
     probes = case.record.probes
-    ends = len(probes) if probes is not None else sum(len(meeting.nodes) for meeting in model.meetings)
-    row = 8.0 * (3 * len(model.meetings) + 2 * ends * model.dim + 8)
+    ends = len(probes) if probes is not None else sum(len(contact_pair.nodes) for contact_pair in model.contact_pairs)
+    row = 8.0 * (3 * len(model.contact_pairs) + 2 * ends * model.dim + 8)
     size = COPIES * row * (model.steps / case.record.every)
     if not size_limits.fits(size):
         every = case.record.every * 10 ** math.ceil(

@@ -31,7 +31,7 @@ class RowOfBars:
             [b.spec.area * np.sqrt(m.modulus * m.rho) for b, m in zip(self.bodies, materials, strict=True)]
         )
         self.gravity = np.zeros(len(self.bodies))
-        for pull in model.pulls:
+        for pull in model.body_forces:
             amplitude = float(model.amplitude(pull.load, np.zeros(1), average=False)[0])
             axis = self.bodies[pull.body].mesh.direction * self.flip[pull.body]
             self.gravity[pull.body] += amplitude * float(pull.acceleration @ axis)
@@ -51,9 +51,9 @@ class RowOfBars:
     def _ends(self) -> dict[tuple[int, int], tuple[int, int]]:
         """Return of each end of each bar its kind, and the history of what acts on it (-1 for none)."""
         self.functions: list[list[Any]] = []  # (factor, load) that add up to one history
-        held = {hold.node: hold for hold in self.model.holds}
+        held = {hold.node: hold for hold in self.model.constraints}
         pushed: dict[int, list[Any]] = {}
-        for push in self.model.pushes:
+        for push in self.model.nodal_forces:
             pushed.setdefault(push.node, []).append(push)
         kinds = {}
         for b, body in enumerate(self.bodies):
@@ -82,8 +82,8 @@ class RowOfBars:
             return [2 * b + (0 if right else 1), 2 * b + (1 if right else 0), place, kind, -1, b]
 
         absent = [-1, -1, -1, ABSENT, -1, -1]
-        for meeting in self.model.meetings:
-            ends = [self.end_of(node) for node in meeting.nodes]
+        for contact_pair in self.model.contact_pairs:
+            ends = [self.end_of(node) for node in contact_pair.nodes]
             done |= set(ends)
             pair = [absent[:], absent[:]]
             for at in ends:
@@ -92,8 +92,8 @@ class RowOfBars:
                 pair[1 if ends[0][1] else 0][3] = WALL
             sides.append(pair)
             contact.append(1)
-            gaps.append(meeting.gap)
-            self.contact_names.append(meeting.name)
+            gaps.append(contact_pair.gap)
+            self.contact_names.append(contact_pair.name)
         for at in sorted(kinds):
             if at not in done:
                 pair = [absent[:], absent[:]]

@@ -46,7 +46,7 @@ class BarsInARow(Solution):
     def covers(self, model: Any) -> str | None:
         """Return why a case is not covered, or None."""
         reasons = [*_of_bodies(model), *_of_loads(model)]
-        nodes = [node for meeting in model.meetings for node in meeting.nodes]
+        nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         if len(nodes) != len(set(nodes)):
             reasons.append("an end takes part in several contacts")
         return reasons[0] if reasons else None
@@ -75,13 +75,13 @@ def _of_bodies(model: Any) -> Iterator[str]:
 def _of_loads(model: Any) -> Iterator[str]:
     """Yield what about the loads is not covered."""
     bodies = list(model.bodies.values())
-    for push in model.pushes:
+    for push in model.nodal_forces:
         if push.load.acts_as == "acceleration":
             yield f"load '{push.load.name}' accelerates an end, which has no mass but that of its mesh"
-    drives = [hold for hold in model.holds if hold.load is not None]
-    acting = [(push.load, push.force, model.body_of(push.node)) for push in model.pushes]
+    drives = [hold for hold in model.constraints if hold.load is not None]
+    acting = [(push.load, push.force, model.body_of(push.node)) for push in model.nodal_forces]
     acting += [(hold.load, hold.direction, model.body_of(hold.node)) for hold in drives]
-    acting += [(pull.load, pull.acceleration, bodies[pull.body]) for pull in model.pulls]
+    acting += [(pull.load, pull.acceleration, bodies[pull.body]) for pull in model.body_forces]
     for spec, vector, body in acting:
         if _aside(vector, body.mesh.direction):
             yield f"load '{spec.name}' acts across body '{body.name}'"
@@ -90,7 +90,7 @@ def _of_loads(model: Any) -> Iterator[str]:
     for hold in drives:
         if hold.load.start > 0 or hold.load.stop < np.inf:
             yield f"the drive '{hold.load.name}' is switched on or off in time"
-    for pull in model.pulls:
+    for pull in model.body_forces:
         if pull.load.start > 0 or pull.load.stop < np.inf or pull.load.load.name not in {"gravity", "constant"}:
             yield f"the load '{pull.load.name}' on a whole body changes in time"
 

@@ -1,8 +1,8 @@
 """The bulk update: bodies advance by a step without contact, block by block.
 
 Everything here also runs as plain Python: one source, two speeds. Displacement and velocity are flat, node by node
-with `dim` components each, displacement at t_n and velocity at t_n - dt/2; arrays called `special` hold the same for
-the few nodes at which something other than the bulk acts (contacts, supports, drives, end loads, probes).
+with `dim` components each, displacement at t_n and velocity at t_n - dt/2; arrays called `boundary_dofs` hold the
+same for the few nodes at which something other than the bulk acts (contacts, supports, drives, end loads, probes).
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ NEVER = -1  # a law that acts at no gap: the run is outside its intervals
 
 
 # One record a contact point. What its law says, what the step finds there, what is summed up over the run.
-JUDGED = np.dtype(
+LAW = np.dtype(
     [
         ("weight_gap", "f8"),
         ("weight_rate", "f8"),
@@ -44,7 +44,7 @@ JUDGED = np.dtype(
 )
 POINT = np.dtype(
     [
-        *((name, JUDGED[name]) for name in JUDGED.names or ()),
+        *((name, LAW[name]) for name in LAW.names or ()),
         ("initial_gap", "f8"),
         ("delassus", "f8"),  # diagonal of S
         ("kappa", "f8"),  # stiffness at the end of the step, of points that store BY_END
@@ -70,7 +70,7 @@ POINT = np.dtype(
         ("last", "i8"),
     ]
 )
-ENTRY = np.dtype([("place", "i8"), ("normal", "f8"), ("response", "f8")])  # place in `special`, N, M^-1 N
+ENTRY = np.dtype([("place", "i8"), ("normal", "f8"), ("response", "f8")])  # place in `boundary_dofs`, N, M^-1 N
 OTHER = np.dtype([("point", "i8"), ("value", "f8")])  # off-diagonal entries of S
 
 

@@ -100,23 +100,23 @@ def nest(entries: list[dict[str, Any]], points: Any, others: Any) -> Any:
     for entry in reversed(entries):
         begin = stop - len(entry["where"])
         coupled = bool(entry["law"].uses_coupling)
-        seen, pushed = _sight(points, others, begin, stop, coupled)
-        in_turn = max(in_turn, pushed)
-        nested = (entry["bound"], seen, points["multiplier"][begin:stop], pushed, nested)
+        seen, work_of_nodal_forces = _sight(points, others, begin, stop, coupled)
+        in_turn = max(in_turn, work_of_nodal_forces)
+        nested = (entry["bound"], seen, points["multiplier"][begin:stop], work_of_nodal_forces, nested)
         stop = begin
     return (in_turn, first, nested)
 
 
 def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tuple[Sight, int]:
     """Return what a law sees of its points from `begin` to `stop`, and 1 where other laws push them, else 0."""
-    starts, neighbours, values, pushed = [0], [], [], 0
+    starts, neighbours, values, work_of_nodal_forces = [0], [], [], 0
     for p in points[begin:stop]:
         for other in others[p.other_start : p.other_stop] if coupled else ():
             if begin <= other.point < stop:
                 neighbours.append(other.point - begin)
                 values.append(other.value)
             else:
-                pushed = 1
+                work_of_nodal_forces = 1
         starts.append(len(neighbours))
     views: dict[str, Any] = {name: points[name][begin:stop] for name in Sight._fields if name in (POINT.names or ())}
     rows: dict[str, Any] = {
@@ -126,7 +126,7 @@ def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tu
     }
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
-    return Sight(**views, **rows), pushed
+    return Sight(**views, **rows), work_of_nodal_forces
 
 
 def bind(maker: Specialiser, entries: list[dict[str, Any]], plain: frozenset[str]) -> Callable[..., None]:

@@ -16,13 +16,15 @@ from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounde
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
-NOISE = 1e-8  # of what forces in balance would bring of energy in one step: works below are round-off
+# Relative threshold: work below this fraction of the largest energy that a single force could add in one step is
+# round-off.
+NOISE = 1e-8
 
 SWEEPS_BETWEEN_LAWS = 1000
 TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
 
 # a degree of freedom of the few nodes at which more than the bulk acts
-SPECIAL = np.dtype(
+BOUNDARY_DOF = np.dtype(
     [
         ("dof", "i8"),  # place in the flat global arrays
         ("mass", "f8"),
@@ -34,11 +36,11 @@ SPECIAL = np.dtype(
     ]
 )
 # a direction (`axes` from `axis` on) in which a node's velocity is prescribed; `reaction` is the sum over steps
-HOLD = np.dtype([("place", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
+CONSTRAINT = np.dtype([("place", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
 # the part of a contact force that a hold bears
 SHARE = np.dtype([("hold", "i8"), ("point", "i8"), ("value", "f8")])
 # a force on a single node: `axes` from `axis` on is the force at amplitude 1
-PUSH = np.dtype([("place", "i8"), ("axis", "i8"), ("inverse_mass", "f8"), ("column", "i8")])
+NODAL_FORCE = np.dtype([("place", "i8"), ("axis", "i8"), ("inverse_mass", "f8"), ("column", "i8")])
 # works so far, and what the watch compares them with
 TOTAL = np.dtype(
     [
@@ -61,16 +63,16 @@ TOTAL = np.dtype(
 )
 
 
-class Few(NamedTuple):
-    """All that acts on few nodes."""
+class Boundary(NamedTuple):
+    """The nodes at which more than the bulk acts: contacts, constraints, nodal forces, and their sums."""
 
-    special: Any  # SPECIAL
+    boundary_dofs: Any  # BOUNDARY_DOF
     points: Any  # percuss.solver.compiled.contact_equation.POINT
     entries: Any  # percuss.solver.compiled.contact_equation.ENTRY
     others: Any  # percuss.solver.compiled.contact_equation.OTHER
-    holds: Any  # HOLD
+    constraints: Any  # CONSTRAINT
     shares: Any  # SHARE
-    pushes: Any  # PUSH
+    nodal_forces: Any  # NODAL_FORCE
     axes: Floats
     totals: Any  # TOTAL, one
     momentum: Floats  # (bodies * dim,) at n + 1/2, where whole bodies are pulled
@@ -95,7 +97,7 @@ class Record(NamedTuple):
     end_force: Floats  # (R, P)
     displacement: Floats  # (R, probes * dim)
     velocity: Floats  # (R, probes * dim)
-    probe: Integers  # (probes * dim,) places among the special ones
+    probe: Integers  # (probes * dim,) places among the boundary degrees of freedom
     energy: Floats  # (R, 5) kinetic, elastic, external work, contact work, energy the contacts store, at n + 1/2
     field_every: int  # 0: no field is kept
     field: Floats  # (F, nodes kept * dim) displacement
@@ -178,7 +180,7 @@ def find_multipliers(
 def advance(
     groups: Any,
     masses: Bulk,
-    few: Few,
+    boundary: Boundary,
     bound: Any,
     drive: Drive,
     record: Record,
@@ -191,41 +193,48 @@ def advance(
     count: int,
 ) -> int:
     """March `count` steps from step `first`; return how many were done when one was not sound, else `count`."""
-    special, points, totals = few.special, few.points, few.totals
-    holds, shares, pushes, axes = few.holds, few.shares, few.pushes, few.axes
+    boundary_dofs, points, totals = boundary.boundary_dofs, boundary.points, boundary.totals
+    constraints, shares, nodal_forces, axes = (
+        boundary.constraints,
+        boundary.shares,
+        boundary.nodal_forces,
+        boundary.axes,
+    )
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
-        look(special, u, v)
-        bulk(groups, masses, u, v, drive.pull[s], few.momentum, weigh, dim, dt)
-        for i in range(special.size):
-            q = special[i]
+        save_state(boundary_dofs, u, v)
+        bulk(groups, masses, u, v, drive.pull[s], boundary.momentum, weigh, dim, dt)
+        for i in range(boundary_dofs.size):
+            q = boundary_dofs[i]
             q.bulk_v = v[q.dof]
             q.new_v = q.bulk_v
-        if pushes.size > 0:
-            push(pushes, special, axes, drive.force, s, dim, dt)
+        if nodal_forces.size > 0:
+            push(nodal_forces, boundary_dofs, axes, drive.force, s, dim, dt)
         work = 0.0
-        if holds.size > 0:
-            work += hold(holds, special, axes, drive.velocity, totals, s, dim, dt)
+        if constraints.size > 0:
+            work += hold(constraints, boundary_dofs, axes, drive.velocity, totals, s, dim, dt)
         sound = True
         if points.size > 0:
-            judge(points, few.entries, special, dt)
-            sound = find_multipliers(bound, points, few.others, dt, n * dt, (dt * dt, dt), dt)
-            correct(points, few.entries, special, dt)
+            find_contact_states(points, boundary.entries, boundary_dofs, dt)
+            sound = find_multipliers(bound, points, boundary.others, dt, n * dt, (dt * dt, dt), dt)
+            correct(points, boundary.entries, boundary_dofs, dt)
             if shares.size > 0:
-                work += bear(shares, holds, points, special, axes, drive.velocity, s, dim, dt)
-        settle(special, u, v, dt)
-        if pushes.size > 0:
-            work += pushed(pushes, special, axes, drive.force, s, dim, dt)
+                work += add_contact_reactions(
+                    shares, constraints, points, boundary_dofs, axes, drive.velocity, s, dim, dt
+                )
+        write_back(boundary_dofs, u, v, dt)
+        if nodal_forces.size > 0:
+            work += work_of_nodal_forces(nodal_forces, boundary_dofs, axes, drive.force, s, dim, dt)
         if weigh:
-            work += lifted(special, few.momentum, few.before, drive.pull, s, dt)
+            work += work_of_body_forces(boundary_dofs, boundary.momentum, boundary.before, drive.pull, s, dt)
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
-        account(points, few.entries, special, totals, n, dt)
+        contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
         if n % record.every == 0 or n == record.last:
-            keep(groups, masses, few, record, u, v, dim, dt, n)
+            keep(groups, masses, boundary, record, u, v, dim, dt, n)
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
         # the comparison fails for a work that is no number, too
         if not (sound and total.contact_work <= limit):
@@ -233,55 +242,59 @@ def advance(
     return count
 
 
-def look(special: Any, u: Floats, v: Floats) -> None:
+def save_state(boundary_dofs: Any, u: Floats, v: Floats) -> None:
     """Note the state before the step."""
-    for i in range(special.size):
-        q = special[i]
+    for i in range(boundary_dofs.size):
+        q = boundary_dofs[i]
         q.old_u = u[q.dof]
         q.old_v = v[q.dof]
 
 
-def settle(special: Any, u: Floats, v: Floats, dt: float) -> None:
+def write_back(boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
     """Write the corrected velocity, and the displacement that follows from it."""
-    for i in range(special.size):
-        q = special[i]
+    for i in range(boundary_dofs.size):
+        q = boundary_dofs[i]
         v[q.dof] = q.new_v
         u[q.dof] = q.old_u + dt * q.new_v
 
 
-def push(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> None:
+def push(nodal_forces: Any, boundary_dofs: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> None:
     """Let forces on single nodes change their velocity."""
-    for i in range(pushes.size):
-        f = pushes[i]
+    for i in range(nodal_forces.size):
+        f = nodal_forces[i]
         scale = dt * f.inverse_mass * amplitude[s, f.column]
         for d in range(dim):
-            special[f.place + d].new_v += scale * axes[f.axis + d]
+            boundary_dofs[f.place + d].new_v += scale * axes[f.axis + d]
 
 
-def pushed(pushes: Any, special: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> float:
+def work_of_nodal_forces(
+    nodal_forces: Any, boundary_dofs: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float
+) -> float:
     """Return the work of forces on single nodes: half of force times u_{n+1} - u_{n-1}."""
     work = 0.0
-    for i in range(pushes.size):
-        f = pushes[i]
+    for i in range(nodal_forces.size):
+        f = nodal_forces[i]
         for d in range(dim):
-            q = special[f.place + d]
+            q = boundary_dofs[f.place + d]
             work += amplitude[s, f.column] * axes[f.axis + d] * (q.old_v + q.new_v)
     return 0.5 * dt * work
 
 
-def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, totals: Any, s: int, dim: int, dt: float) -> float:
+def hold(
+    constraints: Any, boundary_dofs: Any, axes: Floats, velocity: Floats, totals: Any, s: int, dim: int, dt: float
+) -> float:
     """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
     work = 0.0
-    for i in range(holds.size):
-        h = holds[i]
+    for i in range(constraints.size):
+        h = constraints[i]
         now = 0.0
         before = 0.0
         for d in range(dim):
-            now += axes[h.axis + d] * special[h.place + d].new_v
-            before += axes[h.axis + d] * special[h.place + d].old_v
+            now += axes[h.axis + d] * boundary_dofs[h.place + d].new_v
+            before += axes[h.axis + d] * boundary_dofs[h.place + d].old_v
         wanted = velocity[s, h.column]
         for d in range(dim):
-            special[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
+            boundary_dofs[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
         reaction = h.mass * (wanted - now) / dt
         h.reaction += reaction
         totals[0].step_energy = max(totals[0].step_energy, h.mass * (wanted - now) ** 2)
@@ -289,11 +302,11 @@ def hold(holds: Any, special: Any, axes: Floats, velocity: Floats, totals: Any, 
     return 0.5 * dt * work
 
 
-def bear(
+def add_contact_reactions(
     shares: Any,
-    holds: Any,
+    constraints: Any,
     points: Any,
-    special: Any,
+    boundary_dofs: Any,
     axes: Floats,
     velocity: Floats,
     s: int,
@@ -304,17 +317,17 @@ def bear(
     work = 0.0
     for i in range(shares.size):
         share = shares[i]
-        h = holds[share.hold]
+        h = constraints[share.hold]
         before = 0.0
         for d in range(dim):
-            before += axes[h.axis + d] * special[h.place + d].old_v
+            before += axes[h.axis + d] * boundary_dofs[h.place + d].old_v
         reaction = -share.value * points[share.point].multiplier
         h.reaction += reaction
         work += reaction * (before + velocity[s, h.column])
     return 0.5 * dt * work
 
 
-def judge(points: Any, entries: Any, special: Any, dt: float) -> None:
+def find_contact_states(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
     """Find gap and gap rate of each point, as they are and as the bulk update predicts them."""
     for i in range(points.size):
         p = points[i]
@@ -324,7 +337,7 @@ def judge(points: Any, entries: Any, special: Any, dt: float) -> None:
         predicted_rate = 0.0
         for k in range(p.start, p.stop):
             normal = entries[k].normal
-            q = special[entries[k].place]
+            q = boundary_dofs[entries[k].place]
             gap += normal * q.old_u
             predicted_gap += normal * (q.old_u + dt * q.new_v)
             rate += normal * q.old_v
@@ -335,19 +348,19 @@ def judge(points: Any, entries: Any, special: Any, dt: float) -> None:
         p.predicted_rate = predicted_rate
 
 
-def correct(points: Any, entries: Any, special: Any, dt: float) -> None:
+def correct(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
     """Let the multipliers change the velocity of the nodes they act on: the contact accelerations."""
     for i in range(points.size):
         p = points[i]
         if p.multiplier != 0.0:
             for k in range(p.start, p.stop):
-                special[entries[k].place].new_v += dt * entries[k].response * p.multiplier
+                boundary_dofs[entries[k].place].new_v += dt * entries[k].response * p.multiplier
 
 
-def lifted(special: Any, momentum: Floats, before: Floats, pull: Floats, s: int, dt: float) -> float:
-    """Return the work of what pulls whole bodies, from their momenta before and after the step."""
-    for i in range(special.size):
-        q = special[i]
+def work_of_body_forces(boundary_dofs: Any, momentum: Floats, before: Floats, pull: Floats, s: int, dt: float) -> float:
+    """Return the work of the body forces, from the momenta of the bodies before and after the step."""
+    for i in range(boundary_dofs.size):
+        q = boundary_dofs[i]
         momentum[q.body] += q.mass * (q.new_v - q.bulk_v)
     work = 0.0
     for i in range(momentum.size):
@@ -356,7 +369,7 @@ def lifted(special: Any, momentum: Floats, before: Floats, pull: Floats, s: int,
     return 0.5 * dt * work
 
 
-def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: float) -> None:
+def contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals: Any, n: int, dt: float) -> None:
     """Sum what the contacts do in a step: their work, what they store, and how the two of them go."""
     total = totals[0]
     work = 0.0
@@ -371,7 +384,7 @@ def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: fl
             rate = 0.0
             reach = 0.0
             for k in range(p.start, p.stop):
-                q = special[entries[k].place]
+                q = boundary_dofs[entries[k].place]
                 rate += entries[k].normal * q.new_v
                 reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
             done = 0.5 * dt * p.multiplier * (p.rate + rate)
@@ -399,10 +412,10 @@ def account(points: Any, entries: Any, special: Any, totals: Any, n: int, dt: fl
         total.contact_work += work
         total.stored = held  # of points that are not looked at nothing is stored
         total.round_off += abs(total.contact_work)
-        watch(total, steady, n)
+        track_growth(total, steady, n)
 
 
-def watch(total: Any, steady: float, n: int) -> None:
+def track_growth(total: Any, steady: float, n: int) -> None:
     """Note how far contact work with what is stored has risen above its smallest value so far.
 
     A start in touch under load finds the gap of the step before t = 0 closed, which no contact force had answered:
@@ -430,26 +443,26 @@ def snapshot(record: Record, u: Floats, n: int) -> None:
 
 
 def keep(
-    groups: Any, masses: Bulk, few: Few, record: Record, u: Floats, v: Floats, dim: int, dt: float, n: int
+    groups: Any, masses: Bulk, boundary: Boundary, record: Record, u: Floats, v: Floats, dim: int, dt: float, n: int
 ) -> None:
     """Write the record of step n."""
-    special = few.special
+    boundary_dofs = boundary.boundary_dofs
     r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
-    for i in range(few.points.size):
-        p = few.points[i]
+    for i in range(boundary.points.size):
+        p = boundary.points[i]
         record.multiplier[r, i] = p.multiplier
         record.gap[r, i] = p.gap
         after = p.initial_gap
         for k in range(p.start, p.stop):
-            q = special[few.entries[k].place]
-            after += few.entries[k].normal * (q.old_u + dt * q.new_v)
+            q = boundary_dofs[boundary.entries[k].place]
+            after += boundary.entries[k].normal * (q.old_u + dt * q.new_v)
         record.end_force[r, i] = p.end_stiffness * max(-after, 0.0)
     for k in range(record.probe.size):
-        q = special[record.probe[k]]
+        q = boundary_dofs[record.probe[k]]
         record.displacement[r, k] = q.old_u
         record.velocity[r, k] = 0.5 * (q.old_v + q.new_v)
     record.energy[r, 0] = kinetic(masses.mass, v)
     record.energy[r, 1] = elastic(groups, u, v, dim, dt)
-    record.energy[r, 2] = few.totals[0].external_work
-    record.energy[r, 3] = few.totals[0].contact_work
-    record.energy[r, 4] = few.totals[0].stored
+    record.energy[r, 2] = boundary.totals[0].external_work
+    record.energy[r, 3] = boundary.totals[0].contact_work
+    record.energy[r, 4] = boundary.totals[0].stored

@@ -17,15 +17,15 @@ from percuss.methods.slots import accelerations, internal_force
 from percuss.solver.compiled.bulk import Bulk, Group, kinetic
 from percuss.solver.compiled.leapfrog_loop import (
     NOISE,
-    Few,
+    Boundary,
     Record,
-    account,
+    contact_energy,
     elastic,
+    find_contact_states,
     find_multipliers,
-    judge,
-    look,
-    pushed,
+    save_state,
     snapshot,
+    work_of_nodal_forces,
 )
 from percuss.solver.compiled.marks import called
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
 # an acceleration of whole bodies: `axes` from `axis` on at amplitude 1, on the nodes from `start` to `stop`
-PULL = np.dtype([("start", "i8"), ("stop", "i8"), ("axis", "i8"), ("column", "i8"), ("momentum", "f8")])
+BODY_FORCE = np.dtype([("start", "i8"), ("stop", "i8"), ("axis", "i8"), ("column", "i8"), ("momentum", "f8")])
 
 
 class System(NamedTuple):
@@ -41,11 +41,11 @@ class System(NamedTuple):
 
     groups: Any
     masses: Bulk
-    few: Few  # with all holds of the model
+    boundary: Boundary  # with all constraints of the model
     bound: Any
-    pulls: Any  # PULL
+    body_forces: Any  # BODY_FORCE
     pull_axes: Floats
-    acts: Integers  # (holds,) 1 where the hold is in force
+    acts: Integers  # (constraints,) 1 where the constraint is in force
     responses: Floats  # (stages, points) w of each point
     ends: Floats  # (stages, 3) r_v, r_a, s_a
     times: Floats  # (stages,) fractions of the step
@@ -113,57 +113,57 @@ def forces(groups: Any, u: Floats, force: Floats, dim: int) -> None:
 @called
 def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Set `a` to ``M^-1 (f_ext - f_int(u) + N lambda)``, behind it multipliers, reactions and amplitudes."""
-    few, inverse_mass, dim = system.few, system.masses.inverse_mass, system.dim
-    special, points = few.special, few.points
+    boundary, inverse_mass, dim = system.boundary, system.masses.inverse_mass, system.dim
+    boundary_dofs, points = boundary.boundary_dofs, boundary.points
     amplitude = system.amplitude[stage]
     nodal = inverse_mass.size
     forces(system.groups, u, a, dim)
     for i in range(nodal):
         a[i] *= inverse_mass[i]
-    for i in range(system.pulls.size):
-        p = system.pulls[i]
+    for i in range(system.body_forces.size):
+        p = system.body_forces[i]
         for j in range(p.start, p.stop):
             for d in range(dim):
                 a[j * dim + d] += amplitude[p.column] * system.pull_axes[p.axis + d]
-    for i in range(few.pushes.size):
-        f = few.pushes[i]
+    for i in range(boundary.nodal_forces.size):
+        f = boundary.nodal_forces[i]
         for d in range(dim):
-            a[special[f.place + d].dof] += amplitude[f.column] * f.inverse_mass * few.axes[f.axis + d]
-    first = nodal + points.size  # of the holds
-    for i in range(few.holds.size):
-        h = few.holds[i]
+            a[boundary_dofs[f.place + d].dof] += amplitude[f.column] * f.inverse_mass * boundary.axes[f.axis + d]
+    first = nodal + points.size  # of the constraints
+    for i in range(boundary.constraints.size):
+        h = boundary.constraints[i]
         a[first + i] = 0.0
         if system.acts[i] == 1:
-            now = along(h, special, few.axes, a, dim)
+            now = along(h, boundary_dofs, boundary.axes, a, dim)
             wanted = (system.speed[1, h.column] - system.speed[0, h.column]) / system.clock[1]
             a[first + i] = h.mass * (wanted - now)
-            add_along(h, special, few.axes, a, wanted - now, dim)
+            add_along(h, boundary_dofs, boundary.axes, a, wanted - now, dim)
     if points.size > 0:
         touch(system, stage, u, v, a, nodal)
     for i in range(amplitude.size):
-        a[first + few.holds.size + i] = amplitude[i]
+        a[first + boundary.constraints.size + i] = amplitude[i]
 
 
 @called
-def along(h: Any, special: Any, axes: Floats, values: Floats, dim: int) -> float:
+def along(h: Any, boundary_dofs: Any, axes: Floats, values: Floats, dim: int) -> float:
     """Return the component of a nodal quantity along a hold."""
     total = 0.0
     for d in range(dim):
-        total += axes[h.axis + d] * values[special[h.place + d].dof]
+        total += axes[h.axis + d] * values[boundary_dofs[h.place + d].dof]
     return total
 
 
 @called
-def add_along(h: Any, special: Any, axes: Floats, values: Floats, more: float, dim: int) -> None:
+def add_along(h: Any, boundary_dofs: Any, axes: Floats, values: Floats, more: float, dim: int) -> None:
     """Add to a nodal quantity along a hold."""
     for d in range(dim):
-        values[special[h.place + d].dof] += more * axes[h.axis + d]
+        values[boundary_dofs[h.place + d].dof] += more * axes[h.axis + d]
 
 
 @called
 def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: int) -> None:
     """Solve the contact equation of a stage, and let the multipliers act."""
-    few, entries, points = system.few, system.few.entries, system.few.points
+    boundary, entries, points = system.boundary, system.boundary.entries, system.boundary.points
     end = system.ends[stage]
     for i in range(points.size):
         p = points[i]
@@ -171,7 +171,7 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
         rate = 0.0
         acceleration = 0.0
         for k in range(p.start, p.stop):
-            dof = few.special[entries[k].place].dof
+            dof = boundary.boundary_dofs[entries[k].place].dof
             gap += entries[k].normal * u[dof]
             rate += entries[k].normal * v[dof]
             acceleration += entries[k].normal * a[dof]
@@ -182,15 +182,15 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
         p.response = system.responses[stage, i]
     time = system.clock[0] + system.times[stage] * system.clock[1]
     # the bulk acceleration is read from the rates, which lie s_a apart
-    if not find_multipliers(system.bound, points, few.others, system.clock[1], time, (end[1], end[2]), end[2]):
+    if not find_multipliers(system.bound, points, boundary.others, system.clock[1], time, (end[1], end[2]), end[2]):
         system.clock[2] = 0.0
     for i in range(points.size):
         p = points[i]
         for k in range(p.start, p.stop):
-            a[few.special[entries[k].place].dof] += entries[k].response * p.multiplier
+            a[boundary.boundary_dofs[entries[k].place].dof] += entries[k].response * p.multiplier
         a[nodal + i] = p.multiplier
-    for i in range(few.shares.size):
-        share = few.shares[i]
+    for i in range(boundary.shares.size):
+        share = boundary.shares[i]
         a[nodal + points.size + share.hold] -= share.value * points[share.point].multiplier
 
 
@@ -218,34 +218,36 @@ def advance(
     count: int,
 ) -> int:
     """March `count` steps from step `first`; return how many were done when one was not sound, else `count`."""
-    few, nodal = system.few, system.masses.mass.size
-    special, points, totals = few.special, few.points, few.totals
+    boundary, nodal = system.boundary, system.masses.mass.size
+    boundary_dofs, points, totals = boundary.boundary_dofs, boundary.points, boundary.totals
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
-        look(special, u, v)
+        save_state(boundary_dofs, u, v)
         set_out(system, given, s, n, u, v, dt)
         prescribe(system, u, v, dt, False)
         take_step(numbers, system, u, v, kept, dt)
         prescribe(system, u, v, dt, True)
-        for i in range(special.size):
-            special[i].new_v = v[special[i].dof]
-        judge(points, few.entries, special, dt)
+        for i in range(boundary_dofs.size):
+            boundary_dofs[i].new_v = v[boundary_dofs[i].dof]
+        find_contact_states(points, boundary.entries, boundary_dofs, dt)
         for i in range(points.size):
             points[i].multiplier = v[nodal + i] / dt
         work = settle_holds(system, v, dt)
-        start = nodal + points.size + few.holds.size
+        start = nodal + points.size + boundary.constraints.size
         for i in range(system.given.size):
             system.effective[0, i] = v[start + i] / dt
             system.given[i] += system.effective[0, i]
-        if few.pushes.size > 0:
-            work += pushed(few.pushes, special, few.axes, system.effective, 0, system.dim, dt)
-        work += lifted(system, v, dt)
+        if boundary.nodal_forces.size > 0:
+            work += work_of_nodal_forces(
+                boundary.nodal_forces, boundary_dofs, boundary.axes, system.effective, 0, system.dim, dt
+            )
+        work += work_of_body_forces(system, v, dt)
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
-        account(points, few.entries, special, totals, n, dt)
+        contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
         if n % record.every == 0 or n == record.last:
             keep(system, record, u, v, n)
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
@@ -271,8 +273,8 @@ def set_out(system: System, given: Given, s: int, n: int, u: Floats, v: Floats, 
     for i in range(system.masses.mass.size, u.size):
         u[i] = 0.0
         v[i] = 0.0
-    for i in range(system.pulls.size):
-        p = system.pulls[i]
+    for i in range(system.body_forces.size):
+        p = system.body_forces[i]
         p.momentum = momentum(system, p, v)
 
 
@@ -290,45 +292,52 @@ def momentum(system: System, p: Any, v: Floats) -> float:
 @called
 def prescribe(system: System, u: Floats, v: Floats, dt: float, after: bool) -> None:
     """Impose the velocities of supports and drives before or after the step; what that takes is reaction."""
-    few, dim = system.few, system.dim
-    first = system.masses.mass.size + few.points.size
-    for i in range(few.holds.size):
-        h = few.holds[i]
+    boundary, dim = system.boundary, system.dim
+    first = system.masses.mass.size + boundary.points.size
+    for i in range(boundary.constraints.size):
+        h = boundary.constraints[i]
         if system.acts[i] == 1:
             wanted = system.speed[1 if after else 0, h.column]
-            missing = wanted - along(h, few.special, few.axes, v, dim)
-            add_along(h, few.special, few.axes, v, missing, dim)
+            missing = wanted - along(h, boundary.boundary_dofs, boundary.axes, v, dim)
+            add_along(h, boundary.boundary_dofs, boundary.axes, v, missing, dim)
             v[first + i] += h.mass * missing
             if after:
                 place = 0.5 * dt * (system.speed[0, h.column] + system.speed[1, h.column])
                 for d in range(dim):
-                    place += few.axes[h.axis + d] * few.special[h.place + d].old_u
-                add_along(h, few.special, few.axes, u, place - along(h, few.special, few.axes, u, dim), dim)
+                    place += boundary.axes[h.axis + d] * boundary.boundary_dofs[h.place + d].old_u
+                add_along(
+                    h,
+                    boundary.boundary_dofs,
+                    boundary.axes,
+                    u,
+                    place - along(h, boundary.boundary_dofs, boundary.axes, u, dim),
+                    dim,
+                )
 
 
 @called
 def settle_holds(system: System, v: Floats, dt: float) -> float:
     """Sum the reactions of the step; return their work."""
-    few, work = system.few, 0.0
-    first = system.masses.mass.size + few.points.size
-    for i in range(few.holds.size):
-        h = few.holds[i]
+    boundary, work = system.boundary, 0.0
+    first = system.masses.mass.size + boundary.points.size
+    for i in range(boundary.constraints.size):
+        h = boundary.constraints[i]
         impulse = v[first + i]
         if impulse != 0.0:
             h.reaction += impulse / dt
-            few.totals[0].step_energy = max(few.totals[0].step_energy, impulse**2 / h.mass)
+            boundary.totals[0].step_energy = max(boundary.totals[0].step_energy, impulse**2 / h.mass)
             for d in range(system.dim):
-                q = few.special[h.place + d]
-                work += 0.5 * impulse * few.axes[h.axis + d] * (q.old_v + q.new_v)
+                q = boundary.boundary_dofs[h.place + d]
+                work += 0.5 * impulse * boundary.axes[h.axis + d] * (q.old_v + q.new_v)
     return work
 
 
 @called
-def lifted(system: System, v: Floats, dt: float) -> float:
-    """Return the work of what pulls whole bodies."""
+def work_of_body_forces(system: System, v: Floats, dt: float) -> float:
+    """Return the work of the body forces."""
     work = 0.0
-    for i in range(system.pulls.size):
-        p = system.pulls[i]
+    for i in range(system.body_forces.size):
+        p = system.body_forces[i]
         work += 0.5 * dt * system.effective[0, p.column] * (p.momentum + momentum(system, p, v))
     return work
 
@@ -336,22 +345,22 @@ def lifted(system: System, v: Floats, dt: float) -> float:
 @called
 def keep(system: System, record: Record, u: Floats, v: Floats, n: int) -> None:
     """Write the record of step n: state at t_n, forces over the step, energies at t_{n+1}."""
-    few, nodal = system.few, system.masses.mass.size
+    boundary, nodal = system.boundary, system.masses.mass.size
     r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
-    for i in range(few.points.size):
-        p = few.points[i]
+    for i in range(boundary.points.size):
+        p = boundary.points[i]
         record.multiplier[r, i] = p.multiplier
         record.gap[r, i] = p.gap
         after = p.initial_gap
         for k in range(p.start, p.stop):
-            after += few.entries[k].normal * u[few.special[few.entries[k].place].dof]
+            after += boundary.entries[k].normal * u[boundary.boundary_dofs[boundary.entries[k].place].dof]
         record.end_force[r, i] = p.end_stiffness * max(-after, 0.0)
     for k in range(record.probe.size):
-        q = few.special[record.probe[k]]
+        q = boundary.boundary_dofs[record.probe[k]]
         record.displacement[r, k] = q.old_u
         record.velocity[r, k] = q.old_v
     record.energy[r, 0] = kinetic(system.masses.mass, v[:nodal])
     record.energy[r, 1] = elastic(system.groups, u, v, system.dim, 0.0)
-    record.energy[r, 2] = few.totals[0].external_work
-    record.energy[r, 3] = few.totals[0].contact_work
-    record.energy[r, 4] = few.totals[0].stored
+    record.energy[r, 2] = boundary.totals[0].external_work
+    record.energy[r, 3] = boundary.totals[0].contact_work
+    record.energy[r, 4] = boundary.totals[0].stored

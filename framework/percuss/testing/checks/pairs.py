@@ -348,8 +348,8 @@ def check_certificate(subject: Subject) -> None:
 
     A pair whose rows say one thing and whose run does another would be certified wrongly.
     """
-    from percuss.certificate.closed_contacts import closed
-    from percuss.certificate.criteria import BlackBoxJudge, RowsJudge
+    from percuss.certificate.closed_contacts import closed_contacts
+    from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
     from percuss.solver.model import Model
 
     def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
@@ -358,10 +358,10 @@ def check_certificate(subject: Subject) -> None:
             model = Model(subject.load(subject.placed(case, options, partner)))
         except (InputError, RefusedPair) as why:
             raise NotApplicable(str(why)) from None
-        said = closed(model, model.dt)
+        said = closed_contacts(model, model.dt)
         if said.unknown:
             raise NotApplicable(f"the rows of {', '.join(said.unknown)} say nothing; the step itself is the judge")
-        rows_say, step_says = RowsJudge(model).critical(), BlackBoxJudge(model).critical()
+        rows_say, step_says = PencilCriterion(model).critical(), BlackBoxCriterion(model).critical()
         if not abs(rows_say - step_says) <= 1e-3 * rows_say:
             raise CheckFailed(f"by the rows the critical step is {rows_say:.6g}, by the step itself {step_says:.6g}")
 
