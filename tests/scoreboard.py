@@ -1,4 +1,4 @@
-"""The scoreboard of the README, from the shipped study: ``python tests/scoreboard.py`` writes it anew."""
+"""The scoreboard of the pages, from the shipped study: ``python tests/scoreboard.py`` writes it anew."""
 
 import sys
 import tempfile
@@ -149,13 +149,15 @@ def between(text, begin, end, new):
 
 
 def main():
-    """Write the scoreboard and its findings into the README."""
+    """Write the scoreboard into the page of the cases, and its findings into the first page."""
     with tempfile.TemporaryDirectory() as folder:
         table = rows(folder)
     made, told = scoreboard(table), findings(table)
-    readme = ROOT / "README.md"
-    text = between(readme.read_text(encoding="utf-8"), BEGIN, END, made)
-    readme.write_text(between(text, FINDINGS, END_OF_FINDINGS, told), encoding="utf-8")
+    for page, begin, end, new in (
+        (ROOT / "cases" / "README.md", BEGIN, END, made),
+        (ROOT / "README.md", FINDINGS, END_OF_FINDINGS, told),
+    ):
+        page.write_text(between(page.read_text(encoding="utf-8"), begin, end, new), encoding="utf-8")
     sys.stdout.write(made + told)
 
 

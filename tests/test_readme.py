@@ -1,4 +1,4 @@
-"""Every command and snippet of the README is executed."""
+"""Every command and snippet of every page is executed."""
 
 import os
 import re
@@ -13,17 +13,42 @@ import pytest
 import percuss
 
 ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
-SHELL = [text for kind, text in BLOCKS if kind == "sh"]
-PYTHON = [text for kind, text in BLOCKS if kind == "python"]
-SAVED = re.findall(r"[Ss]ave (?:this|it) as `(\w+\.py)`:\n\n```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
-COMMANDS = [line for text in SHELL[2:] for line in text.strip().splitlines()]
+PAGES = {
+    name: (ROOT / name / "README.md").read_text(encoding="utf-8")
+    for name in (".", "cases", "plugins", "framework", "tests")
+}
+README, CASES, PLUGINS = PAGES["."], PAGES["cases"], PAGES["plugins"]
+LONGEST = 120  # lines of the first page
+
+
+def blocks(page: str, kind: str) -> list[str]:
+    """Return the blocks of one kind in a page."""
+    found = re.findall(r"^```(\w+)\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
+    return [text for one, text in found if one == kind]
+
+
+SHELL = blocks(README, "sh")
+PYTHON = [text for page in PAGES.values() for text in blocks(page, "python")]
+SAVED = [
+    saved
+    for page in PAGES.values()
+    for saved in re.findall(
+        r"[Ss]ave (?:this|it) as `(\w+\.py)`:\n\n```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL
+    )
+]
+COMMANDS = list(
+    dict.fromkeys(
+        line
+        for name, page in PAGES.items()
+        for text in blocks(page, "sh")[2 if name == "." else 0 :]
+        for line in text.strip().splitlines()
+    )
+)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the cases and the README's own plug-ins, as a reader would have it."""
+    """Return a folder with the cases and the plug-ins of the pages, as a reader would have it."""
     here = tmp_path_factory.mktemp("readme")
     shutil.copytree(ROOT / "cases", here / "cases")
     for name, text in SAVED:
@@ -62,14 +87,14 @@ def test_a_snippet_runs(text: str, folder: Path) -> None:
 
 
 def test_the_case_shown_is_a_case(tmp_path: Path) -> None:
-    text = next(text for kind, text in BLOCKS if kind == "yaml")
+    text = blocks(CASES, "yaml")[0]
     (tmp_path / "shown.yaml").write_text(text, encoding="utf-8")
     case = percuss.load(tmp_path / "shown.yaml")
     assert percuss.run(case).summary["steps"] == 1600
 
 
 def test_the_study_shown_is_a_study(folder: Path) -> None:
-    text = next(text for kind, text in BLOCKS if kind == "yaml" and "percuss-study" in text)
+    text = next(text for text in blocks(CASES, "yaml") if "percuss-study" in text)
     (folder / "shown.yaml").write_text(text, encoding="utf-8")
     study = percuss.study(folder / "shown.yaml", folder / "shown.sqlite", workers=1)
     assert study.complete
@@ -118,9 +143,33 @@ def test_every_method_named_is_registered() -> None:
     registry = Registry.load()
     for family in ("integrators", "contacts", "loads"):
         for name in registry.names(family):
-            assert f"`{name}`" in README, f"{family} {name} is not in the README"
+            assert f"`{name}`" in PLUGINS + CASES, f"{family} {name} is in no page"
 
 
-def test_the_picture_is_there() -> None:
-    for picture in re.findall(r"!\[.*?\]\((.*?)\)", README):
-        assert (ROOT / picture).stat().st_size > 10_000
+def test_pictures_and_links_lead_somewhere() -> None:
+    for name, page in PAGES.items():
+        for picture in re.findall(r"!\[.*?\]\((.*?)\)", page):
+            assert (ROOT / name / picture).stat().st_size > 10_000
+        for link in re.findall(r"(?<!!)\[[^\]]*\]\(([^)]*)\)", page):
+            path, _, heading = link.partition("#")
+            target = ROOT / name / path
+            assert target.is_file(), link
+            headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+            assert not heading or heading in {text.lower().replace(" ", "-") for text in headings}, link
+
+
+def test_the_first_page_is_short() -> None:
+    assert len(README.splitlines()) <= LONGEST
+
+
+def test_the_rooms_of_the_page_are_those_of_the_code() -> None:
+    folder = ROOT / "framework" / "percuss"
+    rooms = {path.name for path in folder.iterdir() if (path / "__init__.py").is_file()}
+    assert set(re.findall(r"^\| `(\w+)` \|", PAGES["framework"], re.MULTILINE)) == rooms
+
+
+def test_the_small_law_is_the_penalty_method(folder: Path) -> None:
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "spring.py"])
+    one = percuss.run(case, {"method.contact": {"name": "spring"}})
+    other = percuss.run(case, {"method.contact": {"name": "penalty", "beta_s": 0.25}})
+    assert (one.arrays["contact_force"] == other.arrays["contact_force"]).all()

@@ -1,4 +1,4 @@
-"""The scoreboard in the README is what the shipped study gives, and its findings are in the data."""
+"""The scoreboard in the pages is what the shipped study gives, and its findings are in the data."""
 
 import re
 
@@ -8,7 +8,7 @@ import scoreboard
 from percuss.certificate.verdict import SAFETY
 from percuss.methods.registry import Registry
 
-README = (scoreboard.ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [(scoreboard.ROOT / name / "README.md").read_text(encoding="utf-8") for name in (".", "cases", "plugins")]
 NUMBER = r"\d+(?:\.\d+)?"
 
 
@@ -23,10 +23,10 @@ def cells(text):
 
 
 def shown(begin, end):
-    """Return what the README has between two marks."""
-    assert begin in README
-    assert end in README
-    return README.partition(begin)[2].partition(end)[0]
+    """Return what the pages have between two marks."""
+    (page,) = (page for page in PAGES if begin in page)
+    assert end in page
+    return page.partition(begin)[2].partition(end)[0]
 
 
 def numbers(text):
@@ -74,18 +74,21 @@ def test_the_findings_are_those_of_the_table_above_them():
 
 
 def test_the_reference_is_never_called_a_bound():
-    section = README.partition("## The scoreboard")[2].partition("\n## ")[0]
+    headings = ("## What the bench has found", "## The scoreboard")
+    sections = [
+        page.partition(heading)[2].partition("\n## ")[0] for page, heading in zip(PAGES, headings, strict=False)
+    ]
     study = scoreboard.STUDY.read_text(encoding="utf-8")
-    for text in (section, study):
+    for text in (*sections, study):
         assert not re.search(r"\bfloor\b|no contact law can", text)
-    assert "reference" in section
+    assert all("reference" in section for section in sections)
 
 
 def test_limits_in_the_prose_are_those_of_the_code():
     integrator = Registry.load().get("integrators", "noh-bathe")
-    row = next(line for line in README.splitlines() if line.startswith("| `noh-bathe`"))
+    row = next(line for line in PAGES[2].splitlines() if line.startswith("| `noh-bathe`"))
     assert f"without contact up to a Courant number of {integrator.critical_courant:.3g} |" in row
-    assert f"takes {SAFETY:g} of the critical step" in README
+    assert f"takes {SAFETY:g} of the critical step" in PAGES[1]
 
 
 def value(table, case, pair, name):
