@@ -162,12 +162,12 @@ def _load(
         for path, value in early.items():
             source = source.override(path, value)
     if registry is None:
-        registry = _registry(source, plugins)
+        registry = registry_of(source, plugins)
     source, dropped = overriding.apply(source, rest, registry)
     return _read(source, registry, plugins, (*notes, *dropped))
 
 
-def _registry(source: Source, plugins: tuple[Path, ...]) -> Registry:
+def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
     """Return the components of the installed plug-ins, of `plugins` and of the files that the case names."""
     named = source.get(("plugins",), ())
     if not isinstance(named, tuple):

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from percuss.case import defaults
 from percuss.case.quantities import STATISTICS
 from percuss.case.specs import ActsAs, Vector
 from percuss.case.type_words import Expects
@@ -103,11 +104,11 @@ class MethodSpec:
 
     integrator: Annotated[
         Integrator,
-        Named("integrators", "wu-predictor-corrector"),
+        Named("integrators", defaults.INTEGRATOR),
         Doc("time integrator: a name, or {name: ...}"),
     ]
-    contact: Annotated[ContactLaw, Named("contacts", "bipenalty"), Doc("contact law: a name, or {name: ...}")]
-    mass: Annotated[Mass, Named("masses", "lumped"), Doc("how element masses become nodal masses")]
+    contact: Annotated[ContactLaw, Named("contacts", defaults.CONTACT), Doc("contact law: a name, or {name: ...}")]
+    mass: Annotated[Mass, Named("masses", defaults.MASS), Doc("how element masses become nodal masses")]
 
 
 @dataclass(frozen=True)
@@ -142,8 +143,8 @@ class TimeSpec:
 class BodySection:
     """A body; one more key is its shape, as ``bar: {length: 10, elements: 100}``."""
 
-    material: Annotated[Any, Named("materials", "elastic"), Doc("material: its options, or {name: ...}")]
-    element: Annotated[Any, Named("elements", "bar"), Doc("element: a name, or {name: ...}")]
+    material: Annotated[Any, Named("materials", defaults.MATERIAL), Doc("material: its options, or {name: ...}")]
+    element: Annotated[Any, Named("elements", defaults.ELEMENT), Doc("element: a name, or {name: ...}")]
     area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section")]
     at: Annotated[float | Vector, Unit("length"), Doc("where the body starts: a number along x, or a point")] = 0.0
     velocity: Annotated[
@@ -158,7 +159,7 @@ class ContactSection:
 
     method: Annotated[
         Any,
-        Named("contacts", "bipenalty", optional=True),
+        Named("contacts", defaults.CONTACT, optional=True),
         Doc("contact law of this contact; else method.contact"),
     ]
     between: (

@@ -27,7 +27,7 @@ def cure_of(judge: RunCriterion, critical: float) -> str:
         cures.append(f"lower the step to {down(critical)} (Courant number {down(0.5 * critical * model.omega)})")
     for entry in model.laws:
         law = entry["law"]
-        for option in ("beta_s", "epsilon_s", "ratio", "scale"):
+        for option in law.stiffening:
             value = getattr(law, option, None)
             if isinstance(value, float) and judge.by == PencilCriterion.by:
                 found = option_at_most(judge, law, option, value)

@@ -56,7 +56,7 @@ def tell_result(result: Result) -> None:
     table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
     for name, c in s["contacts"].items():
         law = resolved["contacts"][name]
-        options = ", ".join(f"{k} {_number(law[k], 4)}" for k in ("beta_s", "ratio") if k in law)
+        options = ", ".join(f"{k} {_number(law[k], 4)}" for k in resolved.get("headline", {}).get(name, ()) if k in law)
         table.add_row(
             escape(name),
             f"{law['law']}{f' ({options})' if options else ''}",

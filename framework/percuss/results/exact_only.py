@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,15 +30,18 @@ def load_for_exact(
     path: str | Path, overrides: Mapping[str, Any] | None = None, *, plugins: Sequence[str | Path] = ()
 ) -> Case:
     """Return a case of which neither elements nor a time step need be given; see `percuss.load`."""
-    from percuss.case.case import load
+    from percuss.case.case import load, registry_of
     from percuss.case.source import Source
 
     source = Source.read(path)
     bodies = source.get(("bodies",))
-    for name in bodies if isinstance(bodies, Mapping) else ():
-        bar = source.get(("bodies", name, "bar"))
-        if isinstance(bar, Mapping) and "elements" not in bar:
-            source = source.replaced(("bodies", name, "bar"), {**bar, "elements": 1})
+    registry = registry_of(source, tuple(Path(file) for file in plugins))
+    names = bodies if isinstance(bodies, Mapping) else ()
+    for name, shape in itertools.product(names, registry.names("shapes")):
+        given = source.get(("bodies", name, shape))
+        missing = dict(registry.get("shapes", shape).without_mesh)  # type: ignore[attr-defined]
+        if isinstance(given, Mapping) and not set(missing) <= set(given):
+            source = source.replaced(("bodies", name, shape), {**missing, **given})
     given = source.get(("time",))
     if isinstance(given, Mapping) and not {"courant", "step"} & set(given):
         source = source.replaced(("time",), {**given, "courant": 1})

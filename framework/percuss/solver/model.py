@@ -564,6 +564,7 @@ def resolved_methods(model: Model) -> Mapping[str, Any]:
         "contact": method.contact.name,
         "mass": method.mass.name,
         "contacts": model.parameters(),
+        "headline": {pair.name: list(pair.law.headline) for pair in model.contact_pairs},
         "dt": model.dt,
         "steps": model.steps,
         "courant": model.courant,

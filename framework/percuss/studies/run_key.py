@@ -93,7 +93,7 @@ class Keys:
     def _components(self, case: Case, task: Task) -> Iterator[tuple[str, str]]:
         """Yield name and digest of all components that a run uses; of all single files where it cannot be read."""
         from percuss.results.provenance import plugins_used
-        from percuss.studies.tasks import TIED
+        from percuss.studies.tasks import tying_law
 
         sources = case.registry.sources
         try:
@@ -103,7 +103,7 @@ class Keys:
         for (family, name), source in sources.items():
             # whichever solution covers the case says its true error, and when a tied twin is tied
             wanted = family == "solutions" or (family == "measures" and name in self.measures)
-            wanted = wanted or (task.tied and (family, name) == ("contacts", TIED))
+            wanted = wanted or (task.tied and (family, name) == ("contacts", tying_law(case.registry).name))
             if wanted or f"{family}/{name}" in used:
                 yield f"{family}/{name}", self._digests.of(source)
 

@@ -15,10 +15,11 @@ from percuss.results.runner import run, timed_run
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.methods.interfaces import ContactLaw
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
 
-TIED = "tied"
+TIED = "tied"  # in place of a contact law, in the rows of tied twins
 LOST = "lost"  # status of a row that says nothing of its methods: the run is made again
 # errors of the machine, whoever's code meets them: a file that is gone, no memory, a package that is missing
 ENVIRONMENT = (OSError, MemoryError, ImportError, EOFError)
@@ -280,17 +281,33 @@ class _NoTwin(PercussError):
     """There is no exact solution that says when the twin's interfaces are to be tied."""
 
 
+def tying_law(registry: Registry) -> type[ContactLaw]:
+    """Return the registered contact law that ties its contacts during given intervals.
+
+    Raises
+    ------
+    PercussError
+        If there is none.
+    """
+    laws: list[Any] = [registry.get("contacts", name) for name in registry.names("contacts")]
+    found = [law for law in laws if law.tied_during]
+    if not found:
+        raise _NoTwin("no contact law is registered that ties its contacts during intervals of time")
+    return found[0]  # type: ignore[no-any-return]
+
+
 def _tied(case: Case) -> dict[str, Any]:
     """Return the changes that tie each contact of a case while the exact one is closed."""
     from percuss.certificate.verdict import settled
     from percuss.results.exact import exact_solution
 
-    always = {f"contacts.{name}.method": TIED for name in case.contacts}
+    law = tying_law(case.registry)
+    always = {f"contacts.{name}.method": law.name for name in case.contacts}
     model = settled(case.with_overrides(always) if always else case)
     solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
     if solution is None or reason:
         raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")
     return {
-        f"contacts.{name}.method": {"name": TIED, "during": contact.closed}
+        f"contacts.{name}.method": {"name": law.name, law.tied_during: contact.closed}
         for name, contact in solution.contacts.items()
     }

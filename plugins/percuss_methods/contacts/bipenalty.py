@@ -42,6 +42,8 @@ class Bipenalty(ContactLaw):
         "Hetherington, Rodriguez-Ferran, Askes: The bipenalty method for arbitrary multipoint constraints, IJNME 93 "
         "(2013), doi 10.1002/nme.4389",
     )
+    stiffening = ("beta_s", "epsilon_s", "ratio")
+    headline = ("beta_s", "ratio")
     examples = (
         {},
         {"beta_s": 0.25, "ratio": 1.0},

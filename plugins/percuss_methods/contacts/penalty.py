@@ -39,6 +39,8 @@ class Penalty(ContactLaw):
         "Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements, Wiley 2014, ch. 10",
         "LS-DYNA Theory Manual, Soft Constraint Penalty Formulation; SOFT and SOFSCL in the Keyword Manual, *CONTACT",
     )
+    stiffening = ("beta_s", "epsilon_s", "scale")
+    headline = ("beta_s",)
     examples = ({}, {"beta_s": 1.0}, {"epsilon_s": 5.0}, {"stiffness": "from-step"})
     measured = {
         "central-difference": _auto.DRAWN + "with beta_s auto at most 0.01 % in half of them, 0.02 % in 95 of 100, "

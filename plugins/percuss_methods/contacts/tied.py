@@ -23,6 +23,7 @@ class Tied(ContactLaw):
     name = "tied"
     summary = "Interface tied at given times: the error of the bulk without that of the contact"
     references = ("Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements, Wiley 2014, ch. 10",)
+    tied_during = "during"
     examples = ({}, {"during": ((0.0, 0.1), (0.2, 0.3))})
     expected_failures = {
         "exact-impact": "bars that are tied do not part: it is the twin of a contact, and no contact",

@@ -39,9 +39,19 @@ class Mesh(NamedTuple):
 
 
 class Shape(Component, contract="shapes"):
-    """The geometry of a body; its name is the key in the body's mapping."""
+    """The geometry of a body; its name is the key in the body's mapping.
+
+    Attributes
+    ----------
+    regions
+        Names of its ends.
+    without_mesh
+        Options that say nothing but how it is meshed, with the value that is taken where an exact solution alone is
+        asked for and a case leaves them out.
+    """
 
     regions: ClassVar[tuple[str, ...]]
+    without_mesh: ClassVar[Mapping[str, Any]] = {}
 
     @abstractmethod
     def dimension(self) -> int | None:

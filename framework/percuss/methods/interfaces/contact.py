@@ -183,6 +183,14 @@ class ContactLaw(Component, contract="contacts"):
     guarantees
         What holds whatever the options and the integrator: ``"never pulls"``, ``"no penetration"`` (at the end of
         each step), ``"keeps the free step"``; the conformance kit holds it against drawn runs.
+    stiffening
+        Options, numbers all of them, that make a closed contact stiffer as they grow. A certificate that says no names
+        the largest value of each with which the step is stable.
+    tied_during
+        Option that takes intervals of time, of a law that ties its contacts in them; empty of any other law. The tied
+        twin of a comparison is made with such a law.
+    headline
+        Resolved parameters that a table of results shows beside the name of the law.
     needs_only_response_of
         Quantities of the row (so far ``"acceleration"`` alone can be missing) -> why the law is still itself with an
         integrator that does not show their bulk value (`ContactState.acceleration` is ``"none"``), so that the weight
@@ -195,6 +203,9 @@ class ContactLaw(Component, contract="contacts"):
     uses_coupling: ClassVar[bool] = False
     measured: ClassVar[Mapping[str, str]] = {}
     guarantees: ClassVar[tuple[str, ...]] = ()
+    stiffening: ClassVar[tuple[str, ...]] = ()
+    headline: ClassVar[tuple[str, ...]] = ()
+    tied_during: ClassVar[str] = ""
     needs_only_response_of: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
