@@ -77,14 +77,14 @@ def bind_around(
     staged
         What the march carries for a scheme that is no leap-frog.
     """
-    bulk, u, v, dim, dt = trial
+    nodal, u, v, dim, dt = trial
     momentum = np.zeros((1 + max(int(group.body.max()) for group in groups)) * dim)
     reasons: dict[str, Exception] = {}
     for part, group in zip(parts, groups, strict=True):
         maker = Specialiser(_slots(*part), counting=True, about=layout(group))
         try:
             if staged is None:
-                maker.bind(bulk.bulk_group)(group, bulk, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
+                maker.bind(bulk.bulk_group)(group, nodal, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
             else:
                 maker.bind(multistage_loop.force_group)(group, u, np.zeros(u.size), dim)
             maker.bind(bulk.elastic_group)(group, u, v, dim, dt)

@@ -18,7 +18,7 @@ import numpy as np
 
 import percuss
 from percuss.compiling import compiler, listen
-from percuss.methods import slots
+from percuss.methods import slots as slot_functions
 from percuss.solver import compiled
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
@@ -34,7 +34,7 @@ Kernel = Callable[..., Any]
 _COMPILED: dict[tuple[str, bool], Kernel] = {}  # one process compiles or loads a kernel once
 
 # these modules hold the loop; nothing in them allocates
-OWN_MODULES = (compiled.__name__, slots.__name__)  # of the loop itself, in which no kernel of a plug-in lies
+OWN_MODULES = (compiled.__name__, slot_functions.__name__)  # of the loop itself, in which no kernel of a plug-in lies
 
 
 class Specialiser:
