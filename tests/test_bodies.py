@@ -20,7 +20,7 @@ from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
 from percuss.reporting.explanation import explanation
 from percuss.solver.model import Model
-from percuss.testing import Subject, checks
+from percuss.testing import Subject, checks_of
 from percuss.testing.draws import rows
 from percuss.testing.kit import perform
 from strategies import hunek
@@ -450,7 +450,7 @@ def test_a_load_with_a_data_file_is_verified_from_anywhere(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     registry = percuss.load(hunek(2), plugins=[str(tmp_path / "plugins" / "recorded.py")]).registry
     subject = Subject.of(registry.components["loads", "recorded"], registry)
-    outcomes = [perform(one, subject, partner) for one, partner in checks(subject)]
+    outcomes = [perform(one, subject, partner) for one, partner in checks_of(subject)]
     assert all(outcome.good for outcome in outcomes), "\n".join(map(str, outcomes))
     one, other = (subject.make(subject.examples[0]) for _ in range(2))
     assert one == other
@@ -462,7 +462,7 @@ def test_a_load_with_a_data_file_is_verified_from_anywhere(tmp_path, monkeypatch
 def kit(plugin, family, name, check):
     registry = percuss.load(hunek(2), plugins=[plugin]).registry
     subject = Subject.of(registry.components[family, name], registry, 3)
-    return next(perform(one, subject, partner) for one, partner in checks(subject) if one.name == check)
+    return next(perform(one, subject, partner) for one, partner in checks_of(subject) if one.name == check)
 
 
 def test_a_failure_of_the_kit_prints_a_case_that_runs(tmp_path):

@@ -3,12 +3,12 @@
 import pytest
 
 from percuss.methods.registry import Registry
-from percuss.testing.kit import checks, perform
+from percuss.testing.kit import checks_of, perform
 from percuss.testing.subject import Subject, named
 
 REGISTRY = Registry.load()
 SUBJECTS = {f"{family}/{name}": Subject.of(cls, REGISTRY) for (family, name), cls in REGISTRY.components.items()}
-EVERY = [(label, one, partner) for label, subject in SUBJECTS.items() for one, partner in checks(subject)]
+EVERY = [(label, one, partner) for label, subject in SUBJECTS.items() for one, partner in checks_of(subject)]
 
 
 @pytest.mark.parametrize(("label", "one", "partner"), EVERY, ids=[f"{label}-{named(*rest)}" for label, *rest in EVERY])

@@ -14,7 +14,7 @@ import planted
 from percuss import PluginError
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, StrictSystem, conformance
-from percuss.testing.kit import checks, known_checks, perform
+from percuss.testing.kit import checks_of, known_checks, perform
 from percuss.testing.subject import Subject, named
 
 REGISTRY = Registry.load()
@@ -30,7 +30,7 @@ def test_a_method_without_a_mistake_conforms(cls):
 @pytest.mark.parametrize(("cls", "name"), planted.WRONG, ids=[f"{cls.name}-{name}" for cls, name in planted.WRONG])
 def test_a_planted_mistake_is_caught_by_the_check_that_should(cls, name):
     subject = Subject.of(cls, REGISTRY)
-    (found,) = [perform(*each[:1], subject, each[1]) for each in checks(subject) if named(*each) == name]
+    (found,) = [perform(*each[:1], subject, each[1]) for each in checks_of(subject) if named(*each) == name]
     assert not found.good, f"{name} let it pass: {found.message or found.status}"
     assert name in str(found)
 

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+import percuss
+
 ROOT = Path(__file__).resolve().parent.parent
 BIN = "Scripts" if os.name == "nt" else "bin"
 
@@ -94,9 +96,9 @@ def test_a_package_is_listed_with_where_it_is_from(world: World) -> None:
         assert (one["distribution"], one["version"], one["module"]) == (name, "0.1.0", module)
         assert Path(one["file"]).is_relative_to(world.folder / "venv")
         assert Path(one["file"]).name == f"{module}.py"
-        assert one["contract_version"] == world.json("plugins")["contract"] == 1
+        assert one["contract_version"] == world.json("plugins")["contract"] == percuss.CONTRACT
     assert told["penalty"]["distribution"] == "percuss"
-    assert "soft-stop 0.1.0, contract 1" in world.run("plugins").stdout
+    assert f"soft-stop 0.1.0, contract {percuss.CONTRACT}" in world.run("plugins").stdout
 
 
 def test_a_broken_package_costs_only_itself(world: World) -> None:

@@ -75,7 +75,7 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
 
     from percuss.methods.registry import Registry
     from percuss.reporting.component import components_named
-    from percuss.testing.kit import Outcome, Report, checks, perform
+    from percuss.testing.kit import Outcome, Report, checks_of, perform
     from percuss.testing.subject import Subject
 
     try:
@@ -95,7 +95,7 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         subject = Subject.of(registry.components[key], registry)
         say(f"{subject.name} ({subject.family}), {registry.sources[key]}")
         outcomes: list[Outcome] = []
-        for one, partner in checks(subject):
+        for one, partner in checks_of(subject):
             outcomes.append(perform(one, subject, partner))
             say(str(outcomes[-1]))
         reports.append(Report(subject.component, tuple(outcomes)))

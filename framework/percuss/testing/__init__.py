@@ -10,7 +10,7 @@ One line runs all of it, with pytest or without::
 
 from __future__ import annotations
 
-from percuss.testing.kit import Outcome, Report, checks, conformance, conformance_test
+from percuss.testing.kit import Outcome, Report, checks_of, conformance, conformance_test
 from percuss.testing.strict import StrictSystem
 from percuss.testing.subject import Check, CheckFailed, NotApplicable, Subject
 
@@ -22,7 +22,7 @@ __all__ = [
     "Report",
     "StrictSystem",
     "Subject",
-    "checks",
+    "checks_of",
     "conformance",
     "conformance_test",
 ]

@@ -27,11 +27,11 @@ from percuss.testing.subject import (
     Status,
     Subject,
     check,
-    checks_of,
     named,
+    registered_checks,
 )
 
-__all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks", "conformance"]
+__all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks_of", "conformance"]
 
 
 @dataclass(frozen=True)
@@ -138,10 +138,10 @@ def known_checks() -> list[Check]:
     return list(CHECKS)
 
 
-def checks(subject: Subject) -> Iterator[tuple[Check, str]]:
+def checks_of(subject: Subject) -> Iterator[tuple[Check, str]]:
     """Yield every check that is for a subject, once with each partner where it is one of pairs."""
     known_checks()
-    yield from checks_of(subject)
+    yield from registered_checks(subject)
 
 
 def expected(one: Check, subject: Subject, partner: str) -> str:
@@ -208,7 +208,7 @@ def conformance(
         If a check failed, or one declared to fail did not; the message is the report.
     """
     subject = Subject.of(component, registry, draws)
-    report = Report(component, tuple(perform(one, subject, partner) for one, partner in checks(subject)))
+    report = Report(component, tuple(perform(one, subject, partner) for one, partner in checks_of(subject)))
     if strict and not report.passed:
         raise AssertionError(str(report))
     return report
@@ -219,7 +219,7 @@ def conformance_test(component: type[Component], *, draws: int = DRAWS) -> Calla
     import pytest
 
     subject = Subject.of(component, draws=draws)
-    every = list(checks(subject))
+    every = list(checks_of(subject))
 
     @pytest.mark.parametrize(("one", "partner"), every, ids=[named(*each) for each in every])
     def test_conformance(one: Check, partner: str) -> None:

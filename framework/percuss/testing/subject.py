@@ -219,7 +219,7 @@ def named(one: Check, partner: str) -> str:
     return f"{one.name} with {partner}" if partner else one.name
 
 
-def checks_of(subject: Subject) -> Iterator[tuple[Check, str]]:
+def registered_checks(subject: Subject) -> Iterator[tuple[Check, str]]:
     """Yield every check that is for a subject, once with each partner where it is one of pairs."""
     for one in CHECKS:
         if subject.family not in one.families:
@@ -232,7 +232,7 @@ def checks_of(subject: Subject) -> Iterator[tuple[Check, str]]:
 
 def known_names(subject: Subject) -> list[str]:
     """Return the names by which a subject may declare expected failures."""
-    every = list(checks_of(subject))
+    every = list(registered_checks(subject))
     return list(dict.fromkeys([*(one.name for one, _ in every), *(named(*each) for each in every)]))
 
 
