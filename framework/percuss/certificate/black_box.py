@@ -21,9 +21,7 @@ import numpy as np
 
 from percuss.certificate.pencil import EDGE, Pencil
 from percuss.errors import PercussError
-from percuss.solver.compiled import leapfrog_loop
 from percuss.solver.march import March
-from percuss.solver.multistage import State
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,23 +102,15 @@ class ClosedStep:
         self.size = motions.basis.shape[1]
         self.march = March(self.model)
         self.march.compile()
-        self.parts = 2 + (self.march.staged.state.kept.shape[0] if self.march.staged else 0)
-        self._drive = self._no_loads()
+        self.parts = self.march.stepper.levels
         self._record = self.march.record._replace(every=2**62, last=-1, field_every=0)
         self._boundary = self.march.boundary
         self._boundary.totals[0].floor = np.inf
         self._start = self._hold()
         self._after = self._step(self._start)
         # a law may be off at that time: its contact is as good as open
-        acts = (self._boundary.points.multiplier != 0) | ((self._boundary.points.own == 0) & bool(self.march.staged))
+        acts = (self._boundary.points.multiplier != 0) | ((self._boundary.points.own == 0) & self.model.multistage)
         self.acting = [p for p, one in zip(self.march.order, acts, strict=True) if one and p in self.closed]
-
-    def _no_loads(self) -> Any:
-        if self.march.staged:  # the model's loads are those of the case, switched off
-            return type(drive := self.march.staged.drive(0, 1))(*(0.0 * part for part in drive))
-        width = len(self.model.case.loads) + 1
-        bodies = len(self.model.bodies) * self.model.dim
-        return leapfrog_loop.Drive(np.zeros((1, width)), np.zeros((1, width)), np.zeros((1, bodies)))
 
     def _hold(self) -> Floats:
         """Set the gaps deep in contact or far out of it; return the state from which all steps are made, (parts, n)."""
@@ -131,7 +121,7 @@ class ClosedStep:
         self._scale = np.sqrt(lightest) / self.motions.root
         points, order = self._boundary.points, self.march.order
         points.initial_gap = DEPTH * signs[order]
-        if self.march.staged:
+        if self.model.multistage:
             closed, rows = signs[order] < 0, points.own == 0
             points.initial_gap[rows & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
             points.initial_gap[rows & (points.initial_gap > 0)] = FAR
@@ -144,18 +134,7 @@ class ClosedStep:
         return out
 
     def _step(self, state: Floats) -> Floats:
-        state, march = state.copy(), self.march
-        if march.staged:
-            whole = State(*(np.zeros_like(array) for array in march.staged.state))
-            views = [array[..., : state.shape[1]] for array in whole]
-            views[0][:], views[1][:], views[2][:] = state[0], state[1], state[2:]
-            march.staged.advance(march.kernels.advance, self._drive, self._record, 1, 1, whole)
-            return np.concatenate([views[0][None], views[1][None], views[2]])
-        march.kernels.advance(
-            march.nested, march.bulk, self._boundary, march.bound, self._drive, self._record, state[0], state[1],
-            False, march.dim, self.model.dt, 1, 1,
-        )  # fmt: skip
-        return state
+        return self.march.stepper.step_without_loads(self.march.kernels, self._record, state)
 
     def __call__(self, states: Floats) -> Floats:
         """Return what the step makes of weighted states (u, dt v, dt^2 kept), one a column, (parts n, k) or (parts n,).
@@ -308,7 +287,7 @@ def examine(motions: Motions, dt: float, closed: Sequence[int], *, sure: bool = 
         return Found(np.nan, None, whole=False, failure=f"{type(error).__name__}: {error}")
     if not linear:
         return Found(np.nan, None, whole=False)
-    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.march.staged else None
+    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.model.multistage else None
     size = step.parts * step.size
     if size > DENSE and theta is not None:  # then the closed step is bounded where that of the bodies is
         nothing = np.zeros(len(motions.model.contact_pairs))

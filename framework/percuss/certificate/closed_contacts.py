@@ -96,7 +96,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
             doubt(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
         rows = broadcast(bound, points, law.name)
-        if why := _not_followed(rows, law.name, staged=stages is not None):
+        if why := _not_followed(rows, law.name, multistage=stages is not None):
             doubt(law.name, why)
             continue
         if rows["at"] == "explicit" and not _readable(table.explicit, rows):
@@ -137,7 +137,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     )
 
 
-def _not_followed(rows: dict[str, Any], law: str, *, staged: bool) -> str:
+def _not_followed(rows: dict[str, Any], law: str, *, multistage: bool) -> str:
     """Return why neither stiffness and inertia nor a constraint follows from a law's row; empty if one does.
 
     Parameters
@@ -146,13 +146,13 @@ def _not_followed(rows: dict[str, Any], law: str, *, staged: bool) -> str:
         The row with one value a point.
     law
         Name of the law.
-    staged
-        Whether the integrator is a scheme of stages.
+    multistage
+        Whether the integrator is a multi-stage scheme.
     """
     end = rows["at"] == "end"
     tie = end and bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
     reasons = {
-        f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and staged,
+        f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and multistage,
         f"{law} weighs the gap rate, which damps or drives": rows["rate"].any() and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (rows["active"] != "all" or rows["sign"] != "free")

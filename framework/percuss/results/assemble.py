@@ -61,7 +61,7 @@ def result_of(march: March, outcome: Outcome, known: dict[str, Any]) -> Result:
     )
     arrays: dict[str, Any] = {
         "time": outcome.time[:rows],
-        "time_half": outcome.time[:rows] + march.energy_at * model.dt,
+        "time_half": outcome.time[:rows] + march.stepper.energy_at * model.dt,
         "contact_force": outcome.record.multiplier[:rows][:, back],
         "gap": outcome.record.gap[:rows][:, back],
         "displacement": outcome.record.displacement[:rows].reshape(rows, len(names), dim),
@@ -123,7 +123,7 @@ def _warnings(march: March, outcome: Outcome, known: dict[str, Any]) -> list[str
     said += march.model.ignored_couplings()
     if march.record.every > 1 and march.model.contact_pairs:
         said.append("true errors of the contact force need `record.every: 1`")
-    if march.staged:
+    if march.model.multistage:
         name = march.model.case.method.integrator.name
         said.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
@@ -154,7 +154,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
         return None, true_error.verdict(None, reason)
     names = [contact_pair.name for contact_pair in model.contact_pairs]
     # what the impulse lambda dt is the force of: the step around t_n, or in stages the one behind it
-    middle = arrays["time"] + (march.energy_at - 0.5) * model.dt
+    middle = arrays["time"] + (march.stepper.energy_at - 0.5) * model.dt
     arrays |= sampled(solution, names, arrays["time"], middle, model.dt)
     contacts = {
         name: true_error.contact_errors(

@@ -59,10 +59,12 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
     step = int(total.rise_step) if total.rise > 0 else None
     return {
         "guarantee": guarantee,
-        "quantity": "contact work" if march.staged else quantity(outcome.points, linear=not march.model.why_not_linear),
+        "quantity": "contact work"
+        if march.model.multistage
+        else quantity(outcome.points, linear=not march.model.why_not_linear),
         "largest": rise,
         "step": step,
-        "time": (step + march.energy_at) * march.model.dt if step is not None else None,
+        "time": (step + march.stepper.energy_at) * march.model.dt if step is not None else None,
         "between_switchings": drift,
         "allowed": allowed if judged is not None else None,
         "kept": bool(judged <= allowed) if judged is not None else None,

@@ -78,7 +78,7 @@ def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
     initial = march.initial_energy()
     last = {name: float(values[-1]) if values.size else 0.0 for name, values in parts.items()}
     error = float(np.max(np.abs(parts["energy_error"]), initial=0.0))
-    allowed = None if march.staged or outcome.status == "unstable" else _allowed(march, outcome)
+    allowed = None if march.model.multistage or outcome.status == "unstable" else _allowed(march, outcome)
     return {
         "initial": initial,
         "final": float(total[-1]) if total.size else initial,

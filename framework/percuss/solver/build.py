@@ -1,167 +1,175 @@
-"""Bind the parts of a run into the loop: compiled as one, or in Python around what cannot be compiled."""
+"""Bind the parts of a run into the loop: compiled as one, or all of it as plain Python."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.methods import slots
+from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, multistage_loop
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.specialise import Specialiser, compile_error, jit_disabled
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Integrator
-    from percuss.solver.multistage import Staged
+    from percuss.methods.interfaces import Floats, Integrator
 
-Parts = Sequence[tuple[Any, Any]]  # element and material class of each group of bodies
-Laws = list[dict[str, Any]]  # bound laws that are not rows
+SWITCHED_OFF = "compilation was switched off for this run"
+DISABLED = "compilation is switched off by NUMBA_DISABLE_JIT"
+
+
+@dataclass(frozen=True)
+class LoopParts:
+    """What a model puts into the slots of the loop.
+
+    Attributes
+    ----------
+    kinds
+        Element and material class of each group of bodies.
+    groups
+        The arrays of each group.
+    laws
+        Bound contact laws with a kernel of their own.
+    integrator
+        The integrator of a multi-stage scheme, None for a leap-frog.
+    dim
+        Dimension of the model.
+    constrained
+        Whether the model has supports or drives.
+    loaded
+        Whether the model has forces on nodes or bodies.
+    """
+
+    kinds: Sequence[tuple[Any, Any]]
+    groups: Sequence[Any]
+    laws: list[dict[str, Any]]
+    integrator: Integrator | None
+    dim: int
+    constrained: bool
+    loaded: bool
 
 
 class Kernels(NamedTuple):
     """The bound loop, and why it is not compiled if it is not."""
 
     advance: Callable[..., int]
-    elastic: Callable[..., float]
     compiled: bool
-    reasons: tuple[str, ...]
-    begin: Callable[..., None] | None = None  # of schemes that are no leap-frog
+    reasons: tuple[str, ...] = ()
+    begin: Callable[..., None] | None = None  # of multi-stage schemes
 
 
-def bind(
-    parts: Parts,
-    groups: Sequence[Any],
-    laws: Laws,
-    stepper: Integrator | None,
-    *,
-    compiled: bool = True,
-    counting: bool = False,
-) -> Kernels:
-    """Return the loop over `parts`, of which `groups` are the arrays, and `laws`.
+def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> Kernels:
+    """Return the loop of a model.
 
-    It is that of stages where there is a `stepper`, an integrator with a kernel.
-
-    It is compiled if asked for and possible at all, and with `counting` in such a way that kernels may allocate.
+    Parameters
+    ----------
+    parts
+        What fills the slots of the loop.
+    compiled
+        Whether to compile it, unless that is switched off altogether.
+    counting
+        Whether kernels of plug-ins may allocate arrays.
     """
-    reason = ""
-    if not compiled:
-        reason = "compilation was switched off for this run"
-    elif jit_disabled():
-        reason = "compilation is switched off by NUMBA_DISABLE_JIT"
-    maker = Specialiser(jit=not reason, counting=counting, about=_layouts(groups, laws, stepper))
-    made = _loop(maker, parts, laws, stepper, frozenset())
-    return made._replace(compiled=not reason, reasons=(reason,) if reason else ())
+    reasons = () if compiled else (SWITCHED_OFF,)
+    if compiled and jit_disabled():
+        reasons = (DISABLED,)
+    maker = Specialiser(jit=not reasons, counting=counting)
+    return _loop(maker, parts)._replace(compiled=not reasons, reasons=reasons)
 
 
-def bind_around(
-    error: Exception,
-    parts: Parts,
-    groups: Sequence[Any],
-    laws: Laws,
-    trial: tuple[Any, ...],
-    staged: Staged | None = None,
-) -> Kernels:
-    """Return the loop in Python around those parts that cannot be compiled; the others stay compiled.
+def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: float) -> Kernels:
+    """Return the loop as plain Python, with the names of the kernels that cannot be compiled and the reason of each.
 
     Parameters
     ----------
     error
-        What compiling the whole loop failed with; raised again if every part compiles by itself.
-    parts, groups, laws
-        As in `bind`, and the arrays of each group.
-    trial
-        Nodal arrays, displacement, velocity, dimension and step to try a group with; written over.
-    staged
-        What the march carries for a scheme that is no leap-frog.
+        What compiling the whole loop failed with; raised again if every kernel compiles by itself.
+    parts
+        What fills the slots of the loop.
+    u, v : (nodes * dim,)
+        Displacement and velocity to try the kernels with; written over.
+    dt
+        Time step.
     """
-    nodal, u, v, dim, dt = trial
-    momentum = np.zeros((1 + max(int(group.body.max()) for group in groups)) * dim)
     reasons: dict[str, Exception] = {}
-    for part, group in zip(parts, groups, strict=True):
-        maker = Specialiser(_slots(*part), counting=True, about=layout(group))
+    for (element, material), group in zip(parts.kinds, parts.groups, strict=True):
+        maker = Specialiser(_slots(element, material), counting=True, about=layout(group))
         try:
-            if staged is None:
-                maker.bind(bulk.bulk_group)(group, nodal, u, v, np.zeros(momentum.size), momentum, False, dim, dt)
-            else:
-                maker.bind(multistage_loop.force_group)(group, u, np.zeros(u.size), dim)
-            maker.bind(bulk.elastic_group)(group, u, v, dim, dt)
+            maker.bind(multistage_loop.force_group, entry=True)(group, u, np.zeros(u.size), parts.dim)
+            maker.bind(bulk.elastic_group, entry=True)(group, u, v, parts.dim, 1.0)
         except compile_error() as why:
-            reasons[_name(*part)] = why
-    for entry in laws:
+            reasons[f"element {element.name} with material {material.name}"] = why
+    for entry in parts.laws:
         why_not = custom_laws.why_not(entry)
         if why_not is not None:
             reasons[f"contact law {entry['law'].name}"] = why_not
-    stepper = None if staged is None else staged.model.case.method.integrator
-    if stepper is not None:
-        unfit = _unfit(stepper, staged)
+    if parts.integrator is not None:
+        unfit = _unfit(parts.integrator, u, v, dt)
         if unfit is not None:
-            reasons[f"integrator {stepper.name}"] = unfit
+            reasons[f"integrator {parts.integrator.name}"] = unfit
     if not reasons:
         raise error
-    maker = Specialiser(counting=True, about=_layouts(groups, laws, stepper))
-    made = _loop(maker, parts, laws, stepper, frozenset(reasons))
     said = tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
-    return made._replace(compiled=False, reasons=said)
+    return bind(parts, compiled=False)._replace(reasons=said)
 
 
-def _unfit(stepper: Integrator, staged: Any) -> Exception | None:
+def _unfit(integrator: Integrator, u: Floats, v: Floats, dt: float) -> Exception | None:
     """Return why the kernel of an integrator cannot be compiled, or None."""
     filled = {slots.accelerations: integrator_check.known}
-    u, v, kept = (array.copy() for array in staged.state)
     try:
-        step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(stepper))
-        step(staged.said.numbers, (np.zeros(u.size),), u, v, kept, staged.model.dt)
+        step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(integrator), entry=True)
+        stages = integrator.bind(dt)
+        numbers = stages.numbers if isinstance(stages, Stages) else ()
+        step(numbers, (np.zeros(u.size),), u, v, np.zeros((integrator.kept, u.size)), dt)
     except compile_error() as error:
         return error
     return None
 
 
-def _loop(maker: Specialiser, parts: Parts, laws: Laws, stepper: Integrator | None, plain: frozenset[str]) -> Kernels:
-    """Return the loop and the strain-energy kernel; parts named in `plain` and what calls them stay Python."""
-    whole = not plain
-    update: tuple[Any, ...] = bulk.bulk_group, bulk.bulk_head, bulk.bulk_tail, bulk.bulk_chain
-    if stepper is not None:
+def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
+    """Return the loop over steps, and what begins it in a multi-stage scheme."""
+    update = bulk.advance_bars if parts.dim == 1 else bulk.advance_bodies
+    forces: tuple[Any, ...] = update, bulk.bulk_head, bulk.bulk_tail, bulk.bulk_chain
+    if parts.integrator is not None:
         loop = multistage_loop
-        update = loop.force_group, loop.force_head, loop.force_tail, loop.force_chain
+        forces = loop.force_group, loop.force_head, loop.force_tail, loop.force_chain
     energies = bulk.elastic_group, bulk.elastic_head, bulk.elastic_tail, bulk.elastic_chain
-    forces = _chained(maker, parts, update, plain)
-    elastic = _chained(maker, parts, energies, plain)
-    own = custom_laws.bind(maker, laws, plain)
-    top = maker.with_slots(
-        {
-            leapfrog_loop.bulk: forces,
-            multistage_loop.forces: forces,
-            leapfrog_loop.elastic: elastic,
-            leapfrog_loop.own_laws: own,
-        }
-    )
-    energy = top.bind(leapfrog_loop.strain_energy, cache=True, plain=not whole)
-    if stepper is None:
-        return Kernels(top.bind(leapfrog_loop.advance, cache=True, plain=not whole), energy, compiled=whole, reasons=())
+    filled: dict[Any, Any] = {
+        leapfrog_loop.elastic: _chained(maker, parts, energies),
+        leapfrog_loop.own_laws: custom_laws.bind(maker, parts.laws),
+    }
+    if not parts.constrained:
+        idle = leapfrog_loop.impose_velocity, leapfrog_loop.add_contact_reactions
+        filled |= dict.fromkeys(idle, leapfrog_loop.no_loads)
+    if not parts.loaded:
+        idle = leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
+        filled |= dict.fromkeys(idle, leapfrog_loop.no_loads)
+    filled[leapfrog_loop.bulk if parts.integrator is None else multistage_loop.forces] = _chained(maker, parts, forces)
+    top = maker.with_slots(filled)
+    if parts.integrator is None:
+        return Kernels(top.bind(leapfrog_loop.advance, entry=True), maker.jit)
     # called, not copied into every stage: that takes the compiler long, and brings little
-    filled: dict[Any, Any] = {slots.accelerations: top.bind(multistage_loop.accelerate, cache=True)}
-    part = top.with_slots(filled)
-    part.jit = maker.jit and f"integrator {stepper.name}" not in plain
-    part.counting = True  # nearly every such kernel allocates
-    part.checked = True
-    filled[multistage_loop.take_step] = part.bind(integrator_check.kernel_of(stepper), cache=True)
+    filled[slots.accelerations] = top.bind(multistage_loop.accelerate, entry=True)
+    step = top.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
+    step.counting = True  # nearly every such kernel allocates
+    step.checked = True
+    filled[multistage_loop.take_step] = step.bind(integrator_check.kernel_of(parts.integrator), entry=True)
     top = top.with_slots(filled)
-    advance = top.bind(multistage_loop.advance, cache=True, plain=not whole)
-    return Kernels(advance, energy, whole, (), top.bind(multistage_loop.begin, cache=True, plain=not whole))
+    advance = top.bind(multistage_loop.advance, entry=True)
+    return Kernels(advance, maker.jit, begin=top.bind(multistage_loop.begin, entry=True))
 
 
-def _chained(maker: Specialiser, parts: Parts, templates: tuple[Any, ...], plain: frozenset[str]) -> Any:
-    """Return what `templates` (of one group, the slots of first and others, of a pair) make of all parts."""
+def _chained(maker: Specialiser, parts: LoopParts, templates: tuple[Any, ...]) -> Any:
+    """Return what `templates` (of one group, the slots of first and others, of a pair) make of all groups."""
     group, first, others, chain = templates
     made: Any = None
-    for element, material in reversed(parts):
-        part = maker.with_slots(_slots(element, material))
-        part.jit = maker.jit and _name(element, material) not in plain
-        head = part.bind(group, cache=bool(plain))
-        made = head if made is None else maker.with_slots({first: head, others: made}).bind(chain, plain=bool(plain))
+    for (element, material), arrays in zip(reversed(parts.kinds), reversed(parts.groups), strict=True):
+        head = maker.with_slots(_slots(element, material), about=layout(arrays)).bind(group)
+        made = head if made is None else maker.with_slots({first: head, others: made}).bind(chain)
     return made
 
 
@@ -173,17 +181,6 @@ def _slots(element: Any, material: Any) -> dict[Any, Any]:
         slots.internal_force: element.internal_force,
         slots.energy: element.energy,
     }
-
-
-def _layouts(groups: Sequence[Any], laws: Laws, stepper: Integrator | None) -> str:
-    """Return how the tuples are laid out that elements, laws and integrator handed over."""
-    numbers = () if stepper is None else stepper.bind(1.0)
-    return layout((tuple(group.element for group in groups), tuple(entry["bound"] for entry in laws), numbers))
-
-
-def _name(element: Any, material: Any) -> str:
-    """Return what a pair of element and material is called in messages."""
-    return f"element {element.name} with material {material.name}"
 
 
 def _short(error: Exception) -> str:

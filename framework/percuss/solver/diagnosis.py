@@ -6,6 +6,7 @@ longer a number. The same step in plain Python, from the state before it, tells 
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
@@ -15,6 +16,7 @@ import numpy as np
 from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import line_in_plugin
 from percuss.methods.kernel_trial import kernel_of, seen
+from percuss.solver.build import Kernels, LoopParts, bind
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
@@ -28,10 +30,8 @@ class Marching(Protocol):
 
     model: Model
     own_laws: list[dict[str, Any]]
-    group_parts: Any
-    groups: Any
-    stepper: Any
-    kernels: Any
+    parts: LoopParts
+    kernels: Kernels
 
     def changing(self) -> list[Any]:
         """Return the arrays that a step changes."""
@@ -117,15 +117,13 @@ def repeat_in_python(march: Marching, drive: Any, step: int) -> BaseException | 
     step
         Number of the step.
     """
-    from percuss.solver.build import bind
-
     laws = [
         {**entry, "kernel": probed(kernel_of(entry["law"]), entry["law"].name, entry["points"].names)}
         for entry in march.own_laws
     ]
     before = [array.copy() for array in march.changing()]
     compiled = march.kernels
-    march.kernels = bind(march.group_parts, march.groups, laws, march.stepper, compiled=False)
+    march.kernels = bind(dataclasses.replace(march.parts, laws=laws), compiled=False)
     try:
         with np.errstate(all="ignore"):
             march.advance(drive, step, 1)

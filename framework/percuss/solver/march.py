@@ -15,12 +15,14 @@ from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.methods.interfaces import LinearLaw
 from percuss.solver import diagnosis, recording
-from percuss.solver.build import Kernels, bind, bind_around
+from percuss.solver.build import Kernels, LoopParts, bind, bind_plain
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
 from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, point_records
-from percuss.solver.multistage import Staged
+from percuss.solver.leapfrog import LeapFrogStepper
+from percuss.solver.multistage import MultistageStepper
+from percuss.solver.stepper import Loop, Stepper
 from percuss.solver.stop import Kind, Stop
 
 if TYPE_CHECKING:
@@ -78,7 +80,7 @@ class March:
         self.dim = model.dim
         self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
-        self.kernels = kernels or bind(self.group_parts, self.groups, self.own_laws, self.stepper, compiled=compiled)
+        self.kernels = kernels or bind(self.parts, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
 
     def _arrays(self) -> None:
@@ -89,22 +91,25 @@ class March:
         self.reactions = np.zeros(len(model.constraints))
         self.boundary_nodes = list(dict.fromkeys([*contact_pair, *acted, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
-        self.staged = Staged(model, model.stages) if model.stages is not None else None
-        self.stepper = model.case.method.integrator if self.staged else None
-        if self.staged:
-            self.u, self.v = (array[: self.staged.nodal] for array in self.staged.state[:2])
-        else:
-            self.v = model.starting_velocity().ravel()
-            self.u = np.zeros_like(self.v)
-        # where in a step its energies stand, from t_n on, and the step by which they are staggered
-        self.energy_at, self.stagger = (1.0, 0.0) if self.staged else (0.5, model.dt)
+        self.stepper: Stepper = (
+            LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
+        )
+        self.u, self.v = self.stepper.u, self.stepper.v
         mass = np.repeat(model.mass, dim)
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
-        self.groups, self.group_parts = self._groups()
+        self.groups, kinds = self._groups()
         count = len(model.contact_pairs)
         self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], LinearLaw)]
+        self.parts = LoopParts(
+            kinds,
+            self.groups,
+            self.own_laws,
+            None if model.stages is None else model.case.method.integrator,
+            dim,
+            constrained=bool(model.constraints),
+            loaded=bool(model.nodal_forces or model.body_forces),
+        )
         self.record, self.time = recording.prepared(model, self.probes, self.place, count)
-        self._quiet = leapfrog_loop.Drive(np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
         self._kept: list[Any] = []
         number = {n: model.body_of(n).number for n in self.boundary_nodes}
         dofs = [
@@ -155,8 +160,9 @@ class March:
     def _acting(self, midpoint: float, boundary_dofs: Any) -> leapfrog_loop.Boundary:
         """Return the boundary for a run of steps with the same drives; its sums start at zero."""
         model, dim = self.model, self.dim
-        # what a scheme of stages keeps may bring reactions of a hold that has let go
-        active = [(row, h) for row, h in enumerate(model.constraints) if self.staged or h.active(midpoint)]
+        active = [
+            (row, h) for row, h in enumerate(model.constraints) if self.stepper.keeps_constraints or h.active(midpoint)
+        ]
         self.held = [row for row, _ in active]
         sides = model.sides(midpoint)
         sides = [sides[p] for p in self.order]
@@ -191,11 +197,11 @@ class March:
             records(nodal_forces, leapfrog_loop.NODAL_FORCE),
             np.array(axes, dtype=float).ravel(),
             np.zeros(1, dtype=leapfrog_loop.TOTAL).view(np.recarray),
-            np.zeros(len(model.bodies) * dim),
-            self._momenta(),
+            np.zeros(len(model.bodies) * dim if model.body_forces else 0),
+            self._momenta() if model.body_forces else np.zeros(0),
         )
 
-    def _switch(self, midpoint: float) -> None:
+    def switch(self, midpoint: float) -> None:
         """Change over to the drives that hold and the laws that act at `midpoint`, with all sums going on."""
         before = self.boundary
         self._bank()
@@ -205,38 +211,13 @@ class March:
         self._renew(midpoint)
 
     def _renew(self, midpoint: float) -> None:
-        if self.staged:
-            self.staged.renew(self.nested, self.bulk, self.boundary, self.bound, midpoint)
+        self.stepper.renew(Loop(self._nested(), self.bulk, self.boundary, self.bound, midpoint))
 
     def _bank(self) -> None:
         """Add the reactions summed so far to those of the constraints of the model."""
         for row, one in zip(self.held, self.boundary.constraints, strict=True):
             self.reactions[row] += one.reaction
         self.boundary.constraints["reaction"] = 0.0
-
-    def _drive(self, first: int, count: int) -> Any:
-        model, dim = self.model, self.dim
-        if self.staged:
-            return self.staged.drive(first, count)
-        loads = list(model.case.loads.values())
-        if not loads:
-            if self._quiet.force.shape[0] < count:
-                width = len(model.bodies) * dim
-                self._quiet = leapfrog_loop.Drive(np.zeros((count, 1)), np.zeros((count, 1)), np.zeros((count, width)))
-            return self._quiet
-        t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
-        force = np.zeros((count, len(loads) + 1))
-        velocity = np.zeros((count, len(loads) + 1))
-        for column, spec in enumerate(loads, start=1):
-            if spec.acts_as == "velocity":
-                velocity[:, column] = model.amplitude(spec, t + 0.5 * model.dt, average=False)
-            else:
-                force[:, column] = model.amplitude(spec, t, average=True)
-        pull = np.zeros((count, len(model.bodies) * dim))
-        for one in model.body_forces:
-            column = loads.index(one.load) + 1
-            pull[:, one.body * dim : (one.body + 1) * dim] += force[:, column, None] * one.acceleration
-        return leapfrog_loop.Drive(force, velocity, pull)
 
     # -- the march ---------------------------------------------------------------------------------------
 
@@ -252,15 +233,14 @@ class March:
         """
         started = time.perf_counter()
         self.compile()
-        if self.staged:
-            self._begin(self.staged)
+        self._begin()
         settled, compiled = time.perf_counter(), compile_seconds()
         self.seconds["compile"] = settled - started
         out = self._nothing_yet()
-        out.energy_before = self._energy()
         self._marginal = marginal
         total = self.boundary.totals[0]
-        total.began_with = max(self.initial_energy(), out.energy_before)
+        total.energy_before = self._kinetic(self.v)
+        total.began_with = max(self.initial_energy(), total.energy_before)
         total.growth, total.floor = GROWTH, self.noise() if self.model.case.time.on_unstable == "stop" else np.inf
         # plain Python warns of what compiled code passes over, and the watch sees to
         with interruptible() as interrupted, np.errstate(all="ignore"):
@@ -270,6 +250,7 @@ class March:
             out.final_displacement = self.u.copy()
             out.points = self.boundary.points.copy()
             out.totals = self.boundary.totals.copy()
+            out.energy_before = float(out.totals[0].energy_before)
             if out.status != "unstable":
                 self._trial(out.done)
         every = self.record.every
@@ -280,14 +261,14 @@ class March:
         self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
         return out
 
-    def _begin(self, staged: Staged) -> None:
-        """Let a scheme of stages take up the accelerations at t = 0; an error of a kernel is told with its place."""
+    def _begin(self) -> None:
+        """Prepare the first step; an error of a kernel is told with its place."""
         try:
-            staged.start(self.kernels.begin)
+            self.stepper.start(self.kernels)
         except (PercussError, MemoryError):
             raise
         except Exception as raised:
-            raise diagnosis.told(self, self._drive(0, 1), 0, raised) from raised
+            raise diagnosis.told(self, self.stepper.amplitudes(0, 1), 0, raised) from raised
 
     def refuse(self, stop: Stop) -> Outcome:
         """Return what a march leaves that is not made."""
@@ -315,18 +296,15 @@ class March:
         model = self.model
         for first, last in model.segments():
             if first > 0:
-                self._switch((first + 0.5) * model.dt)
+                self.switch((first + 0.5) * model.dt)
             for at, count in self._chunks(first, min(last, model.steps)):
-                drive = self._drive(at, count)
+                drive = self.stepper.amplitudes(at, count)
                 kept = self._copy()
                 if self._advanced(drive, kept, at, count) < count or not self._sound():
                     out.status, (out.done, out.stop) = "unstable", self._locate(drive, kept, at, count)
                     return
                 out.done += count
-                if self.staged:
-                    out.load_impulse = self.staged.load_impulse()
-                else:
-                    out.load_impulse += self._load_impulse(drive)
+                out.load_impulse = self.stepper.load_impulse(drive)
                 if progress is not None:
                     progress(out.done, model.steps)
                 if interrupted.is_set() and out.done < model.steps:
@@ -337,9 +315,9 @@ class March:
         """Evaluate one step beyond the last: it completes the last record."""
         for first, last in self.model.segments():
             if first == step > 0:
-                self._switch((first + 0.5) * self.model.dt)
+                self.switch((first + 0.5) * self.model.dt)
             if first <= step < last:
-                self._advanced(self._drive(step, 1), self._copy(), step, 1)
+                self._advanced(self.stepper.amplitudes(step, 1), self._copy(), step, 1)
 
     def _advanced(self, drive: Any, kept: list[Any], first: int, count: int) -> int:
         """March as `advance` does; an error that a kernel raises is told with its place, step and time.
@@ -377,15 +355,9 @@ class March:
         count
             How many.
         """
-        if self.staged:
-            return self.staged.advance(self.kernels.advance, drive, self.record, first, count)
-        return self.kernels.advance(
-            self.nested, self.bulk, self.boundary, self.bound, drive, self.record, self.u, self.v,
-            bool(self.model.body_forces), self.dim, self.model.dt, first, count,
-        )  # fmt: skip
+        return self.stepper.advance(self.kernels, drive, self.record, first, count)
 
-    @property
-    def nested(self) -> Any:
+    def _nested(self) -> Any:
         """The groups as the loop reads them: (group, (group, ...))."""
         nested: Any = self.groups[-1]
         for group in reversed(self.groups[:-1]):
@@ -393,22 +365,20 @@ class March:
         return nested
 
     def compile(self) -> None:
-        """Compile by marching no steps; where that fails, fall back to Python for what cannot be compiled."""
+        """Compile by marching no steps; where a kernel cannot be compiled, the loop runs as plain Python."""
         error = self._failure()
         if error is not None:
             diagnosis.refuse_writing(error)
-            self.kernels = bind(self.group_parts, self.groups, self.own_laws, self.stepper, counting=True)
+            self.kernels = bind(self.parts, counting=True)
             error = self._failure()
         if error is not None:
-            trial = (self.bulk, self.u.copy(), self.v.copy(), self.dim, self.model.dt)
-            self.kernels = bind_around(error, self.group_parts, self.groups, self.own_laws, trial, self.staged)
+            self.kernels = bind_plain(error, self.parts, self.u.copy(), self.v.copy(), self.model.dt)
 
     def _failure(self) -> Exception | None:
         """Compile by marching no steps; return why that is not possible, or None."""
         if self.kernels.compiled:
             try:
-                self.advance(self._drive(0, 0), 0, 0)
-                self._energy()
+                self.advance(self.stepper.amplitudes(0, 0), 0, 0)
             except compile_error() as error:
                 return error
         return None
@@ -423,10 +393,6 @@ class March:
             yield at, count
             at += count
 
-    def _energy(self) -> float:
-        """Return the staggered energy of u and v as they stand."""
-        return self._kinetic(self.v) + float(self.kernels.elastic(self.nested, self.u, self.v, self.dim, self.stagger))
-
     def initial_energy(self) -> float:
         """Return the kinetic energy at t = 0."""
         return self._kinetic(self.model.initial_velocity.ravel())
@@ -439,17 +405,6 @@ class March:
         """Return an energy that is nothing: that of a strain of `SILENT_STRAIN` everywhere."""
         stiff = sum(float((b.stiffness * b.mesh.lengths**2).sum()) for b in self.model.bodies.values())
         return 0.5 * stiff * SILENT_STRAIN**2
-
-    def _load_impulse(self, drive: leapfrog_loop.Drive) -> Floats:
-        total = np.zeros(self.dim)
-        if not self.model.case.loads:
-            return total
-        sums = drive.force.sum(axis=0)
-        for push in self.model.nodal_forces:
-            total += sums[push.column] * push.force
-        weights = np.array([b.mass.sum() for b in self.model.bodies.values()])
-        total += weights @ drive.pull.sum(axis=0).reshape(-1, self.dim)
-        return self.model.dt * total
 
     # -- watching ----------------------------------------------------------------------------------------
 
@@ -464,8 +419,7 @@ class March:
     def changing(self) -> list[Any]:
         """Return the arrays that a step changes, in an order of its own."""
         boundary = self.boundary
-        more = self.staged.changing() if self.staged else [self.u, self.v]
-        return [*more, boundary.points, boundary.constraints, boundary.totals, boundary.before]
+        return [*self.stepper.changing(), boundary.points, boundary.constraints, boundary.totals, boundary.before]
 
     def _copy(self) -> list[Any]:
         """Return what a step changes, as it is now; written over by the next call."""

@@ -162,6 +162,11 @@ class Model:
         return other
 
     @property
+    def multistage(self) -> bool:
+        """Whether the integrator is a multi-stage scheme, and not a leap-frog."""
+        return self.stages is not None
+
+    @property
     def why_not_linear(self) -> str:
         """Why forces in the bodies are not proportional to their displacements; empty where all bodies are linear."""
         return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))

@@ -1,4 +1,4 @@
-"""What a march carries for a scheme that is no leap-frog: longer arrays, stages, and loads at their times."""
+"""The steps of multi-stage schemes: longer arrays, stages, and loads at their times."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from percuss.solver.integrator_check import ends_of
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Stages
-    from percuss.solver.compiled.bulk import Bulk
-    from percuss.solver.compiled.leapfrog_loop import Boundary, Record
+    from percuss.solver.build import Kernels
+    from percuss.solver.compiled.leapfrog_loop import Record
     from percuss.solver.model import Model
+    from percuss.solver.stepper import Loop
 
 
 class State(NamedTuple):
@@ -24,31 +25,37 @@ class State(NamedTuple):
     kept: Floats  # (kept, size)
 
 
-class Staged:
-    """The arrays of a march in stages.
+class MultistageStepper:
+    """Steps of a multi-stage scheme; a `percuss.solver.stepper.Stepper`.
 
     Parameters
     ----------
     model
-        The model to march; its integrator returned `said`.
-    said
-        Stages of the integrator.
+        The model to march.
+    stages
+        What the integrator of the model says of its stages.
     """
 
-    def __init__(self, model: Model, said: Stages) -> None:
-        self.model, self.said = model, said
+    energy_at = 1.0
+    keeps_constraints = True  # what is kept between steps may bring reactions of a support that has let go
+
+    def __init__(self, model: Model, stages: Stages) -> None:
+        self.model, self.stages = model, stages
         self.nodal = model.n_nodes * model.dim
         self.columns = len(model.case.loads) + 1
         size = self.nodal + len(model.contact_pairs) + len(model.constraints) + self.columns
         kept = model.case.method.integrator.kept
+        self.levels = 2 + kept
         self.state = State(np.zeros(size), np.zeros(size), np.zeros((kept, size)))
-        self.state.v[: self.nodal] = model.initial_velocity.ravel()
+        self.u: Floats = self.state.u[: self.nodal]
+        self.v: Floats = self.state.v[: self.nodal]
+        self.v[:] = model.initial_velocity.ravel()
         self.given = np.zeros(self.columns)
-        self.ends = ends_of(said, model.dt)
+        self.ends = ends_of(stages, model.dt)
         order = [p for entry in model.laws for p in entry["where"]]
         delassus = model.delassus(0.5 * model.dt)
         self.responses = np.array([model.law_records(delassus, table)[1]["response"] for table in model.tables])
-        self.responses = self.responses.reshape(len(said.times), len(order))
+        self.responses = self.responses.reshape(len(stages.times), len(order))
         loads = list(model.case.loads.values())
         bodies = list(model.bodies.values())
         rows = [
@@ -57,63 +64,76 @@ class Staged:
         ]
         self.body_forces = np.array(rows, dtype=BODY_FORCE).view(np.recarray)
         self.axes = np.array([one.acceleration for one in model.body_forces], dtype=float).ravel()
-        self._quiet = Given(np.zeros((0, 1, 1)), np.zeros((0, 2, 1)))
+        self._no_loads = self._zeros(0)
         self.system: System
 
+    def _zeros(self, count: int) -> Given:
+        return Given(np.zeros((count, len(self.stages.times), self.columns)), np.zeros((count, 2, self.columns)))
+
     def changing(self) -> list[Any]:
-        """Return what a step changes, beyond what that of a leap-frog scheme does."""
+        """Return displacement, velocity, what is kept between steps, and the sums of the amplitudes."""
         return [*self.state, self.given]
 
-    def renew(self, groups: Any, masses: Bulk, boundary: Boundary, bound: Any, midpoint: float) -> None:
-        """Take up the boundary of a run of steps around `midpoint` with the same drives."""
-        said, columns = self.said, self.columns
+    def renew(self, loop: Loop) -> None:
+        """Take up the arrays of the next stretch of time."""
+        stages, columns = self.stages, self.columns
         self.system = System(
-            groups, masses, boundary, bound, self.body_forces, self.axes,
-            np.array([h.active(midpoint) for h in self.model.constraints], dtype=np.int64),
-            self.responses, self.ends, np.array(said.times, dtype=float), self.model.dim,
-            np.zeros((len(said.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.given,
+            loop.groups, loop.masses, loop.boundary, loop.laws, self.body_forces, self.axes,
+            np.array([h.active(loop.midpoint) for h in self.model.constraints], dtype=np.int64),
+            self.responses, self.ends, np.array(stages.times, dtype=float), self.model.dim,
+            np.zeros((len(stages.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.given,
             np.array([0.0, self.model.dt, 1.0]),
         )  # fmt: skip
 
-    def drive(self, first: int, count: int) -> Given:
-        """Return the amplitudes of the loads for `count` steps from step `first`."""
-        model, stages = self.model, len(self.said.times)
+    def amplitudes(self, first: int, count: int) -> Given:
+        """Return forces at the times of the stages, and velocities at both ends of each step."""
+        model = self.model
         if not model.case.loads:
-            if self._quiet.force.shape[0] < count:
-                self._quiet = Given(np.zeros((count, stages, 1)), np.zeros((count, 2, 1)))
-            return self._quiet
+            if self._no_loads.force.shape[0] < count:
+                self._no_loads = self._zeros(count)
+            return self._no_loads
         t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
-        force, speed = np.zeros((count, stages, self.columns)), np.zeros((count, 2, self.columns))
+        given = self._zeros(count)
         for column, spec in enumerate(model.case.loads.values(), start=1):
             if spec.acts_as == "velocity":
                 for k in range(2):
-                    speed[:, k, column] = model.amplitude(spec, t + k * model.dt, average=False)
+                    given.speed[:, k, column] = model.amplitude(spec, t + k * model.dt, average=False)
             else:
-                for k, fraction in enumerate(self.said.times):
-                    force[:, k, column] = model.amplitude(spec, t + fraction * model.dt, average=True)
-        return Given(force, speed)
+                for k, fraction in enumerate(self.stages.times):
+                    given.force[:, k, column] = model.amplitude(spec, t + fraction * model.dt, average=True)
+        return given
 
-    def start(self, kernel: Any, state: State | None = None) -> None:
-        """Fill what is kept with the acceleration at t = 0."""
-        state = state or self.state
+    def start(self, kernels: Kernels) -> None:
+        """Fill what is kept between steps with the acceleration at t = 0."""
         system, model = self.system, self.model
         for column, spec in enumerate(model.case.loads.values(), start=1):
             if spec.acts_as != "velocity":
                 system.amplitude[-1, column] = model.amplitude(spec, np.zeros(1), average=True)[0]
-        system.speed[:] = self.drive(0, 1).speed[0]
+        system.speed[:] = self.amplitudes(0, 1).speed[0]
         system.clock[0] = -system.times[-1] * model.dt  # so that the last stage is that of t = 0
-        kernel(system, *state)
+        if kernels.begin is not None:
+            kernels.begin(system, *self.state)
 
-    def advance(
-        self, kernel: Any, given: Given, record: Record, first: int, count: int, state: State | None = None
+    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
+        """March `count` steps; return how many were done when one was not sound, else `count`."""
+        return self._advance(kernels, amplitudes, record, first, count, self.state)
+
+    def _advance(
+        self, kernels: Kernels, amplitudes: Given, record: Record, first: int, count: int, state: State
     ) -> int:
-        """March; return how many steps were done when one was not sound, else `count`."""
-        done: int = kernel(
-            self.system, self.said.numbers, given, record, *(state or self.state), self.model.dt, first, count
+        return kernels.advance(
+            self.system, self.stages.numbers, amplitudes, record, *state, self.model.dt, first, count
         )
-        return done
 
-    def load_impulse(self) -> Floats:
+    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+        """Return what one step without loads makes of a nodal state, (levels, nodes * dim)."""
+        whole = State(*(np.zeros_like(array) for array in self.state))
+        nodal = [array[..., : self.nodal] for array in whole]
+        nodal[0][:], nodal[1][:], nodal[2][:] = state[0], state[1], state[2:]
+        self._advance(kernels, self._zeros(1), record, 1, 1, whole)
+        return np.concatenate([nodal[0][None], nodal[1][None], nodal[2]])
+
+    def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
         """Return the impulse of the loads on all bodies so far, (dim,)."""
         model, total = self.model, np.zeros(self.model.dim)
         for push in model.nodal_forces:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.methods.slots import energy, internal_force, unbound
+from percuss.solver.compiled.marks import called
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -36,22 +37,21 @@ class Bulk(NamedTuple):
     force: Floats  # ((BLOCK + 1) * dim,) scratch
 
 
-def bulk_group(
+def advance_bars(
     group: Group,
     bulk: Bulk,
     u: Floats,
     v: Floats,
     pull: Floats,
     momentum: Floats,
-    weigh: bool,
     dim: int,
     dt: float,
 ) -> None:
-    """Advance the bodies of one group by a step without contact, in place, block by block.
+    """Advance the bodies of one group by a step without contact in one dimension, in place, block by block.
 
     The force of the element that joins two blocks is carried from the one to the next. `pull` is the acceleration of
-    each body by loads that act on all of it, (bodies * dim,); with `weigh` the bodies' momentum after the update is
-    left in `momentum`.
+    each body by loads that act on all of it, (bodies,); where `momentum` is not empty, the bodies' momentum after the
+    update is added to it.
     """
     force, mass, inverse_mass = bulk.force, bulk.mass, bulk.inverse_mass
     for b in range(group.body.size):
@@ -59,27 +59,20 @@ def bulk_group(
         stop = group.stop[b]
         parameters = group.parameters[b]
         offset = group.first[b] - lo
-        body = group.body[b] * dim
-        for d in range(dim):
-            force[d] = 0.0
-            if weigh:
-                momentum[body + d] = 0.0
+        body = group.body[b]
+        force[0] = 0.0
         while lo < stop:
             hi = min(lo + BLOCK, stop)
             m = hi - lo - 1 if hi == stop else hi - lo
-            if dim == 1:
-                carried = force[0]
-                if m > 0:
-                    internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1])
-                    force[0] += carried
-                update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], pull[body], dt)
-                if m > 0:
-                    force[0] = force[m]
-            else:
-                advance_block(group.element, parameters, offset, bulk, u, v, pull, body, lo, hi, m, dim, dt)
-            if weigh:
-                for d in range(dim):
-                    momentum[body + d] += weighed(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
+            carried = force[0]
+            if m > 0:
+                internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1])
+                force[0] += carried
+            update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], pull[body], dt)
+            if m > 0:
+                force[0] = force[m]
+            if momentum.size > 0:
+                momentum[body] += momentum_along(mass[lo:hi], v[lo:hi], 0, 1)
             lo = hi
 
 
@@ -90,41 +83,58 @@ def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, pull:
         u[i] += dt * v[i]
 
 
-def advance_block(
-    element: Any,
-    parameters: Floats,
-    offset: int,
+def advance_bodies(
+    group: Group,
     bulk: Bulk,
     u: Floats,
     v: Floats,
     pull: Floats,
-    body: int,
-    lo: int,
-    hi: int,
-    m: int,
+    momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
-    """Advance one block of nodes in two or three dimensions, in place."""
-    force = bulk.force
+    """Advance the bodies of one group in two or three dimensions, as `advance_bars` does in one."""
+    force, mass = bulk.force, bulk.mass
     spill = BLOCK * dim  # behind the block's own nodes: there the carried force waits while the slot sets the others
-    if m > 0:
+    for b in range(group.body.size):
+        lo = group.start[b]
+        stop = group.stop[b]
+        parameters = group.parameters[b]
+        offset = group.first[b] - lo
+        body = group.body[b] * dim
         for d in range(dim):
-            force[spill + dim + d] = force[d]
-        internal_force(element, parameters, offset + lo, dim, u[lo * dim : (lo + m + 1) * dim], force[: (m + 1) * dim])
-        for d in range(dim):
-            force[d] += force[spill + dim + d]
-    for i in range(hi - lo):
-        for d in range(dim):
-            j = (lo + i) * dim + d
-            v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + pull[body + d])
-            u[j] += dt * v[j]
-    if m > 0:
-        for d in range(dim):
-            force[d] = force[m * dim + d]
+            force[d] = 0.0
+        while lo < stop:
+            hi = min(lo + BLOCK, stop)
+            m = hi - lo - 1 if hi == stop else hi - lo
+            if m > 0:
+                for d in range(dim):
+                    force[spill + dim + d] = force[d]
+                internal_force(
+                    group.element,
+                    parameters,
+                    offset + lo,
+                    dim,
+                    u[lo * dim : (lo + m + 1) * dim],
+                    force[: (m + 1) * dim],
+                )
+                for d in range(dim):
+                    force[d] += force[spill + dim + d]
+            for i in range(hi - lo):
+                for d in range(dim):
+                    j = (lo + i) * dim + d
+                    v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + pull[body + d])
+                    u[j] += dt * v[j]
+            if m > 0:
+                for d in range(dim):
+                    force[d] = force[m * dim + d]
+            if momentum.size > 0:
+                for d in range(dim):
+                    momentum[body + d] += momentum_along(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
+            lo = hi
 
 
-def weighed(mass: Floats, v: Floats, component: int, dim: int) -> float:
+def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
     """Return the momentum of a run of nodes along one component."""
     total = 0.0
     for i in range(component, v.size, dim):
@@ -132,7 +142,7 @@ def weighed(mass: Floats, v: Floats, component: int, dim: int) -> float:
     return total
 
 
-weighed.reduction = True  # type: ignore[attr-defined]
+momentum_along.reduction = True  # type: ignore[attr-defined]
 
 
 def kinetic(mass: Floats, v: Floats) -> float:
@@ -153,7 +163,6 @@ def bulk_head(
     v: Floats,
     pull: Floats,
     momentum: Floats,
-    weigh: bool,
     dim: int,
     dt: float,
 ) -> None:
@@ -168,7 +177,6 @@ def bulk_tail(
     v: Floats,
     pull: Floats,
     momentum: Floats,
-    weigh: bool,
     dim: int,
     dt: float,
 ) -> None:
@@ -183,15 +191,15 @@ def bulk_chain(
     v: Floats,
     pull: Floats,
     momentum: Floats,
-    weigh: bool,
     dim: int,
     dt: float,
 ) -> None:
     """Advance a pair (group, other groups): bodies of unlike element or material run through code of their own."""
-    bulk_head(groups[0], bulk, u, v, pull, momentum, weigh, dim, dt)
-    bulk_tail(groups[1], bulk, u, v, pull, momentum, weigh, dim, dt)
+    bulk_head(groups[0], bulk, u, v, pull, momentum, dim, dt)
+    bulk_tail(groups[1], bulk, u, v, pull, momentum, dim, dt)
 
 
+@called
 def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Return the staggered strain energy of the bodies of one group."""
     total = 0.0

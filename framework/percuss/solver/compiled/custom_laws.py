@@ -10,6 +10,7 @@ import numpy as np
 from percuss.methods.interfaces import Trial
 from percuss.methods.kernel_trial import kernel_of
 from percuss.solver.compiled.contact_equation import OTHER, POINT
+from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.specialise import Specialiser, compile_error
 
 if TYPE_CHECKING:
@@ -129,18 +130,16 @@ def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tu
     return Sight(**views, **rows), work_of_nodal_forces
 
 
-def bind(maker: Specialiser, entries: list[dict[str, Any]], plain: frozenset[str]) -> Callable[..., None]:
-    """Return the kernel that calls those of all `entries` in turn."""
+def bind(maker: Specialiser, entries: list[dict[str, Any]], *, entry: bool = False) -> Callable[..., None]:
+    """Return the kernel that calls those of all laws in turn; called from Python where it is an `entry`."""
     behind: Any = None
-    for entry in reversed(entries):
-        kernel = entry.get("kernel") or kernel_of(entry["law"])
-        python = f"contact law {entry['law'].name}" in plain
-        part = maker.with_slots({multipliers: kernel} | ({tail: behind} if behind is not None else {}))
-        part.jit = maker.jit and not python
+    for bound in reversed(entries):
+        kernel = bound.get("kernel") or kernel_of(bound["law"])
+        slots = {multipliers: kernel} | ({tail: behind} if behind is not None else {})
+        part = maker.with_slots(slots, about=layout(bound["bound"]))
         part.checked = True
-        behind = part.bind(one_law, plain=python)
-    slots = {first_law: behind} if behind is not None else {}
-    return maker.with_slots(slots).bind(laws, plain=bool(plain))
+        behind = part.bind(one_law)
+    return maker.with_slots({first_law: behind} if behind is not None else {}).bind(laws, entry=entry)
 
 
 def why_not(entry: dict[str, Any]) -> Exception | None:
@@ -151,7 +150,7 @@ def why_not(entry: dict[str, Any]) -> Exception | None:
     others = np.recarray(0, dtype=OTHER)
     bound = nest([entry], points, others)
     try:
-        bind(Specialiser(counting=True), [entry], frozenset())(bound, points, others, 1.0, 0.0, (1.0, 1.0))
+        bind(Specialiser(counting=True), [entry], entry=True)(bound, points, others, 1.0, 0.0, (1.0, 1.0))
     except compile_error() as error:
         return error
     return None

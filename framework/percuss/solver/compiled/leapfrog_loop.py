@@ -12,6 +12,7 @@ import numpy as np
 
 from percuss.solver.compiled.bulk import Bulk, kinetic
 from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounded, solve, stored
+from percuss.solver.compiled.marks import called
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -47,7 +48,8 @@ TOTAL = np.dtype(
         ("external_work", "f8"),
         ("contact_work", "f8"),
         ("largest_work", "f8"),  # largest absolute external work so far
-        ("began_with", "f8"),  # energy
+        ("energy_before", "f8"),  # before the first step: kinetic energy, to which that step adds the strain energy
+        ("began_with", "f8"),  # the larger of the energy before the first step and the kinetic energy at t = 0
         ("growth", "f8"),  # contact work allowed, over all energy put in
         ("floor", "f8"),  # contact work that is noise
         ("step_energy", "f8"),  # largest energy that a contact or a hold by itself would bring in one step
@@ -75,8 +77,8 @@ class Boundary(NamedTuple):
     nodal_forces: Any  # NODAL_FORCE
     axes: Floats
     totals: Any  # TOTAL, one
-    momentum: Floats  # (bodies * dim,) at n + 1/2, where whole bodies are pulled
-    before: Floats  # (bodies * dim,) at n - 1/2
+    momentum: Floats  # (bodies * dim,) at n + 1/2, empty where no load acts on whole bodies
+    before: Floats  # (bodies * dim,) at n - 1/2, or empty
 
 
 class Drive(NamedTuple):
@@ -111,7 +113,6 @@ def bulk(
     v: Floats,
     pull: Floats,
     momentum: Floats,
-    weigh: bool,
     dim: int,
     dt: float,
 ) -> None:
@@ -122,11 +123,6 @@ def bulk(
 def elastic(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Slot: the strain energy of all bodies."""
     raise NotImplementedError
-
-
-def strain_energy(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the staggered strain energy of all bodies; `elastic` as it is called from Python."""
-    return elastic(groups, u, v, dim, dt)
 
 
 def own_laws(bound: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float]) -> None:
@@ -186,7 +182,6 @@ def advance(
     record: Record,
     u: Floats,
     v: Floats,
-    weigh: bool,
     dim: int,
     dt: float,
     first: int,
@@ -194,41 +189,30 @@ def advance(
 ) -> int:
     """March `count` steps from step `first`; return how many were done when one was not sound, else `count`."""
     boundary_dofs, points, totals = boundary.boundary_dofs, boundary.points, boundary.totals
-    constraints, shares, nodal_forces, axes = (
-        boundary.constraints,
-        boundary.shares,
-        boundary.nodal_forces,
-        boundary.axes,
-    )
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
+        if n == 0:
+            take_strain_energy(groups, totals[0], u, v, dim, dt)
         save_state(boundary_dofs, u, v)
-        bulk(groups, masses, u, v, drive.pull[s], boundary.momentum, weigh, dim, dt)
+        for i in range(boundary.momentum.size):
+            boundary.momentum[i] = 0.0
+        bulk(groups, masses, u, v, drive.pull[s], boundary.momentum, dim, dt)
         for i in range(boundary_dofs.size):
             q = boundary_dofs[i]
             q.bulk_v = v[q.dof]
             q.new_v = q.bulk_v
-        if nodal_forces.size > 0:
-            push(nodal_forces, boundary_dofs, axes, drive.force, s, dim, dt)
-        work = 0.0
-        if constraints.size > 0:
-            work += hold(constraints, boundary_dofs, axes, drive.velocity, totals, s, dim, dt)
+        apply_nodal_forces(boundary, drive, s, dim, dt)
+        work = impose_velocity(boundary, drive, s, dim, dt)
         sound = True
         if points.size > 0:
             find_contact_states(points, boundary.entries, boundary_dofs, dt)
             sound = find_multipliers(bound, points, boundary.others, dt, n * dt, (dt * dt, dt), dt)
             correct(points, boundary.entries, boundary_dofs, dt)
-            if shares.size > 0:
-                work += add_contact_reactions(
-                    shares, constraints, points, boundary_dofs, axes, drive.velocity, s, dim, dt
-                )
+        work += add_contact_reactions(boundary, drive, s, dim, dt)
+        work += work_of_loads(boundary, drive, s, dim, dt)
         write_back(boundary_dofs, u, v, dt)
-        if nodal_forces.size > 0:
-            work += work_of_nodal_forces(nodal_forces, boundary_dofs, axes, drive.force, s, dim, dt)
-        if weigh:
-            work += work_of_body_forces(boundary_dofs, boundary.momentum, boundary.before, drive.pull, s, dt)
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
@@ -240,6 +224,12 @@ def advance(
         if not (sound and total.contact_work <= limit):
             return s
     return count
+
+
+def take_strain_energy(groups: Any, total: Any, u: Floats, v: Floats, dim: int, dt: float) -> None:
+    """Add the strain energy before the first step to the energy that the run begins with."""
+    total.energy_before += elastic(groups, u, v, dim, dt)
+    total.began_with = max(total.began_with, total.energy_before)
 
 
 def save_state(boundary_dofs: Any, u: Floats, v: Floats) -> None:
@@ -258,13 +248,71 @@ def write_back(boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
         u[q.dof] = q.old_u + dt * q.new_v
 
 
-def push(nodal_forces: Any, boundary_dofs: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float) -> None:
-    """Let forces on single nodes change their velocity."""
-    for i in range(nodal_forces.size):
-        f = nodal_forces[i]
-        scale = dt * f.inverse_mass * amplitude[s, f.column]
+def no_loads(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
+    """Stand in for each of the next four where a model has no loads, or no supports and drives."""
+    return 0.0
+
+
+def apply_nodal_forces(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
+    """Let forces on single nodes change their velocity; return 0."""
+    for i in range(boundary.nodal_forces.size):
+        f = boundary.nodal_forces[i]
+        scale = dt * f.inverse_mass * drive.force[s, f.column]
         for d in range(dim):
-            boundary_dofs[f.place + d].new_v += scale * axes[f.axis + d]
+            boundary.boundary_dofs[f.place + d].new_v += scale * boundary.axes[f.axis + d]
+    return 0.0
+
+
+def impose_velocity(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
+    """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
+    boundary_dofs, axes, total = boundary.boundary_dofs, boundary.axes, boundary.totals[0]
+    work = 0.0
+    for i in range(boundary.constraints.size):
+        h = boundary.constraints[i]
+        now = 0.0
+        before = 0.0
+        for d in range(dim):
+            now += axes[h.axis + d] * boundary_dofs[h.place + d].new_v
+            before += axes[h.axis + d] * boundary_dofs[h.place + d].old_v
+        wanted = drive.velocity[s, h.column]
+        for d in range(dim):
+            boundary_dofs[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
+        reaction = h.mass * (wanted - now) / dt
+        h.reaction += reaction
+        total.step_energy = max(total.step_energy, h.mass * (wanted - now) ** 2)
+        work += reaction * (before + wanted)
+    return 0.5 * dt * work
+
+
+def add_contact_reactions(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
+    """Let supports and drives bear the contact forces on their nodes; return the work this takes."""
+    work = 0.0
+    for i in range(boundary.shares.size):
+        share = boundary.shares[i]
+        h = boundary.constraints[share.hold]
+        before = 0.0
+        for d in range(dim):
+            before += boundary.axes[h.axis + d] * boundary.boundary_dofs[h.place + d].old_v
+        reaction = -share.value * boundary.points[share.point].multiplier
+        h.reaction += reaction
+        work += reaction * (before + drive.velocity[s, h.column])
+    return 0.5 * dt * work
+
+
+def work_of_loads(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
+    """Return the work of the forces on single nodes and of those on whole bodies."""
+    boundary_dofs, momentum = boundary.boundary_dofs, boundary.momentum
+    work = work_of_nodal_forces(boundary.nodal_forces, boundary_dofs, boundary.axes, drive.force, s, dim, dt)
+    if momentum.size == 0:
+        return work
+    for i in range(boundary_dofs.size):
+        q = boundary_dofs[i]
+        momentum[q.body] += q.mass * (q.new_v - q.bulk_v)
+    of_bodies = 0.0
+    for i in range(momentum.size):
+        of_bodies += drive.pull[s, i] * (momentum[i] + boundary.before[i])
+        boundary.before[i] = momentum[i]
+    return work + 0.5 * dt * of_bodies
 
 
 def work_of_nodal_forces(
@@ -277,53 +325,6 @@ def work_of_nodal_forces(
         for d in range(dim):
             q = boundary_dofs[f.place + d]
             work += amplitude[s, f.column] * axes[f.axis + d] * (q.old_v + q.new_v)
-    return 0.5 * dt * work
-
-
-def hold(
-    constraints: Any, boundary_dofs: Any, axes: Floats, velocity: Floats, totals: Any, s: int, dim: int, dt: float
-) -> float:
-    """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
-    work = 0.0
-    for i in range(constraints.size):
-        h = constraints[i]
-        now = 0.0
-        before = 0.0
-        for d in range(dim):
-            now += axes[h.axis + d] * boundary_dofs[h.place + d].new_v
-            before += axes[h.axis + d] * boundary_dofs[h.place + d].old_v
-        wanted = velocity[s, h.column]
-        for d in range(dim):
-            boundary_dofs[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
-        reaction = h.mass * (wanted - now) / dt
-        h.reaction += reaction
-        totals[0].step_energy = max(totals[0].step_energy, h.mass * (wanted - now) ** 2)
-        work += reaction * (before + wanted)
-    return 0.5 * dt * work
-
-
-def add_contact_reactions(
-    shares: Any,
-    constraints: Any,
-    points: Any,
-    boundary_dofs: Any,
-    axes: Floats,
-    velocity: Floats,
-    s: int,
-    dim: int,
-    dt: float,
-) -> float:
-    """Let supports and drives bear the contact forces on their nodes; return the work this takes."""
-    work = 0.0
-    for i in range(shares.size):
-        share = shares[i]
-        h = constraints[share.hold]
-        before = 0.0
-        for d in range(dim):
-            before += axes[h.axis + d] * boundary_dofs[h.place + d].old_v
-        reaction = -share.value * points[share.point].multiplier
-        h.reaction += reaction
-        work += reaction * (before + velocity[s, h.column])
     return 0.5 * dt * work
 
 
@@ -355,18 +356,6 @@ def correct(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
         if p.multiplier != 0.0:
             for k in range(p.start, p.stop):
                 boundary_dofs[entries[k].place].new_v += dt * entries[k].response * p.multiplier
-
-
-def work_of_body_forces(boundary_dofs: Any, momentum: Floats, before: Floats, pull: Floats, s: int, dt: float) -> float:
-    """Return the work of the body forces, from the momenta of the bodies before and after the step."""
-    for i in range(boundary_dofs.size):
-        q = boundary_dofs[i]
-        momentum[q.body] += q.mass * (q.new_v - q.bulk_v)
-    work = 0.0
-    for i in range(momentum.size):
-        work += pull[s, i] * (momentum[i] + before[i])
-        before[i] = momentum[i]
-    return 0.5 * dt * work
 
 
 def contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals: Any, n: int, dt: float) -> None:
@@ -435,6 +424,7 @@ def track_growth(total: Any, steady: float, n: int) -> None:
         total.drift_step = n
 
 
+@called
 def snapshot(record: Record, u: Floats, n: int) -> None:
     """Keep the displacements from which the stress field follows."""
     r = n // record.field_every
@@ -442,6 +432,7 @@ def snapshot(record: Record, u: Floats, n: int) -> None:
         record.field[r, k] = u[record.field_dof[k]]
 
 
+@called
 def keep(
     groups: Any, masses: Bulk, boundary: Boundary, record: Record, u: Floats, v: Floats, dim: int, dt: float, n: int
 ) -> None:

@@ -25,6 +25,7 @@ from percuss.solver.compiled.leapfrog_loop import (
     find_multipliers,
     save_state,
     snapshot,
+    take_strain_energy,
     work_of_nodal_forces,
 )
 from percuss.solver.compiled.marks import called
@@ -224,6 +225,8 @@ def advance(
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
+        if n == 0:
+            take_strain_energy(system.groups, totals[0], u, v, system.dim, 0.0)
         save_state(boundary_dofs, u, v)
         set_out(system, given, s, n, u, v, dt)
         prescribe(system, u, v, dt, False)

@@ -67,36 +67,37 @@ class Specialiser:
         self.checked = False  # whether indices in kernels of plug-ins are held against the size of their arrays
         self.tags: dict[int, str] = {}
         self._untold: set[str] = set()  # tags of what reaches something that has no hash
+        self._slotted: set[str] = set()  # tags of what reaches a slot, or is a plug-in's
         self._bound: dict[int, Kernel] = {}
         self._open: set[int] = set()
         self._modules: set[int] = set()  # being copied
         self._keep: list[object] = []  # ids are only unique among living objects
 
-    def with_slots(self, slots: Mapping[Kernel, Kernel]) -> Specialiser:
+    def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
-        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=self.about)
+        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about)
         other.tags, other._untold, other._keep = self.tags, self._untold, self._keep
+        other._slotted = self._slotted
         other.checked = self.checked
         return other
 
-    def bind(self, function: Kernel, *, cache: bool = False, plain: bool = False, reduction: bool = False) -> Kernel:
+    def bind(self, function: Kernel, *, entry: bool = False, reduction: bool = False) -> Kernel:
         """Return `function` with its slots and helpers bound, compiled if this specialiser compiles.
 
         Parameters
         ----------
         function
             Template or kernel.
-        cache
-            Whether its machine code is kept on disk: for what is called from Python, which holds all it calls.
-        plain
-            Leave this one as plain Python around the parts bound so far; so is whatever calls it.
+        entry
+            Whether it is called from Python. What is not has no code that takes Python objects apart, which is half of
+            what compiling costs; called from Python all the same, it would end the process.
         reduction
             Whether it adds up terms whose order does not matter.
         """
         with compiler():
-            return self._bind(function, cache=cache, plain=plain, reduction=reduction)
+            return self._bind(function, entry=entry, reduction=reduction)
 
-    def _bind(self, function: Kernel, *, cache: bool, plain: bool, reduction: bool) -> Kernel:
+    def _bind(self, function: Kernel, *, entry: bool, reduction: bool) -> Kernel:
         if id(function) in self.tags:
             return function
         done = self._bound.get(id(function))
@@ -118,25 +119,23 @@ class Specialiser:
             types.CellType(self._replacement(contents(cell), names) or contents(cell))
             for cell in source.__closure__ or ()
         )
-        callees = [*bound.values(), *(cell.cell_contents for cell in closure)]
-        plain = plain or any(id(callee) in self.tags and isinstance(callee, types.FunctionType) for callee in callees)
-        options = _options(function, counting=self.counting, inline=not cache, reduction=reduction)
+        options = _options(function, counting=self.counting, entry=entry, reduction=reduction)
         if self.checked and not _is_own(source):
             options.setdefault("boundscheck", True)
         tag = self._tag(source, names, bound, closure, options)
         copy = _copy(source, bound, closure, tag)
         out: Kernel = copy
-        if self.jit and not plain:
-            out = self._compiled(copy, options, tag, cache)
+        if self.jit:
+            out = self._compiled(copy, options, tag, entry)
         self._open.discard(id(function))
         self._bound[id(function)] = out
         self.tags[id(out)] = tag
         self._keep += [function, out]
         return out
 
-    def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, cache: bool) -> Kernel:
-        out = _COMPILED.get((tag, cache)) or _compile(copy, options, cache=cache and tag not in self._untold)
-        _COMPILED[tag, cache] = out
+    def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
+        out = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=tag not in self._untold)
+        _COMPILED[tag, entry] = out
         return out
 
     def _replacement(self, value: Any, names: set[str]) -> Any:
@@ -151,13 +150,7 @@ class Specialiser:
             return self._module(value, names)
         if plain_function(value) is None or (self.jit and is_overloaded(value)):
             return None
-        if self.jit or isinstance(value, types.FunctionType):
-            return self.bind(value)
-        # its author compiled it: it stays so, but without the author's own cache, which sees no edit of what it calls
-        own = Specialiser(self.slots, counting=True, about=self.about)
-        own.checked = self.checked
-        self._keep.append(own)
-        return own.bind(value)
+        return self.bind(value)
 
     def _module(self, module: types.ModuleType, names: set[str]) -> types.ModuleType | None:
         """Return a copy of a module with those of its functions bound that are named, None where none is."""
@@ -204,15 +197,25 @@ class Specialiser:
         closure: tuple[types.CellType, ...],
         options: Mapping[str, Any],
     ) -> str:
+        reaches_slot = not _is_own(source) or any(
+            value in self.slots or self.tags.get(id(bound.get(name))) in self._slotted
+            for name, value in source.__globals__.items()
+            if name in bound
+        )
         # the module too: machine code on disk imports that of its kernels, and a file has a new one after an edit
-        about = f"{_versions()};{self.about};{source.__module__};{sorted(options.items(), key=repr)};{self.jit};"
+        about = f"{_versions()};{source.__module__};{sorted(options.items(), key=repr)};{self.jit};"
+        if reaches_slot:  # only slots read the tuples of plug-ins
+            about += self.about
         print_ = Fingerprint(about)
         print_.code(source.__code__)
         print_.defaults(source)
         parts = [(name, bound.get(name), source.__globals__[name]) for name in sorted(names & set(source.__globals__))]
         cells = zip(closure, source.__closure__ or (), strict=True)
         parts += [("", cell.cell_contents, contents(given)) for cell, given in cells]
-        return self._finish(print_, names, parts)
+        tag = self._finish(print_, names, parts)
+        if reaches_slot:
+            self._slotted.add(tag)
+        return tag
 
 
 @functools.cache
@@ -237,7 +240,7 @@ def compile_error() -> tuple[type[Exception], ...]:
     return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
 
 
-def _options(function: Any, *, counting: bool, inline: bool, reduction: bool) -> dict[str, Any]:
+def _options(function: Any, *, counting: bool, entry: bool, reduction: bool) -> dict[str, Any]:
     """Return how a function is compiled: as its author had it compiled, less the author's cache, or as the loop is."""
     if not isinstance(function, types.FunctionType):
         own = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
@@ -247,10 +250,13 @@ def _options(function: Any, *, counting: bool, inline: bool, reduction: bool) ->
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
     # a call that is not inlined passes every array as a handful of numbers; whole stages are worth a call: copied into
     # one another they would take the compiler twice as long
-    if inline and not getattr(function, "called", False):
+    if not entry and not getattr(function, "called", False):
         options["forceinline"] = True
     if reduction or getattr(function, "reduction", False):
         options["fastmath"] = ("nsz", "reassoc")
+    options["no_cfunc_wrapper"] = True
+    if not entry:
+        options["no_cpython_wrapper"] = True
     if _counting_can_be_left_out():
         # said always: else the caller's is taken
         options["_nrt"] = counting and not _is_own(function)
@@ -302,13 +308,6 @@ def _counting_can_be_left_out() -> bool:
     The loop allocates nothing, and on small models the counts, two locked additions a slice, are half of its cost.
     Kernels of plug-ins do without too, unless one of them allocates: then all of theirs count.
     """
-    import numba
+    from numba.core.cpu import CPUTargetOptions
 
-    try:
-        return float(numba.njit(_nrt=False)(_first)(np.ones(2))) == 1.0
-    except Exception:  # noqa: BLE001 - whatever a future version says to an option it does not know
-        return False
-
-
-def _first(array: Any) -> Any:
-    return array[:1][0]
+    return hasattr(CPUTargetOptions, "_nrt")

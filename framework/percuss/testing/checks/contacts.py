@@ -162,7 +162,7 @@ def check_inputs_untouched(subject: Subject) -> None:
         before = [np.array(one, copy=True) for one in (*bound, *trial)]
         _said(subject, bound, trial)
         writeable = Trial(*(np.array(one) if isinstance(one, np.ndarray) else one for one in trial))  # type: ignore[arg-type]
-        kernel: Any = Specialiser(counting=True).bind(subject.component.multipliers)  # type: ignore[attr-defined]
+        kernel: Any = Specialiser(counting=True).bind(subject.component.multipliers, entry=True)  # type: ignore[attr-defined]
         try:
             kernel(bound, writeable, np.zeros(3))
         except compile_error():  # it runs as plain Python, which was tried above

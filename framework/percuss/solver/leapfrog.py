@@ -1,0 +1,109 @@
+"""The steps of leap-frog schemes: displacement at t_n, velocity at t_n - dt/2."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.solver.compiled.leapfrog_loop import Drive
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats
+    from percuss.solver.build import Kernels
+    from percuss.solver.compiled.leapfrog_loop import Record
+    from percuss.solver.model import Model
+    from percuss.solver.stepper import Loop
+
+
+class LeapFrogStepper:
+    """Steps of a leap-frog scheme; a `percuss.solver.stepper.Stepper`.
+
+    Parameters
+    ----------
+    model
+        The model to march.
+    """
+
+    energy_at = 0.5
+    levels = 2
+    keeps_constraints = False
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.v: Floats = model.starting_velocity().ravel()
+        self.u: Floats = np.zeros_like(self.v)
+        self.loop: Loop
+        self._no_loads = self._zeros(0)
+        self._impulse = np.zeros(model.dim)
+
+    def _zeros(self, count: int) -> Drive:
+        columns = len(self.model.case.loads) + 1
+        return Drive(
+            np.zeros((count, columns)),
+            np.zeros((count, columns)),
+            np.zeros((count, len(self.model.bodies) * self.model.dim)),
+        )
+
+    def changing(self) -> list[Any]:
+        """Return displacement and velocity."""
+        return [self.u, self.v]
+
+    def renew(self, loop: Loop) -> None:
+        """Take up the arrays of the next stretch of time."""
+        self.loop = loop
+
+    def start(self, kernels: Kernels) -> None:
+        """Do nothing: a leap-frog scheme needs no acceleration before its first step."""
+
+    def amplitudes(self, first: int, count: int) -> Drive:
+        """Return forces at t_n, velocities at t_n+1/2 and accelerations of bodies at t_n."""
+        model, dim = self.model, self.model.dim
+        loads = list(model.case.loads.values())
+        if not loads:
+            if self._no_loads.force.shape[0] < count:
+                self._no_loads = self._zeros(count)
+            return self._no_loads
+        t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
+        drive = self._zeros(count)
+        for column, spec in enumerate(loads, start=1):
+            if spec.acts_as == "velocity":
+                drive.velocity[:, column] = model.amplitude(spec, t + 0.5 * model.dt, average=False)
+            else:
+                drive.force[:, column] = model.amplitude(spec, t, average=True)
+        for one in model.body_forces:
+            column = loads.index(one.load) + 1
+            drive.pull[:, one.body * dim : (one.body + 1) * dim] += drive.force[:, column, None] * one.acceleration
+        return drive
+
+    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
+        """March `count` steps; return how many were done when one was not sound, else `count`."""
+        return self._advance(kernels, amplitudes, record, first, count, self.u, self.v)
+
+    def _advance(
+        self, kernels: Kernels, amplitudes: Drive, record: Record, first: int, count: int, u: Floats, v: Floats
+    ) -> int:
+        loop, model = self.loop, self.model
+        return kernels.advance(
+            loop.groups, loop.masses, loop.boundary, loop.laws, amplitudes, record, u, v, model.dim, model.dt, first,
+            count,
+        )  # fmt: skip
+
+    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+        """Return what one step without loads makes of displacement and velocity, (2, nodes * dim)."""
+        after = state.copy()
+        self._advance(kernels, self._zeros(1), record, 1, 1, after[0], after[1])
+        return after
+
+    def load_impulse(self, amplitudes: Any) -> Floats:
+        """Return the impulse of the loads on all bodies so far, (dim,), after the steps of `amplitudes`."""
+        model = self.model
+        if model.case.loads:
+            total = np.zeros(model.dim)
+            sums = amplitudes.force.sum(axis=0)
+            for push in model.nodal_forces:
+                total += sums[push.column] * push.force
+            weights = np.array([body.mass.sum() for body in model.bodies.values()])
+            total += weights @ amplitudes.pull.sum(axis=0).reshape(-1, model.dim)
+            self._impulse += model.dt * total
+        return self._impulse
