@@ -308,3 +308,26 @@ def test_schema_is_json() -> None:
 def test_the_module_runs_too() -> None:
     done = subprocess.run([sys.executable, "-m", "percuss", "--help"], capture_output=True, text=True, check=True)
     assert "compare" in done.stdout
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a pseudo-terminal is wanted")
+def test_a_terminal_is_told_while_the_loop_is_compiled_and_not_when_it_is_loaded(tmp_path: Path) -> None:
+    import pty
+
+    command = [sys.executable, "-m", "percuss", "run", HUNEK]
+    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": "", "TERM": "xterm"}
+    said = []
+    for _ in range(2):
+        ours, theirs = pty.openpty()
+        run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, env=env)
+        os.close(theirs)
+        said.append(b"")
+        try:
+            while piece := os.read(ours, 65536):
+                said[-1] += piece
+        except OSError:  # the run has closed its end
+            pass
+        os.close(ours)
+        assert run.wait(timeout=300) == 0
+    assert b"compiling the time loop" in said[0]
+    assert said[1] == b""

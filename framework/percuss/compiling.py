@@ -10,13 +10,16 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["LOCK", "Stopwatch", "compile_seconds", "compiler", "counted", "listen"]
+__all__ = ["LOCK", "NOTICES", "Stopwatch", "compile_seconds", "compiler", "counted", "listen"]
 
 LOCK = threading.RLock()
+# Called with True when numba begins to translate a function, and with False when it is done; not for what is loaded
+# from disk.
+NOTICES: list[Callable[[bool], None]] = []
 
 
 class _Clock(threading.local):
@@ -115,5 +118,28 @@ def listen() -> None:
                 """Stop the clock."""
                 _CLOCK.stop()
 
-        _LISTENING.append(Listener())
+        class Announcer(event.Listener):  # type: ignore[misc]
+            """Gives notice of the translation of a function with all that it calls."""
+
+            depth = 0
+
+            def on_start(self, event: Any) -> None:  # noqa: ARG002
+                """Give notice of the outermost function."""
+                self.depth += 1
+                if self.depth == 1:
+                    self.give(begun=True)
+
+            def on_end(self, event: Any) -> None:  # noqa: ARG002
+                """Give notice that the outermost function is done."""
+                self.depth -= 1
+                if self.depth == 0:
+                    self.give(begun=False)
+
+            def give(self, *, begun: bool) -> None:
+                """Call all who want to know."""
+                for notice in NOTICES:
+                    notice(begun)
+
+        _LISTENING.extend([Listener(), Announcer()])
         event.register("numba:compiler_lock", _LISTENING[0])
+        event.register("numba:compile", _LISTENING[1])

@@ -27,11 +27,42 @@ Plugins = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")]
 
 
+COMPILING = "compiling the time loop, once for this kind of model"
+
+_ON_TERMINAL: list[Any] = []  # the bar or spinner that is shown: a terminal has room for one
+
+
 @contextmanager
-def reporting(as_json: bool) -> Iterator[None]:
-    """Turn errors that percuss raises on purpose into a message and an exit code."""
+def _compiling_shown() -> Iterator[None]:
+    """Show a spinner with words on standard error while numba compiles, on a terminal."""
+    from percuss.compiling import NOTICES
+
+    spinner: list[Any] = []
+
+    def notice(begun: bool) -> None:
+        if begun and not _ON_TERMINAL and sys.stderr.isatty():
+            from rich.console import Console
+
+            spinner.append(Console(stderr=True).status(COMPILING))
+            spinner[0].start()
+        elif spinner and not begun:
+            spinner.pop().stop()
+
+    NOTICES.append(notice)
     try:
         yield
+    finally:
+        NOTICES.remove(notice)
+        if spinner:
+            spinner.pop().stop()
+
+
+@contextmanager
+def reporting(as_json: bool) -> Iterator[None]:
+    """Turn errors that percuss raises on purpose into a message and an exit code; show what takes long."""
+    try:
+        with _compiling_shown():
+            yield
     except PercussError as error:
         if as_json:
             problems = [vars(p) for p in error.problems] if isinstance(error, InputError) else []
@@ -78,6 +109,7 @@ def progress_bar(what: str = "steps") -> Iterator[Callable[[int, int], None]]:
             bar = Progress(*columns, console=Console(stderr=True), transient=True)
             bar.start()
             shown.extend([bar, bar.add_task("march", total=total)])
+            _ON_TERMINAL.append(bar)
         if shown:
             shown[0].update(shown[1], completed=done)
 
@@ -86,6 +118,7 @@ def progress_bar(what: str = "steps") -> Iterator[Callable[[int, int], None]]:
     finally:
         if shown:
             shown[0].stop()
+            _ON_TERMINAL.remove(shown[0])
 
 
 def print_json(data: dict[str, Any]) -> None:
