@@ -1,4 +1,7 @@
-"""Profiles of hypothesis: a repeatable quick one, a larger one, and a long one that draws anew (HYPOTHESIS_PROFILE)."""
+"""Profiles of hypothesis (HYPOTHESIS_PROFILE): a repeatable quick one, a larger one, and a long one that draws anew.
+
+Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones take more than some seconds.
+"""
 
 import os
 
@@ -7,7 +10,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: th
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
-    "quick", max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+    "quick", max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.register_profile(
     "deep", max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True

@@ -175,7 +175,7 @@ def check_the_limit_is_tight(model, judge_class=PencilCriterion):
         assert found.radius <= 1 + 1e-9
         assert found.stable
         assert after(quotient(motions, below, contacts)) < 1e9
-    worst = judge.judge(above).worst
+    worst = judge.assess_step(above).worst
     assert not examine(motions, above, worst).stable
     assert after(quotient(motions, above, worst)) == math.inf
     return critical
@@ -276,12 +276,14 @@ def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
     assert percuss.run(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")).status == "done"
 
 
+@pytest.mark.deep
 def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
     case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
     expected = PencilCriterion(model_of(wall(3.0, math.inf))).critical()
     assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 
+@pytest.mark.deep
 def test_a_law_that_changes_with_time_is_not_certified_by_its_first_step(tmp_path):
     """Soft at first and far too stiff from half of the run on."""
     soft = "0.1 * bound.stiffness[p] * overlap"
@@ -356,7 +358,7 @@ def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
                 for k in range(p.start, p.stop):
                     special[entries[k].place].new_v += 2.0 * dt * entries[k].response * p.multiplier
 
-    monkeypatch.setattr(leapfrog_loop, "correct", twice)
+    monkeypatch.setattr(leapfrog_loop, "apply_multipliers", twice)
     with pytest.raises(AssertionError):
         limit_of(unlike_pair(integrator))
 
@@ -396,7 +398,7 @@ def test_a_lumped_mass_penalty_in_the_march_is_seen(monkeypatch):
                 )
 
     assert planted_run(monkeypatch, "", None)["momentum"]["error"] < 1e-13
-    assert planted_run(monkeypatch, "correct", lumped)["momentum"]["error"] > 1e-3
+    assert planted_run(monkeypatch, "apply_multipliers", lumped)["momentum"]["error"] > 1e-3
 
 
 # ---------------------------------------------------------------------------------------------------- courant 1
@@ -412,6 +414,7 @@ def test_courant_number_one_runs_where_the_law_allows_it(pair):
         assert percuss.run(percuss.load(case)).status == "done"
 
 
+@pytest.mark.deep
 @dataclass(frozen=True)
 class OnVelocity(percuss.ContactLaw):
     """Stops the gap rate while the gap is closed, and never pulls: in a second stage there is little left to stop."""

@@ -1,9 +1,6 @@
 """Bodies that are not linear, accounts that do not close, pairs that would silently be another method, true cures."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import percuss
+from command_line import percuss_command
 from percuss.certificate import maps, verdict
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.waves import waves
@@ -21,7 +19,7 @@ from percuss.errors import InputError, PercussError, RefusedPair
 from percuss.reporting.explanation import explanation
 from percuss.solver.model import Model
 from percuss.testing import Subject, checks_of
-from percuss.testing.draws import rows
+from percuss.testing.draws import bar_chains
 from percuss.testing.kit import perform
 from strategies import hunek
 
@@ -43,9 +41,7 @@ def softer(tmp_path_factory):
 
 def command(*args, cwd=None):
     """Run a command in plain Python: these cases are small, and compiling their kernels would take longer."""
-    program = [sys.executable, "-m", "percuss", *map(str, args)]
-    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    return subprocess.run(program, capture_output=True, text=True, cwd=cwd, env=plain, timeout=300, check=False)
+    return percuss_command(*args, cwd=cwd, plain=True)
 
 
 def ran(case, plugins=(), overrides=None):
@@ -251,7 +247,7 @@ def test_accounts_that_do_not_close_are_told_by_every_command(leaking):
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
-@given(rows(push=True, steps=150), st.sampled_from(["lagrange", "bipenalty"]))
+@given(bar_chains(push=True, steps=150), st.sampled_from(["lagrange", "bipenalty"]))
 def test_the_accounts_of_drawn_rows_of_linear_bars_close(case, law):
     case["method"] = {"integrator": "wu-predictor-corrector", "contact": law}
     summary = ran(case).summary

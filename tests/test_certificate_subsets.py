@@ -101,6 +101,7 @@ def test_a_yes_holds_for_every_subset_and_every_stretch(integrator, case, couran
         assert found["why"]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("integrator", [CD, WU])
 @given(case=joints())
 def test_the_critical_step_is_tight_and_its_contacts_limit_it(integrator, case):

@@ -8,18 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from command_line import percuss_command
+
 ROOT = Path(__file__).parent.parent
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 
 
-def percuss(*args: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    env = {**os.environ, "COLUMNS": "120", "NO_COLOR": "1"}
-    command = [sys.executable, "-c", "from percuss.cli.main import main; main()", *args]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300, check=False)
-
-
 def test_help_names_every_command() -> None:
-    done = percuss("--help")
+    done = percuss_command("--help")
     assert done.returncode == 0
     for command in ("run", "check", "compare", "verify", "plugins", "schema"):
         assert command in done.stdout
@@ -39,7 +35,7 @@ def test_help_loads_nothing_heavy() -> None:
 
 
 def test_run_prints_one_json_object() -> None:
-    done = percuss("run", HUNEK, "--json")
+    done = percuss_command("run", HUNEK, "--json")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["steps"] == 1600
@@ -60,7 +56,7 @@ def test_run_prints_one_json_object() -> None:
 
 def test_run_saves_and_draws(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    done = percuss("run", HUNEK, "-o", "a.nc", "--plot", "a.png", "--set", "refine=1", cwd=tmp_path)
+    done = percuss_command("run", HUNEK, "-o", "a.nc", "--plot", "a.png", "--set", "refine=1", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.nc", "a.png"]
     from percuss import open_result
@@ -71,7 +67,7 @@ def test_run_saves_and_draws(tmp_path: Path) -> None:
 
 
 def test_overrides_pass_the_same_checks() -> None:
-    done = percuss("run", HUNEK, "--set", "method.contact.beta_s=-1", "--set", "time.ende=3")
+    done = percuss_command("run", HUNEK, "--set", "method.contact.beta_s=-1", "--set", "time.ende=3")
     assert done.returncode == 2
     assert done.stdout == ""
     assert "--set method.contact.beta_s=-1" in done.stderr
@@ -80,14 +76,16 @@ def test_overrides_pass_the_same_checks() -> None:
 
 
 def test_swapping_a_law_reports_the_options_it_lacks() -> None:
-    done = percuss("run", HUNEK, "--set", "method.contact=lagrange")
+    done = percuss_command("run", HUNEK, "--set", "method.contact=lagrange")
     assert done.returncode == 0
     assert "lagrange has no option beta_s" in done.stdout
 
 
 def test_a_run_that_its_certificate_forbids_is_not_started(tmp_path: Path) -> None:
     args = ["--set", "method.integrator=central-difference", "--set", "method.contact=penalty"]
-    done = percuss("run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--json", "-o", "bad.nc", cwd=tmp_path)
+    done = percuss_command(
+        "run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--json", "-o", "bad.nc", cwd=tmp_path
+    )
     assert done.returncode == 1
     told = json.loads(done.stdout)
     assert told["certificate"]["stable"] == "no"
@@ -103,7 +101,7 @@ def test_a_run_that_its_certificate_forbids_is_not_started(tmp_path: Path) -> No
 def test_a_run_that_gains_energy_is_stopped_and_named(tmp_path: Path) -> None:
     law = "method.contact={name: bipenalty, beta_s: 10, ratio: matched}"
     args = ["--set", "method.integrator=central-difference", "--set", law, "--set", "time.courant=0.9"]
-    done = percuss("run", HUNEK, *args, "--json", "-o", "bad.nc", cwd=tmp_path)
+    done = percuss_command("run", HUNEK, *args, "--json", "-o", "bad.nc", cwd=tmp_path)
     assert done.returncode == 1
     told = json.loads(done.stdout)
     assert told["certificate"]["stable"] == "yes"
@@ -136,7 +134,7 @@ def test_a_run_that_gains_energy_is_stopped_and_named(tmp_path: Path) -> None:
     ids=lambda value: " ".join(value[:1] + value[2:]) if isinstance(value, list) else "",
 )
 def test_bad_input_is_one_clear_message(args: list[str], said: str, tmp_path: Path) -> None:
-    done = percuss(*args, cwd=tmp_path)
+    done = percuss_command(*args, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -144,7 +142,7 @@ def test_bad_input_is_one_clear_message(args: list[str], said: str, tmp_path: Pa
 
 
 def test_bad_input_is_json_too() -> None:
-    done = percuss("run", HUNEK, "--set", "refine=0", "--json")
+    done = percuss_command("run", HUNEK, "--set", "refine=0", "--json")
     assert done.returncode == 2
     told = json.loads(done.stdout)
     assert told["status"] == "bad input"
@@ -153,14 +151,14 @@ def test_bad_input_is_json_too() -> None:
 
 def test_a_failed_run_leaves_the_old_file_alone(tmp_path: Path) -> None:
     (tmp_path / "a.nc").write_text("precious")
-    done = percuss("run", HUNEK, "-o", "a.nc", "--set", "refine=0", cwd=tmp_path)
+    done = percuss_command("run", HUNEK, "-o", "a.nc", "--set", "refine=0", cwd=tmp_path)
     assert done.returncode == 2
     assert (tmp_path / "a.nc").read_text() == "precious"
 
 
 def test_a_case_may_go_on_where_it_would_be_stopped_and_is_told() -> None:
     args = ["--set", "method.integrator=central-difference", "--set", "method.contact=penalty"]
-    done = percuss(
+    done = percuss_command(
         "run", HUNEK, *args, "--set", "method.contact.beta_s=100", "--set", "time.on_unstable=warn", "--json"
     )
     assert done.returncode == 0, done.stderr
@@ -178,7 +176,7 @@ def test_compare_has_a_row_for_every_pair(tmp_path: Path) -> None:
         "--contact",
         "penalty,bipenalty,lagrange",
     ]
-    done = percuss(
+    done = percuss_command(
         "compare",
         HUNEK,
         *args,
@@ -223,7 +221,7 @@ def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
         "--plugin",
         "picky.py",
     ]
-    done = percuss("compare", HUNEK, *args, "--json", cwd=tmp_path)
+    done = percuss_command("compare", HUNEK, *args, "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     refused, ran = json.loads(done.stdout)["rows"]
     assert (refused["status"], refused["reason"], refused["said_by"]) == (
@@ -232,12 +230,14 @@ def test_compare_keeps_a_refused_pair_as_a_row(tmp_path: Path) -> None:
         "picky",
     )
     assert ran["status"] == "done"
-    told = percuss("compare", HUNEK, *args, cwd=tmp_path)
+    told = percuss_command("compare", HUNEK, *args, cwd=tmp_path)
     assert "needs the predicted gap" in told.stdout
 
 
 def test_compare_varies_values() -> None:
-    done = percuss("compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json")
+    done = percuss_command(
+        "compare", HUNEK, "--vary", "refine=1,2", "--vary", "method.contact.beta_s=0.1:1:log:2", "--json"
+    )
     rows = json.loads(done.stdout)["rows"]
     assert [(r["refine"], r["method.contact.beta_s"]) for r in rows] == [
         (1, 0.1),
@@ -255,38 +255,38 @@ def test_compare_replaces_a_contacts_own_law_and_says_so(tmp_path: Path) -> None
         .replace("{between: [short.right, long.left]}", "{between: [short.right, long.left], method: lagrange}")
     )
     (tmp_path / "own.yaml").write_text(text)
-    done = percuss("compare", "own.yaml", "--contact", "penalty,lagrange", "--json", cwd=tmp_path)
+    done = percuss_command("compare", "own.yaml", "--contact", "penalty,lagrange", "--json", cwd=tmp_path)
     assert "the own method of tip is replaced" in done.stderr
     impulses = [r["summary"]["contacts"]["tip"]["peak_force"] for r in json.loads(done.stdout)["rows"]]
     assert impulses[0] != impulses[1]
 
 
 def test_verify_passes_and_fails(tmp_path: Path) -> None:
-    assert percuss("verify", HUNEK).returncode == 0
+    assert percuss_command("verify", HUNEK).returncode == 0
     (tmp_path / "wrong.yaml").write_text(Path(HUNEK).read_text().replace("mean: 0.05,", "mean: 0.06,"))
-    done = percuss("verify", HUNEK, "wrong.yaml", "--json", cwd=tmp_path)
+    done = percuss_command("verify", HUNEK, "wrong.yaml", "--json", cwd=tmp_path)
     assert done.returncode == 1
     told = json.loads(done.stdout)
     assert [case["passed"] for case in told["cases"]] == [True, False]
 
 
 def test_check_says_what_a_case_will_do() -> None:
-    done = percuss("check", HUNEK)
+    done = percuss_command("check", HUNEK)
     assert done.returncode == 0
     for words in ("epsilon_s = 250", "Courant number 0.5", "theta", "0.001", "lambda / eps_s", "impedance 1"):
         assert words in done.stdout
-    assert json.loads(percuss("check", HUNEK, "--json").stdout)["contacts"]["tip"]["epsilon_s"] == 250.0
+    assert json.loads(percuss_command("check", HUNEK, "--json").stdout)["contacts"]["tip"]["epsilon_s"] == 250.0
 
 
 def test_defaults_are_said() -> None:
-    done = percuss("check", HUNEK, "--set", "method.contact={name: bipenalty}")
+    done = percuss_command("check", HUNEK, "--set", "method.contact={name: bipenalty}")
     assert "beta_s = 0.5" in done.stdout
     assert "beta_s auto: 0.5" in done.stdout
     assert "epsilon_m = 0.000125" in done.stdout
 
 
 def test_plugins_lists_and_describes() -> None:
-    listed = percuss("plugins")
+    listed = percuss_command("plugins")
     for name in (
         "central-difference",
         "wu-predictor-corrector",
@@ -296,13 +296,13 @@ def test_plugins_lists_and_describes() -> None:
         "half-sine",
     ):
         assert name in listed.stdout
-    told = percuss("plugins", "bipenalty").stdout
+    told = percuss_command("plugins", "bipenalty").stdout
     for words in ("Formula", "ratio", "10.1002/nme.5712", "force/length", "contact: {name: bipenalty"):
         assert words in told
 
 
 def test_schema_is_json() -> None:
-    assert "bipenalty" in json.dumps(json.loads(percuss("schema").stdout))
+    assert "bipenalty" in json.dumps(json.loads(percuss_command("schema").stdout))
 
 
 def test_the_module_runs_too() -> None:

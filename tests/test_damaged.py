@@ -55,6 +55,7 @@ def whole(tmp_path_factory):
     return folder
 
 
+@pytest.mark.deep
 def test_no_damaged_file_gives_other_numbers(whole):
     ends, first = [], 0
     while first < COUNT:

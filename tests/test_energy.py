@@ -88,6 +88,7 @@ def test_the_guarantee_of_the_certificate_is_kept(pair, case):
     assert not [note for note in result.summary["notes"] if note.startswith("energy ")]
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair[0] in LEAPFROG], ids=pair_id)
 @given(case=rows())
 def test_the_watch_tells_what_the_histories_show(pair, case):
@@ -166,6 +167,7 @@ def boxed(draw):
     return case
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair[1]["name"] != "tied"], ids=pair_id)
 @given(case=boxed())
 def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair, case):
@@ -304,7 +306,7 @@ def twice(points, entries, special, dt):
 
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
-    monkeypatch.setattr(leapfrog_loop, "correct", twice)
+    monkeypatch.setattr(leapfrog_loop, "apply_multipliers", twice)
     result = run(warned(between_two_walls(NEVER[law], WU, 300)), compiled=False)
     assert rise(result) > 1e-6
     assert result.summary["energy"]["ledger_error"] > 1e-6

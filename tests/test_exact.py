@@ -642,8 +642,8 @@ def manners():
 
 def event_times(solution, k=None):
     """Return the times at which a junction (or any) changes, from 0 to the time reached."""
-    every = range(solution.row.side.shape[0]) if k is None else [k]
-    times = np.concatenate([[0.0, solution.reached], *[solution.row.force(j).times for j in every]])
+    every = range(solution.chain.side.shape[0]) if k is None else [k]
+    times = np.concatenate([[0.0, solution.reached], *[solution.chain.force(j).times for j in every]])
     return np.unique(np.clip(times, 0.0, solution.reached))
 
 
@@ -691,9 +691,9 @@ def test_work_and_impulse_are_those_of_the_histories(row, manner, share):
     """Force times velocity at each end, and force, are integrated from one event to the next by a rule of their own."""
     solution = solved(row, **manner)
     end = share * row.end
-    line = 1.0 if solution.row.flip[list(solution.row.model.bodies).index("b0")] > 0 else -1.0
+    line = 1.0 if solution.chain.flip[list(solution.chain.model.bodies).index("b0")] > 0 else -1.0
     line *= -1.0 if 0 in manner["turned"] else 1.0
-    marks = [event_times(solution), event_times(solution)[:, None] + solution.row.transit]
+    marks = [event_times(solution), event_times(solution)[:, None] + solution.chain.transit]
     edges = np.unique(np.clip(np.concatenate([np.ravel(one) for one in [*marks, [0.0, end]]]), 0.0, end))
     nodes, weights = np.polynomial.legendre.leggauss(3)
     half = 0.5 * np.diff(edges)
@@ -979,12 +979,12 @@ def test_displacement_velocity_and_stress_belong_together(row, manner, share):
         at = edges[:-1, None] + half[:, None] * (1.0 + nodes)
         return half * (function(at.ravel()).reshape(at.shape) @ weights)
 
-    waves = solution.row.waves
+    waves = solution.chain.waves
     for k, bar in enumerate(row.bars):
         name = f"b{k}"
-        number_ = list(solution.row.model.bodies).index(name)
-        wave = bar["length"] / solution.row.transit[number_]
-        sign = solution.row.flip[number_]
+        number_ = list(solution.chain.model.bodies).index(name)
+        wave = bar["length"] / solution.chain.transit[number_]
+        sign = solution.chain.flip[number_]
         fronts = [waves.times[h, : waves.count[h]] for h in (2 * number_, 2 * number_ + 1)]
         for x in (0.0, share * bar["length"], bar["length"]):
             place = x if sign > 0 else bar["length"] - x
@@ -1035,7 +1035,7 @@ def test_nothing_depends_on_how_a_row_is_written(row, manner, origin):
     one = solved(row)
     other = solved(row, **manner, origin=origin)
     same(row, one, other, row.names, within=1e-11 if not origin else 1e-11 * 40)
-    line = np.sign(other.row.flip[list(other.row.model.bodies).index("b0")]) * (-1 if 0 in manner["turned"] else 1)
+    line = np.sign(other.chain.flip[list(other.chain.model.bodies).index("b0")]) * (-1 if 0 in manner["turned"] else 1)
     for time in (0.3 * row.end, row.end):
         near_to = 1e-11 * 40 * (sum(one.energy(0.0)) + abs(one.work(time)) + row.hardest * row.speed**2 * row.end)
         assert abs(sum(one.energy(time)) - sum(other.energy(time))) <= near_to
@@ -1075,7 +1075,7 @@ def test_nothing_depends_on_the_units(row, units):
 
 def torn_from(one, x, end, least):
     """When the first bar is first in tension at x: between any two fronts, however close, its stress is a line."""
-    arrays, waves = one.row, one._waves
+    arrays, waves = one.chain, one._waves
     place = x if arrays.flip[0] > 0 else arrays.length[0] - x
     late = np.array([place, arrays.length[0] - place]) / arrays.speed[0]
     marks = np.concatenate([wave.times + lag for wave, lag in zip(waves[:2], late, strict=True)])

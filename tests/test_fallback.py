@@ -131,6 +131,7 @@ def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body):
         assert result.summary["energy"]["ledger_error"] < 1e-12
 
 
+@pytest.mark.deep
 def test_laws_of_both_kinds_work_side_by_side(tmp_path):
     """A kernel at one end of the bar, rows at the other; and both at one end, where they are coupled."""
     file = spring(tmp_path)
@@ -145,6 +146,7 @@ def test_laws_of_both_kinds_work_side_by_side(tmp_path):
         nearly_equal(truth_case, truth, run_with(file, case))
 
 
+@pytest.mark.deep
 def test_two_laws_of_ones_own_at_once(tmp_path):
     text = spring(tmp_path).read_text(encoding="utf-8")
     second = text[text.index("@dataclass") : text.index("def helped")]
@@ -242,6 +244,7 @@ def test_a_material_that_is_nearly_linear_is_nearly_the_elastic_one(softening):
 KINDS = list(itertools.product(["elastic", "soft"], repeat=3))
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("kinds", KINDS if DEEP else [KINDS[2]], ids="-".join)
 def test_bodies_of_unlike_materials_in_any_order(softening, kinds):
     """Groups of bodies run through code of their own; a group is not a run of neighbours."""
@@ -308,6 +311,7 @@ print(json.dumps([result.summary["compiled"], result.arrays["contact_force"].max
 """
 
 
+@pytest.mark.deep
 def test_an_edit_is_seen_by_another_process(tmp_path):
     """Machine code is kept on disk between processes: it must not outlive the source, nor be a trap after an edit.
 

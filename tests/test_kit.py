@@ -11,6 +11,7 @@ import pytest
 
 import dense
 import planted
+from command_line import percuss_command
 from percuss import PluginError
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, StrictSystem, conformance
@@ -20,6 +21,7 @@ from percuss.testing.subject import Subject, named
 REGISTRY = Registry.load()
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("cls", planted.RIGHT, ids=lambda cls: cls.name)
 def test_a_method_without_a_mistake_conforms(cls):
     report = conformance(cls, strict=False)
@@ -151,8 +153,7 @@ def verified(tmp_path):
     def ran(text, *more):
         file = tmp_path / "mine.py"
         file.write_text(text)
-        command = [sys.executable, "-m", "percuss", "verify", "--plugin", str(file), *more]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        return percuss_command("verify", "--plugin", file, *more, cwd=tmp_path)
 
     return ran
 
@@ -182,7 +183,7 @@ def test_a_registered_method_is_verified_by_its_name(verified):
 
 
 def test_there_must_be_something_to_verify(tmp_path):
-    done = subprocess.run([sys.executable, "-m", "percuss", "verify"], capture_output=True, text=True, check=False)
+    done = percuss_command("verify", cwd=tmp_path)
     assert done.returncode == 2
     assert "nothing to verify" in done.stderr
 

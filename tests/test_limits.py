@@ -1,12 +1,11 @@
 """Numbers and sizes that cannot be computed with, and arguments of the wrong kind: one clear message each."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import percuss
+from command_line import percuss_command
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError
 from percuss.solver import size_limits
@@ -53,8 +52,7 @@ def test_what_cannot_be_computed_is_refused(change, said, machine):
 @pytest.mark.parametrize("command", ["run", "check"])
 @pytest.mark.parametrize("change", ["time.end=1e8", "time.courant=1e300", "refine=1000000000"])
 def test_the_command_line_says_so_without_a_traceback(command, change):
-    line = [sys.executable, "-m", "percuss", command, HUNEK, "--set", change]
-    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    done = percuss_command(command, HUNEK, "--set", change)
     assert done.returncode == 2
     assert "1 mistake; nothing was run" in done.stderr
     assert "Traceback" not in done.stderr
@@ -112,8 +110,7 @@ def test_an_argument_of_the_wrong_kind_is_told_from_what_is_meant(call, said):
 
 @pytest.mark.parametrize("command", ["run", "check", "compare", "verify"])
 def test_a_study_given_for_a_case_is_told_so(command):
-    line = [sys.executable, "-m", "percuss", command, str(ROOT / "cases" / "studies" / "scoreboard.yaml")]
-    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    done = percuss_command(command, str(ROOT / "cases" / "studies" / "scoreboard.yaml"))
     assert done.returncode == 2
     assert "percuss-study: is a study, not a case" in done.stderr
     assert "Run it with `percuss study`." in done.stderr

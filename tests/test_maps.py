@@ -4,8 +4,6 @@ import csv
 import itertools
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ import pytest
 from hypothesis import assume, event, given
 
 import percuss
+from command_line import percuss_command
 from percuss.certificate.verdict import SAFETY, certificate, settled
 from percuss.certificate.waves import waves
 from percuss.reporting.stability_figure import stability_figure
@@ -23,12 +22,6 @@ from test_blackbox import CD, ROW_PAIRS, WU, wall
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
 SDNV, HUNEK = (str(Path(__file__).parent.parent / "cases" / f"{name}.yaml") for name in ("sdnv100", "hunek"))
 INF = math.inf
-
-
-def percuss_cli(*args, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "percuss", *args], capture_output=True, text=True, cwd=cwd, check=False
-    )
 
 
 # ------------------------------------------------------------------------------------------------------------ maps
@@ -111,7 +104,7 @@ def test_the_command_line_saves_draws_and_prints(tmp_path):
     pytest.importorskip("matplotlib")
     args = ["stability", SDNV, "--set", "bodies.beam.bar.elements=8", "--set", f"method.integrator={CD}"]
     vary = ["--vary", "method.contact.beta_s=0.1:10:log:4", "--curves", "method.contact.ratio=inf,1"]
-    done = percuss_cli(
+    done = percuss_command(
         *args, *vary, "--by", "closed-form,black-box", "-o", "a.csv", "--plot", "a.svg", "--json", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
@@ -122,7 +115,7 @@ def test_the_command_line_saves_draws_and_prints(tmp_path):
     assert [float(row["courant_critical"]) for row in saved] == [row["courant_critical"] for row in told]
     drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert "<svg" in drawn
-    plain = percuss_cli(*args, *vary, cwd=tmp_path)
+    plain = percuss_command(*args, *vary, cwd=tmp_path)
     assert plain.returncode == 0
     assert "C critical, pencil" in plain.stdout
 
@@ -141,7 +134,7 @@ def test_the_command_line_saves_draws_and_prints(tmp_path):
     ids=lambda value: " ".join(value[2:]) if isinstance(value, list) else "",
 )
 def test_bad_input_is_one_clear_message(args, said, tmp_path):
-    done = percuss_cli(*args, cwd=tmp_path)
+    done = percuss_command(*args, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
@@ -246,13 +239,13 @@ def test_unlike_bars_keep_the_energy_of_waves():
 
 def test_the_command_line_measures_waves(tmp_path):
     pytest.importorskip("matplotlib")
-    done = percuss_cli("waves", HUNEK, "--plot", "w.svg", "--json", cwd=tmp_path)
+    done = percuss_command("waves", HUNEK, "--plot", "w.svg", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)["rows"]
     assert len(told) == 200
     assert all(abs(row["transmission"] - row["formula"]) < 1e-9 for row in told)
     assert (tmp_path / "w.svg").exists()
-    assert "transmitted" in percuss_cli("waves", HUNEK, cwd=tmp_path).stdout
+    assert "transmitted" in percuss_command("waves", HUNEK, cwd=tmp_path).stdout
 
 
 # ---------------------------------------------------------------------------------------------- the step chosen
@@ -280,6 +273,7 @@ def test_the_chosen_step_is_certified_on_every_case(case, pair):
 AUTO = {"end": 1e-6, "courant": "auto"}
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
 @given(case=rows())
 def test_the_chosen_step_is_certified(pair, case):
@@ -308,6 +302,7 @@ def test_a_chosen_step_runs_is_told_and_survives_a_nudge():
     assert result.provenance["resolved"]["dt"] == result.summary["dt"]
 
 
+@pytest.mark.deep
 def test_a_law_that_no_step_makes_stable_is_said(tmp_path):
     """A spring that pulls together what overlaps."""
     text = (
@@ -340,7 +335,7 @@ def test_a_path_is_given_once(tmp_path):
     case = percuss.load(HUNEK)
     with pytest.raises(percuss.InputError, match="another path than those of --vary"):
         percuss.stability(case, {"refine": [1]}, {"refine": [2]})
-    done = percuss_cli("stability", HUNEK, "--vary", "refine=1", "--vary", "refine=2", cwd=tmp_path)
+    done = percuss_command("stability", HUNEK, "--vary", "refine=1", "--vary", "refine=2", cwd=tmp_path)
     assert done.returncode == 2
     assert "expected a path once" in done.stderr
 

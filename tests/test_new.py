@@ -4,14 +4,13 @@ import ast
 import json
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
 import percuss
+from command_line import percuss_command
 from percuss.cli import scaffold
 from percuss.errors import InputError
 from percuss.methods.interfaces import FAMILIES
@@ -30,11 +29,6 @@ def written(tmp_path_factory):
         scaffold.scaffold(f"some-{kind}", kind, folder)
         scaffold.scaffold(f"some-{kind}", kind, folder, single_file=True)
     return folder
-
-
-def command(*args, cwd):
-    program = [sys.executable, "-m", "percuss", *args]
-    return subprocess.run(program, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
 
 
 def body(path):
@@ -75,6 +69,7 @@ def test_a_single_file_runs_as_its_case_expects(written, kind):
     assert f"some-{kind}" in used.replace(f"some-{kind}.py", "") or kind == "measure"
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in {"contact", "integrator"}])
 def test_a_method_conforms(written, kind):
     """Those that come in pairs are held against the kit in test_third_party, as packages."""
@@ -85,7 +80,7 @@ def test_a_method_conforms(written, kind):
 def test_a_measure_is_used_by_a_study(written):
     study = percuss.study(written / "some-measure.study.yaml", written / "rows.sqlite", workers=1)
     assert list(study.columns) == ["some-measure", "node_steps", "seconds"]  # what each run costs stands in every row
-    assert all(abs(row["some-measure"] - 0.2) < 0.01 for row in study.rows())
+    assert all(abs(row["some-measure"] - 0.2) < 0.01 for row in study.as_records())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -164,7 +159,7 @@ def test_what_cannot_be_written_is_one_clear_message(tmp_path, case, single):
     args, said = REFUSED[case]
     (tmp_path / "there").mkdir()
     (tmp_path / "file.py").write_text("precious")
-    done = command("new", *args, *(["--single-file"] if single and case != "file" else []), cwd=tmp_path)
+    done = percuss_command("new", *args, *(["--single-file"] if single and case != "file" else []), cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
     assert "1 mistake; nothing" in done.stderr
@@ -175,7 +170,7 @@ def test_what_cannot_be_written_is_one_clear_message(tmp_path, case, single):
 
 
 def test_every_mistake_is_said_at_once(tmp_path):
-    done = command("new", "1st", "--kind", "contakt", "-o", "nowhere", "--json", cwd=tmp_path)
+    done = percuss_command("new", "1st", "--kind", "contakt", "-o", "nowhere", "--json", cwd=tmp_path)
     assert done.returncode == 2
     assert [one["place"] for one in json.loads(done.stdout)["problems"]] == ["--kind contakt", "1st", "nowhere"]
 
@@ -205,7 +200,7 @@ def test_two_families_may_share_a_name(tmp_path):
 
 
 def test_the_next_commands_are_told_and_work(tmp_path):
-    done = command("new", "mine", "--kind", "mass", "--single-file", cwd=tmp_path)
+    done = percuss_command("new", "mine", "--kind", "mass", "--single-file", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert [line for line in done.stdout.splitlines() if line.startswith("  ")] == [
         "  mine.py",
@@ -213,12 +208,12 @@ def test_the_next_commands_are_told_and_work(tmp_path):
         "  percuss run mine.yaml",
         "  percuss verify --plugin mine.py",
     ]
-    assert command("run", "mine.yaml", cwd=tmp_path).returncode == 0
+    assert percuss_command("run", "mine.yaml", cwd=tmp_path).returncode == 0
 
 
 def test_json_says_the_same(tmp_path):
     (tmp_path / "sub").mkdir()
-    done = command("new", "mine", "--kind", "measure", "-o", "sub", "--json", cwd=tmp_path)
+    done = percuss_command("new", "mine", "--kind", "measure", "-o", "sub", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert (told["name"], told["kind"], told["family"], told["component"]) == ("mine", "measure", "measures", "Mine")

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+import percuss
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
@@ -196,6 +197,64 @@ def test_contacts_are_thick_while_they_carry_force(good):
     assert np.all(segments[:, :, 0] == 10)
     lasting = float(np.diff(segments[:, :, 1]).sum())
     assert lasting == pytest.approx(good.summary["contacts"]["tip"]["closed_time"], abs=2 * good.summary["dt"])
+
+
+ROD = """
+from dataclasses import dataclass
+
+import numpy as np
+from percuss import Mesh, Region, Shape, hookimpl
+
+
+@dataclass(frozen=True)
+class Rod(Shape):
+    '''An upright rod.
+
+    Formula: ``h = 10 / n``
+    '''
+
+    name = "rod"
+    references = ("none",)
+    summary = "An upright rod"
+    regions = ("tip", "root")
+    examples = ({"elements": 3},)
+
+    elements: int
+
+    def dimension(self):
+        return 2
+
+    def mesh(self, at, refine):
+        n, up = self.elements * refine, np.array([0.0, 1.0])
+        nodes = at + np.linspace(0.0, 10.0, n + 1)[:, None] * up
+        return Mesh(nodes, np.full(n, 10.0 / n), up, {"tip": Region((n,), up), "root": Region((0,), -up)})
+
+
+@hookimpl
+def percuss_shapes():
+    return [Rod]
+"""
+
+
+@pytest.mark.parametrize("elements", [1, 4])
+def test_a_contact_is_drawn_at_the_end_it_is_at_whatever_that_is_called(elements, tmp_path):
+    from matplotlib.collections import LineCollection
+
+    (tmp_path / "rod.py").write_text(ROD, encoding="utf-8")
+    rod = {"rod": {"elements": elements}, "at": [0, 0], **BAR, "velocity": [0, 0.1]}
+    case = {
+        "percuss": 1,
+        "bodies": {"rod": rod},
+        "contacts": {"stop": {"body": "rod.tip", "wall": [0, 10]}},
+        "method": {"integrator": "central-difference", "contact": "penalty"},
+        "time": {"end": 0.1, "courant": 0.5},
+        "record": {"fields": 20},
+    }
+    result = percuss.run(percuss.load(case, plugins=[tmp_path / "rod.py"]))
+    space_time = run_figure.figure_of(result).axes[2]
+    assert np.allclose(space_time.collections[0].get_coordinates()[0, [0, -1], 0], [0, 10])
+    (line, *_) = [c for c in space_time.collections if isinstance(c, LineCollection) and c.get_linewidth()[0] == 3.4]
+    assert np.allclose(line.get_segments()[0][:, 0], 10)
 
 
 @pytest.mark.parametrize(

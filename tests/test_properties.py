@@ -45,6 +45,7 @@ def never_stopped(case, stopped):
 # --------------------------------------------------------------------------------------------------- balances
 
 
+@pytest.mark.deep
 @EACH_PAIR
 @given(case=rows())
 def test_momentum_and_energy_are_accounted_for(pair, case):

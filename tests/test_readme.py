@@ -4,13 +4,12 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import percuss
+from command_line import percuss_command
 
 ROOT = Path(__file__).parent.parent
 PAGES = {
@@ -72,18 +71,15 @@ def test_a_command_runs(command: str, folder: Path) -> None:
         pytest.importorskip("matplotlib")
     words = shlex.split(command)
     assert words[0] == "percuss"
-    program = [sys.executable, "-m", "percuss", *words[1:]]
-    done = subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+    done = percuss_command(*words[1:], cwd=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout
 
 
 @pytest.mark.parametrize("text", PYTHON, ids=lambda text: text.splitlines()[0])
-def test_a_snippet_runs(text: str, folder: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", text], cwd=folder, capture_output=True, text=True, timeout=600, check=False
-    )
-    assert done.returncode == 0, done.stderr
+def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    exec(compile(text, "snippet", "exec"), {"__name__": "__main__"})
 
 
 def test_the_case_shown_is_a_case(tmp_path: Path) -> None:

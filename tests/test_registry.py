@@ -17,7 +17,7 @@ import percuss
 from percuss.errors import PluginError
 from percuss.methods import admission, hookspecs
 from percuss.methods.interfaces import FAMILIES
-from percuss.methods.provenance import Broken, Provenance, shown
+from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.registry import Registry
 from percuss.reporting.component import component_text, registry_data
 
@@ -729,7 +729,7 @@ def test_a_file_without_hooks_registers_what_it_defines(write, tmp_path):
     assert source.version == hashlib.sha256(text.encode()).hexdigest()[:12]
     assert source.file == str(tmp_path / "my_law.py")
     assert re.fullmatch(r"percuss_file_my_law_[0-9a-f]{12}", source.module)
-    assert str(source) == f"{shown(source.file)} ({source.version})"
+    assert str(source) == f"{display_path(source.file)} ({source.version})"
     assert registry.files == (tmp_path / "my_law.py",)
 
 
@@ -859,12 +859,12 @@ def test_a_file_that_defines_nothing_is_refused(write):
 
 def test_a_missing_file_is_named_with_the_nearest(write, tmp_path):
     write(IMPORTS + law())
-    folder = shown(str(tmp_path))
+    folder = display_path(str(tmp_path))
     for given, message in {
         "my_lw.py": f"my_lw.py: there is no such file in {folder}. Did you mean 'my_law.py'?",
         "my_law": f"my_law: there is no such file in {folder}. Did you mean 'my_law.py'?",
         "zzz.py": f"zzz.py: there is no such file in {folder}",
-        "no/zzz.py": f"no/zzz.py: there is no such file in {shown(str(tmp_path / 'no'))}",
+        "no/zzz.py": f"no/zzz.py: there is no such file in {display_path(str(tmp_path / 'no'))}",
     }.items():
         with pytest.raises(PluginError) as raised:
             Registry.load([given])
@@ -903,7 +903,7 @@ def test_an_unknown_name_is_answered_with_the_nearest(install):
 def test_a_path_below_home_is_shown_short(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("USERPROFILE", str(tmp_path))
-    assert shown(str(tmp_path / "law.py")) == f"~{os.sep}law.py"
-    assert shown(f"{tmp_path}er{os.sep}law.py") == f"{tmp_path}er{os.sep}law.py"
+    assert display_path(str(tmp_path / "law.py")) == f"~{os.sep}law.py"
+    assert display_path(f"{tmp_path}er{os.sep}law.py") == f"{tmp_path}er{os.sep}law.py"
     assert str(Broken("a 1", "b", f"{tmp_path / 'law.py'}:3")) == f"a 1: b [~{os.sep}law.py:3]"
     assert str(Broken("a 1", "b", "")) == "a 1: b"

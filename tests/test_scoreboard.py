@@ -8,6 +8,8 @@ import scoreboard
 from percuss.certificate.verdict import SAFETY
 from percuss.methods.registry import Registry
 
+pytestmark = pytest.mark.deep
+
 PAGES = [(scoreboard.ROOT / name / "README.md").read_text(encoding="utf-8") for name in (".", "cases", "plugins")]
 NUMBER = r"\d+(?:\.\d+)?"
 

@@ -261,6 +261,7 @@ def oscillator(integrator, courant, load=None):
     return case | ({"loads": {"push": {**load, "on": "a.right"}}} if load else {})
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("load", [None, {"harmonic": {"value": 0.7, "frequency": 0.3, "phase": 0.4}}], ids=str)
 @pytest.mark.parametrize("name", [*STAGED, *OWN])
 def test_the_order_is_what_is_declared(name, load, files):
@@ -543,6 +544,7 @@ def test_a_kernel_that_cannot_be_compiled_runs_in_python(tmp_path, files):
     np.testing.assert_allclose(result.arrays["contact_force"], fast.arrays["contact_force"], rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.deep
 def test_a_law_with_a_kernel_sees_the_stage(tmp_path, files):
     """A penalty written as a kernel is the penalty."""
     (tmp_path / "mine.py").write_text(

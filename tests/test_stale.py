@@ -169,7 +169,7 @@ def tag(file):
     maker = Specialiser()
     law = Registry.load([file]).get("contacts", "spring")
     found = maker.tags[id(maker.bind(law.multipliers))]
-    return found, found not in maker._untold
+    return found, found not in maker._unhashed
 
 
 @pytest.mark.parametrize("name", EDITS)
@@ -254,6 +254,7 @@ print(json.dumps(out))
 """
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", EDITS if DEEP else QUICK)
 def test_an_edit_is_seen_by_the_next_run(name, tmp_path):
     """In the process that ran the helper as it was, and in one that finds its machine code on disk."""
@@ -276,6 +277,7 @@ def test_an_edit_is_seen_by_the_next_run(name, tmp_path):
     assert name == "options, jitted" or abs(first[0, 1] - other[0, 1]) > 1e-6
 
 
+@pytest.mark.deep
 def test_a_case_loaded_before_the_edit_keeps_what_it_was_loaded_with(tmp_path):
     file, helper, _, after = written(tmp_path, "helper")
     case = percuss.load(hunek(10, contact="spring", end=0.3), plugins=[file])

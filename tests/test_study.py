@@ -147,7 +147,7 @@ def test_a_row_is_what_the_run_says(tmp_path):
         tmp_path / "a.sqlite",
         workers=1,
     )
-    (row,) = study.rows()
+    (row,) = study.as_records()
     result = percuss.run(percuss.load(HUNEK), {**SMALL, "method.contact.beta_s": 0.5})
     assert row["impulse"] == row_of(result)["impulse"]
     assert row["energy.final"] == result.summary["energy"]["final"]
@@ -160,9 +160,9 @@ def test_a_row_is_what_the_run_says(tmp_path):
 
 
 def row_of(result):
-    from percuss.studies.comparison import Row, metrics
+    from percuss.studies.comparison import Run, metrics
 
-    return metrics(Row("", "", {}, "done", result=result))
+    return metrics(Run("", "", {}, "done", result=result))
 
 
 def test_a_comparison_is_the_same_runs(tmp_path):
@@ -182,7 +182,7 @@ def test_a_comparison_is_the_same_runs(tmp_path):
     told = [(r.integrator, r.contact, r.varied["refine"], r.status, r.reason) for r in rows]
     assert told == list(study.table[["integrator", "contact", "refine", "status", "reason"]].itertuples(index=False))
     assert [row_of(r.result)["impulse"] for r in rows if r.status == "done"] == [
-        r["impulse"] for r in study.rows() if r["status"] == "done"
+        r["impulse"] for r in study.as_records() if r["status"] == "done"
     ]
 
 
@@ -230,8 +230,8 @@ def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
         workers=1,
         plugins=[file],
     )
-    assert [row["status"] for row in study.rows()] == ["done", "failed", "done", "done"]
-    assert study.rows()[1]["reason"] == "ZeroDivisionError: division by zero"
+    assert [row["status"] for row in study.as_records()] == ["done", "failed", "done", "done"]
+    assert study.as_records()[1]["reason"] == "ZeroDivisionError: division by zero"
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -287,6 +287,7 @@ def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
     assert same(again.table, whole)
 
 
+@pytest.mark.deep
 def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
     file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
     draw = np.random.default_rng(int(os.environ.get("PERCUSS_SEED", "3")))
@@ -333,6 +334,7 @@ def ended(pids, within=20.0):
     return True
 
 
+@pytest.mark.deep
 def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
     file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
     process = subprocess.Popen(command(file, "-o", out, "--workers", 2, "--json"), stdout=subprocess.PIPE, text=True)
@@ -351,6 +353,7 @@ def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
     assert same(percuss.open_study(out).table, whole)
 
 
+@pytest.mark.deep
 def test_a_run_that_always_kills_its_worker_is_a_lost_row(tmp_path):
     fate = "os.kill(os.getpid(), signal.SIGKILL) if 0.9 < self.beta_s < 1.1 and dt < 0.01 else None"
     file = law(tmp_path, fate=fate)
@@ -373,6 +376,7 @@ def test_a_run_that_always_kills_its_worker_is_a_lost_row(tmp_path):
     assert "died 3 times" in table.reason[1.0]
 
 
+@pytest.mark.deep
 def test_ctrl_c_keeps_what_is_finished(whole, tmp_path):
     file, out = write(tmp_path, **MANY), tmp_path / "a.sqlite"
     for workers in (1, 2):
@@ -396,13 +400,13 @@ def test_ctrl_c_keeps_what_is_finished(whole, tmp_path):
 
 def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
     from percuss.studies import job_package
-    from percuss.studies.tasks import Row
+    from percuss.studies.tasks import Run
 
     made = []
 
     def perform(case, task, **options):
         made.append(task)
-        cut = Row(task.integrator, task.contact, task.varied, "interrupted", "Ctrl-C")
+        cut = Run(task.integrator, task.contact, task.varied, "interrupted", "Ctrl-C")
         return cut if len(made) == 5 else real(case, task, **options)
 
     real = job_package.perform_timed
@@ -416,6 +420,7 @@ def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
     assert (again.found, again.counts) == (4, {"done": 8})
 
 
+@pytest.mark.deep
 def test_what_a_batch_leaves_over_is_made_later(whole, tmp_path, monkeypatch):
     monkeypatch.setattr("percuss.studies.job_package.LONGEST", 0.0)
     assert same(percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=1).table, whole)
@@ -527,6 +532,7 @@ def scheduler(tmp_path):
             process.wait()
 
 
+@pytest.mark.deep
 def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, scheduler, tmp_path):
     address, workers = scheduler
     killed = []

@@ -18,7 +18,7 @@ from percuss.errors import InputError
 from percuss.filelock import locked
 from percuss.studies import job_package as benches
 from percuss.studies import tasks
-from percuss.studies.tasks import blamed
+from percuss.studies.tasks import failure_status
 from strategies import hunek
 
 ROOT = Path(__file__).parent.parent
@@ -115,7 +115,7 @@ def percuss_shapes():
 RUN = """
 import json, sys, percuss
 study = percuss.study("study.yaml", "a.sqlite", workers=1)
-rows = study.rows()
+rows = study.as_records()
 print(json.dumps([study.found, [row["status"] for row in rows], [row["impulse"] for row in rows]]))
 """
 
@@ -161,6 +161,7 @@ def run(folder, **environment):
     return json.loads(done.stdout)
 
 
+@pytest.mark.deep
 def test_an_edit_of_whatever_a_number_hangs_on_makes_the_row_again(tmp_path):
     package = editable(tmp_path)
     found, statuses, first = run(tmp_path)
@@ -421,10 +422,10 @@ def test_who_is_to_blame():
     law = registry.get("contacts", "penalty")
     with pytest.raises(AttributeError) as caught:  # raised by the code of a plug-in
         law().bind(None, 1.0)
-    assert blamed(caught.value, registry)[0] == "failed"
+    assert failure_status(caught.value, registry)[0] == "failed"
     with pytest.raises(ZeroDivisionError) as caught:  # raised by no plug-in's
         1 / 0  # noqa: B018
-    assert blamed(caught.value, registry)[0] == "lost"
+    assert failure_status(caught.value, registry)[0] == "lost"
 
 
 # -------------------------------------------------------------------------------------------------- what a row costs
@@ -488,6 +489,7 @@ print(json.dumps([row.result.summary["seconds"] for row in rows]))
 """
 
 
+@pytest.mark.deep
 def test_compiling_is_counted_wherever_it_happens(tmp_path):
     """A tied twin compiles within its certificate."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}

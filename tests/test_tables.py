@@ -1,14 +1,13 @@
 """Numbers from CSV files: what is no number is an error with its place, and no line is ever left out in silence."""
 
 import re
-import subprocess
-import sys
 
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from command_line import percuss_command
 from percuss.case.csv_file import read_table
 from percuss.studies import parameters
 from strategies import hunek
@@ -80,8 +79,7 @@ def test_the_command_line_says_so(tmp_path):
     (tmp_path / "pulse.csv").write_text("0,1O\n1,2\n2,3\n", encoding="utf-8")
     case = {**hunek(4, end=0.1), "loads": {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}}
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(case), encoding="utf-8")
-    command = [sys.executable, "-m", "percuss", "check", "case.yaml"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = percuss_command("check", "case.yaml", cwd=tmp_path)
     assert done.returncode == 2
     assert "pulse.csv:1:3: expected a number as 1.5 or 2e-3, found '1O'" in done.stderr
     assert "Traceback" not in done.stderr

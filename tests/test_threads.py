@@ -65,6 +65,7 @@ def plugin(tmp_path_factory):
     return file
 
 
+@pytest.mark.deep
 def test_runs_in_threads_of_a_cold_process(plugin, tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     environment.pop("NUMBA_DISABLE_JIT", None)
@@ -84,6 +85,7 @@ def test_runs_in_threads_of_a_cold_process(plugin, tmp_path):
         assert march < 1.0  # no other thread's compiling is in it
 
 
+@pytest.mark.deep
 def test_a_dask_worker_with_several_threads(plugin, tmp_path):
     distributed = pytest.importorskip("distributed")
     values = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4]

@@ -15,10 +15,10 @@ from percuss.results import true_error
 from percuss.results.exact import exact_solution
 from percuss.results.verify import verify
 from percuss.solver.model import Model
-from percuss.studies.columns import named
+from percuss.studies.columns import column_by_name
 from percuss.studies.comparison import compare, metrics
 from percuss.studies.convergence import orders
-from percuss_methods.solutions._row import RowOfBars
+from percuss_methods.solutions._row import BarChain
 from strategies import hunek, run
 
 CASES = Path(__file__).parent.parent / "cases"
@@ -256,8 +256,8 @@ def test_the_number_of_the_steps_recorded_does_not_change_the_exact_histories():
 @pytest.fixture
 def short_of_breath(monkeypatch):
     """Let the engine stop after about a hundred fronts."""
-    whole = RowOfBars.march
-    monkeypatch.setattr(RowOfBars, "march", lambda self, end, most: whole(self, end, 100))
+    whole = BarChain.march
+    monkeypatch.setattr(BarChain, "march", lambda self, end, most: whole(self, end, 100))
 
 
 def many_fronts():
@@ -307,7 +307,7 @@ def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path
         assert all(fitted[f"{name}_order"] is None for name in truth_of_columns)
     result = percuss.run(case)
     for name in (*truth_of_columns, "noise", "overshoot", "exact.contacts.*.force_error_l1", "ripple"):
-        column = named(name, [case.registry])
+        column = column_by_name(name, [case.registry])
         assert column.take(result, case.registry) is None
         assert column.take(whole, case.registry) is not None
     (check,) = verify(case, result)

@@ -1,9 +1,9 @@
-"""percuss: a bench on which explicit contact-impact methods are compared.
+"""Public interface of percuss, a test bench that compares explicit contact-impact methods.
 
-The public door. ``load`` a case, ``run`` it, look at the `Result`; subclass a component family to bring a method.
-What stands in ``__all__``, here and in `percuss.testing`, is all that a plug-in may import, and stable: `CONTRACT`
-is its version, which grows when a plug-in has to change; `percuss.methods.interfaces` has the details. Everything is
-imported when it is first used.
+Read a case with ``load``, compute it with ``run`` and inspect the `Result`; to add a method, subclass one of the
+component families. A plug-in may import only the names in ``__all__`` of this module and of `percuss.testing`. These
+names are stable: `CONTRACT` is their version number, which increases when plug-ins have to change; see
+`percuss.methods.interfaces` for the details. Every name is imported when it is first used.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _MODULES = {
     "results.runner": "run",
     "studies.study": "Study open_study study",
 }
-_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "CONTRACT",
@@ -133,14 +133,16 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
+    """Return a public name, imported from its module when it is first used."""
     from importlib import import_module
 
-    if name not in _HOME:
-        raise AttributeError(f"module 'percuss' (contract {CONTRACT}) has no attribute {name!r}{_near(name)}")
-    return getattr(import_module(f"percuss.{_HOME[name]}"), name)
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'percuss' (contract {CONTRACT}) has no attribute {name!r}{_did_you_mean(name)}")
+    return getattr(import_module(f"percuss.{_MODULE_OF[name]}"), name)
 
 
-def _near(name: str) -> str:
+def _did_you_mean(name: str) -> str:
+    """Return a sentence that suggests the public name nearest to `name`; empty if none is similar."""
     from percuss.errors import nearest
 
     near = None if name.startswith("_") else nearest(name, __all__)
@@ -148,4 +150,5 @@ def _near(name: str) -> str:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    """Return the names of the module, including those that are not imported yet."""
+    return sorted([*globals(), *_MODULE_OF])

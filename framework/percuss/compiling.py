@@ -1,8 +1,8 @@
-"""One lock around all that compiles or is imported once a process, and one clock that counts the time it takes.
+"""Lock around compilation and work done once per process, and a clock that measures the compile time.
 
-Numba compiles under a lock of its own, but what binds kernels before that, and what the compiler is asked about them,
-is not safe from other threads. The clock listens to numba's lock, so that it counts every function that is compiled or
-loaded from disk, whoever asked for it: the time loop, a certificate, or an exact solution.
+Numba compiles under a lock of its own, but binding kernels before compilation, and querying the compiler about them, is
+not safe when several threads do it at once. The clock listens to numba's lock, so that it counts every function that is
+compiled or loaded from disk, for the time loop, a certificate or an exact solution.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from typing import Any
 __all__ = ["LOCK", "NOTICES", "Stopwatch", "compile_seconds", "compiler", "counted", "listen"]
 
 LOCK = threading.RLock()
-# Called with True when numba begins to translate a function, and with False when it is done; not for what is loaded
-# from disk.
+# These callbacks are called with True when numba begins to compile a function, and with False when it has finished.
+# They are not called for functions loaded from disk.
 NOTICES: list[Callable[[bool], None]] = []
 
 
 class _Clock(threading.local):
-    """Of each thread: the seconds it has spent compiling, and how deep it is in what is counted."""
+    """Compile-time clock of each thread: seconds spent so far, and nesting depth of the sections being counted."""
 
     seconds = 0.0
     depth = 0
@@ -35,7 +35,7 @@ class _Clock(threading.local):
         self.depth += 1
 
     def stop(self) -> None:
-        # A listener may be registered while numba's lock is held: then its end is seen, and its beginning was not.
+        # A listener registered while numba's lock is held gets the end event of that section without its start event.
         if self.depth == 0:
             return
         self.depth -= 1
@@ -44,13 +44,13 @@ class _Clock(threading.local):
 
 
 _CLOCK = _Clock()
-_LISTENING: list[Any] = []
+_LISTENERS: list[Any] = []
 
 
 def compile_seconds() -> float:
-    """Return the seconds that this thread has spent compiling so far, or waiting for another one that compiles.
+    """Return the seconds that this thread has spent compiling so far, or waiting for another thread to compile.
 
-    The difference of two readings is what was spent in between.
+    The difference of two readings is the time spent in between.
     """
     listen()
     clock = _CLOCK
@@ -58,7 +58,7 @@ def compile_seconds() -> float:
 
 
 class Stopwatch:
-    """Tells how long parts of a run take, without what is compiled meanwhile, which it tells apart."""
+    """A stopwatch for the parts of a run that measures compile time separately."""
 
     def __init__(self) -> None:
         self.began = self._lap_began = time.perf_counter()
@@ -76,13 +76,13 @@ class Stopwatch:
         return compile_seconds() - self._compiled_before
 
     def total(self) -> float:
-        """Return the seconds since the beginning, whatever they were spent on."""
+        """Return the seconds since the beginning, compile time included."""
         return time.perf_counter() - self.began
 
 
 @contextmanager
 def counted() -> Iterator[None]:
-    """Count what is done here as compiling."""
+    """Count the time spent inside this context as compile time."""
     listen()
     _CLOCK.start()
     try:
@@ -93,22 +93,22 @@ def counted() -> Iterator[None]:
 
 @contextmanager
 def compiler() -> Iterator[None]:
-    """Give this thread alone the compiler and what belongs to it, and count the time."""
+    """Hold the lock inside this context; the time, including the wait for the lock, counts as compile time."""
     with counted(), LOCK:
         yield
 
 
 def listen() -> None:
-    """Have numba tell the clock when it takes and leaves its lock, as soon as numba is imported."""
-    if _LISTENING or "numba.core.event" not in sys.modules:
+    """Register, once numba is imported, the listeners that run the clock and call `NOTICES`."""
+    if _LISTENERS or "numba.core.event" not in sys.modules:
         return
     with LOCK:
-        if _LISTENING:
+        if _LISTENERS:
             return
         from numba.core import event
 
         class Listener(event.Listener):  # type: ignore[misc]
-            """Tells the clock of the thread in which numba compiles or loads."""
+            """The listener that runs a thread's clock while numba compiles or loads a function in that thread."""
 
             def on_start(self, event: Any) -> None:  # noqa: ARG002
                 """Start the clock."""
@@ -119,27 +119,27 @@ def listen() -> None:
                 _CLOCK.stop()
 
         class Announcer(event.Listener):  # type: ignore[misc]
-            """Gives notice of the translation of a function with all that it calls."""
+            """The listener that calls `NOTICES` when numba compiles a function together with those it calls."""
 
             depth = 0
 
             def on_start(self, event: Any) -> None:  # noqa: ARG002
-                """Give notice of the outermost function."""
+                """Announce the start of the outermost function."""
                 self.depth += 1
                 if self.depth == 1:
-                    self.give(begun=True)
+                    self.announce(begun=True)
 
             def on_end(self, event: Any) -> None:  # noqa: ARG002
-                """Give notice that the outermost function is done."""
+                """Announce the end of the outermost function."""
                 self.depth -= 1
                 if self.depth == 0:
-                    self.give(begun=False)
+                    self.announce(begun=False)
 
-            def give(self, *, begun: bool) -> None:
-                """Call all who want to know."""
+            def announce(self, *, begun: bool) -> None:
+                """Call all `NOTICES`."""
                 for notice in NOTICES:
                     notice(begun)
 
-        _LISTENING.extend([Listener(), Announcer()])
-        event.register("numba:compiler_lock", _LISTENING[0])
-        event.register("numba:compile", _LISTENING[1])
+        _LISTENERS.extend([Listener(), Announcer()])
+        event.register("numba:compiler_lock", _LISTENERS[0])
+        event.register("numba:compile", _LISTENERS[1])

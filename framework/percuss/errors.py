@@ -1,4 +1,4 @@
-"""The errors percuss raises on purpose: each says where, what was found, what was expected and what to do."""
+"""Errors that percuss raises on purpose: each names the place, the value found, the value expected and a remedy."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Any
 
 
 class PercussError(Exception):
-    """Base of every error percuss raises on purpose; the command line prints it without a traceback."""
+    """Base class of all errors that percuss raises on purpose; the command line prints them without a traceback."""
 
     exit_code = 2
 
 
 class PluginError(PercussError):
-    """A plug-in, or something it registers, breaks the contract; the message names it and the rule."""
+    """Breach of the contract by a plug-in or by a component it registers; the message names it and the rule."""
 
 
 class RefusedPair(PercussError):
-    """An integrator and a contact law that make no sense together.
+    """Refusal to combine an integrator with a contact law because the combination makes no sense.
 
     Attributes
     ----------
     reason
-        Why, in one sentence.
+        Reason for the refusal, in one sentence.
     said_by
-        Name of the component that refused.
+        Name of the component that refused the combination.
     """
 
     def __init__(self, integrator: str, contact: str, reason: str, said_by: str) -> None:
@@ -39,20 +39,20 @@ class RefusedPair(PercussError):
 
 @dataclass(frozen=True)
 class Problem:
-    """One mistake in an input: where it stands and what to do about it.
+    """A mistake in an input, with its place and a remedy.
 
     Attributes
     ----------
     place
-        ``file:line:column``, or the override it came from.
+        ``file:line:column``, or the override that contains the mistake.
     path
-        Dotted path inside the case, empty for a mistake of syntax.
+        Dotted path inside the case; empty for a syntax error.
     message
-        What was expected and what was found.
+        Value expected and value found.
     advice
-        What to do; may be empty.
+        Remedy; may be empty.
     excerpt
-        The user's own line with a caret below the column; may be empty.
+        Line of the user's file with a caret below the column; may be empty.
     """
 
     place: str
@@ -67,12 +67,12 @@ class Problem:
 
 
 class InputError(PercussError):
-    """A case, an override or a file given by the user is wrong; carries every mistake found.
+    """Mistakes in a case, an override or a file given by the user; the error carries all mistakes found.
 
     Attributes
     ----------
     problems
-        The mistakes, in the order in which they stand in the file.
+        The mistakes, in their order in the file.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -84,16 +84,16 @@ class InputError(PercussError):
 
 
 class TooLargeError(InputError):
-    """A case needs more memory than this machine has; another machine may run it."""
+    """Refusal of a case that needs more memory than this machine has; another machine may run it."""
 
 
 class RunError(PercussError):
-    """A run went unstable or non-finite and was stopped.
+    """Stop of a run that became unstable or non-finite.
 
     Attributes
     ----------
     result
-        What was computed up to the stop; its ``status`` says that it is not a valid result.
+        Result up to the stop; its ``status`` says that it is not a valid result.
     """
 
     exit_code = 1
@@ -106,15 +106,15 @@ class RunError(PercussError):
         return type(self), (str(self), self.result)
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known name closest to `word`, or None where nothing is near."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+def nearest(word: str, names: Iterable[str]) -> str | None:
+    """Return the name in `names` that is closest to `word`, or None if none is similar."""
+    close = difflib.get_close_matches(word, list(names), n=1, cutoff=0.6)
     return close[0] if close else None
 
 
-def suggestion(word: str, known: Iterable[str], kind: str = "name") -> str:
-    """Return the advice for an unknown `word`: the nearest known name, else the list of them."""
-    names = sorted(known)
+def suggestion(word: str, candidates: Iterable[str], kind: str = "name") -> str:
+    """Return advice for an unknown `word`: the nearest of the candidate names, or a list of them if none is similar."""
+    names = sorted(candidates)
     close = nearest(word, names)
     if close is not None:
         return f"Did you mean '{close}'?"

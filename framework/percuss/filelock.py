@@ -1,7 +1,7 @@
-"""The lock on the file of a study: one process at a time writes to it.
+"""Lock on the file of a study, so that only one process at a time writes to it.
 
-The lock is one of the operating system, so that it ends with the process that holds it, however that ends. What stands
-in the file beside says who holds it.
+The operating system keeps the lock, so that it is released when the process that holds it ends, even by a crash. The
+lock file beside the study's file describes that process.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ __all__ = ["BusyError", "locked"]
 
 
 class BusyError(InputError):
-    """Another process writes to the file.
+    """Refusal to write to a file because another process is writing to it.
 
     Attributes
     ----------
     holder
-        What that process says of itself; empty where it cannot be read.
+        Description of that process, from the lock file; empty if it cannot be read.
     """
 
     def __init__(self, path: Path, holder: Mapping[str, Any]) -> None:
         self.holder = dict(holder)
-        who = f"process {holder.get('process', 'unknown')} on {holder.get('machine', 'an unknown machine')}"
+        writer = f"process {holder.get('process', 'unknown')} on {holder.get('machine', 'an unknown machine')}"
         since = f", since {holder['since']}" if "since" in holder else ""
-        message = f"is being written by {who}{since}"
+        message = f"is being written by {writer}{since}"
         super().__init__([Problem(str(path), "", message, "Wait until it has ended, or name another file with -o.")])
 
 
@@ -45,19 +45,19 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
     Parameters
     ----------
     path
-        The file; it need not be there.
+        The file; it need not exist.
     about
-        What another process is to know of what holds it.
+        Description of this process for others that find the file locked.
 
     Raises
     ------
     BusyError
-        If another process, or another thread of this one, holds it.
+        If another process, or another thread of this one, holds the lock.
     InputError
-        If nothing can be written there.
+        If the lock file cannot be opened for writing.
     """
-    beside = path.with_name(f"{path.name}.lock")
-    file = _acquired(path, beside)
+    lock_file = path.with_name(f"{path.name}.lock")
+    file = _acquired(path, lock_file)
     try:
         since = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
         holder = {**about, "process": os.getpid(), "machine": socket.gethostname(), "since": since}
@@ -68,16 +68,16 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):
-            beside.unlink()
+            lock_file.unlink()
         file.close()
 
 
-def _acquired(path: Path, beside: Path) -> IO[str]:
-    """Return the open file beside, locked."""
+def _acquired(path: Path, lock_file: Path) -> IO[str]:
+    """Return the lock file of `path`, open and locked."""
     while True:
         try:
-            # closed by whoever holds the lock: it ends with that
-            file = beside.open("a+", encoding="utf-8")
+            # `locked` closes the file at its end, which releases the lock.
+            file = lock_file.open("a+", encoding="utf-8")
         except OSError as error:
             message = f"cannot write here: {error.strerror}"
             raise InputError([Problem(str(path), "", message, "Name another file with -o.")]) from error
@@ -85,22 +85,23 @@ def _acquired(path: Path, beside: Path) -> IO[str]:
             file.seek(0)
             try:
                 holder = json.loads(file.read())
-            except ValueError:  # it has just been taken
+            except ValueError:  # The holder has not written its description yet.
                 holder = {}
             file.close()
             raise BusyError(path, holder if isinstance(holder, dict) else {})
-        # whoever held it before may have removed it since it was opened: then others would lock a new one
+        # The previous holder may have deleted the lock file after it was opened above. Others would then lock a new
+        # file, so the lock only counts if the opened file is still the one on disk.
         with contextlib.suppress(OSError):
-            if beside.stat().st_ino == os.fstat(file.fileno()).st_ino:
+            if lock_file.stat().st_ino == os.fstat(file.fileno()).st_ino:
                 return file
         file.close()
 
 
 def _try_lock(file: IO[str]) -> bool:
-    """Lock an open file; return whether nobody else holds it."""
+    """Lock an open file and return True, or return False if another process or thread holds the lock."""
     try:
         import fcntl
-    except ImportError:  # Windows
+    except ImportError:  # Windows has no fcntl.
         return _try_lock_on_windows(file)
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -110,11 +111,12 @@ def _try_lock(file: IO[str]) -> bool:
 
 
 def _try_lock_on_windows(file: IO[str]) -> bool:
+    """Lock an open file on Windows and return True, or return False if it is locked already."""
     import importlib
 
     msvcrt: Any = importlib.import_module("msvcrt")
-    place = 1 << 30  # behind what is written, so that others may read that
-    file.seek(place)
+    offset = 1 << 30  # Windows forbids reading locked bytes, so the lock lies far behind the text.
+    file.seek(offset)
     try:
         msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
     except OSError:

@@ -1,4 +1,4 @@
-"""Files: where those of percuss lie, and writing one so that it appears whole or not at all."""
+"""Folder of the percuss package, and a context manager that writes a file completely or not at all."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 
 from percuss.errors import InputError, Problem
 
-PACKAGE = Path(__file__).parent  # the folder of percuss's own modules
+PACKAGE = Path(__file__).parent  # folder of percuss's own modules
 
 
-class replacing:  # noqa: N801 - reads as a word in a with statement
-    """Give a path beside the wanted one, and rename it onto that only if all went well."""
+class replacing:  # noqa: N801 - named like a function because it is used in with statements
+    """A context manager that gives a temporary path and, if no error occurs, renames that file to the target."""
 
     def __init__(self, path: str | os.PathLike[str], suffix: str) -> None:
         self.target = Path(path)
@@ -34,14 +34,14 @@ class replacing:  # noqa: N801 - reads as a word in a with statement
             problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
             raise InputError([problem]) from error
         os.close(handle)
-        self.beside = Path(name)
-        return self.beside
+        self.temporary = Path(name)
+        return self.temporary
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
         if kind is None:
             umask = os.umask(0)
             os.umask(umask)
-            self.beside.chmod(0o666 & ~umask)  # mkstemp is private; a result is an ordinary file
-            self.beside.replace(self.target)
+            self.temporary.chmod(0o666 & ~umask)  # mkstemp makes a private file, but a result is an ordinary one.
+            self.temporary.replace(self.target)
         else:
-            self.beside.unlink(missing_ok=True)
+            self.temporary.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Values in the terms of JSON."""
+"""Conversion of values to types that JSON has."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """Return `value` in the terms of JSON: numbers that are not finite become None."""
+    """Return `value` converted to types that JSON has; numbers that are not finite become None."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""The methods that come with percuss, registered like anybody's plug-in: one line each."""
+"""The methods that come with percuss, registered in the same way as those of any plug-in, with one line each."""
 
 from percuss import hookimpl
 from percuss_methods.contacts.bipenalty import Bipenalty

@@ -127,7 +127,7 @@ def of_study(plan):
     """Return digests of the rows of a study, but for what they cost."""
     with tempfile.TemporaryDirectory() as folder:
         made = percuss.study(plan, out=Path(folder) / "rows.sqlite", workers=1)
-        rows = [dict(row) for row in made.rows()]
+        rows = [dict(row) for row in made.as_records()]
     kept = []
     for row in rows:
         flat = {k: v for k, v in row.items() if not any(word in k for word in ("second", "key", "when", "percuss"))}

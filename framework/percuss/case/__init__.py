@@ -1,1 +1,1 @@
-"""From YAML text to a checked case, every value with its line and column."""
+"""Reading of a YAML text into a checked case, with the line and column of every value."""

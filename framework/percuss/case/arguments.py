@@ -1,4 +1,4 @@
-"""What the functions of `percuss` are handed: a thing of the wrong kind is told from what is meant."""
+"""Checks of the arguments of the functions of `percuss`, which name the expected kind where a wrong one is given."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["expect_files", "expect_mapping_or_path", "expect_names", "expect_pat
 
 
 def wrong_argument(function: str, message: str, value: Any, advice: str) -> InputError:
-    """Return the error for a value of the wrong kind handed to a function."""
+    """Return the error for an argument of the wrong kind."""
     text = repr(value)
     shown = text if len(text) <= 60 else f"{text[:57]}..."
     return InputError([Problem(function, "", f"{message}, found {shown} of type {type(value).__name__}", advice)])
@@ -24,31 +24,31 @@ def expect_mapping_or_path(function: str, value: Any) -> None:
         raise wrong_argument(function, "expected the path of a YAML file, or the same as a mapping", value, "")
 
 
-def expect_paths(function: str, what: str, value: Any, *, many: bool = False) -> None:
-    """Raise InputError unless `value` is None or maps dotted paths to values; with `many`, each to several."""
+def expect_paths(function: str, parameter: str, value: Any, *, many: bool = False) -> None:
+    """Raise InputError unless `value` is None or maps dotted paths to values; with `many`, each path to several."""
     example = '{"method.contact.beta_s": [0.1, 1]}' if many else '{"method.contact.beta_s": 1}'
     if value is None:
         return
     if not isinstance(value, Mapping) or not all(isinstance(path, str) for path in value):
         raise wrong_argument(
-            function, f"expected a mapping of dotted paths to values as `{what}`", value, f"As {example}."
+            function, f"expected a mapping of dotted paths to values as `{parameter}`", value, f"As {example}."
         )
     for path, items in value.items():
         if many and (isinstance(items, (str, bytes, Mapping)) or not isinstance(items, Iterable)):
             raise wrong_argument(
-                function, f"expected a list of values for '{path}' of `{what}`", items, f"As {example}."
+                function, f"expected a list of values for '{path}' of `{parameter}`", items, f"As {example}."
             )
 
 
-def expect_names(function: str, what: str, value: Any) -> None:
-    """Raise InputError unless `value` is a list of names: a text would be read letter by letter."""
+def expect_names(function: str, parameter: str, value: Any) -> None:
+    """Raise InputError unless `value` is a list of names; a text is refused, as it would be read letter by letter."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         example = [value] if isinstance(value, str) else ["NAME"]
-        raise wrong_argument(function, f"expected a list of names as `{what}`", value, f"As {example}.")
+        raise wrong_argument(function, f"expected a list of names as `{parameter}`", value, f"As {example}.")
 
 
 def expect_files(function: str, value: Any) -> None:
-    """Raise InputError unless `value` is a list of files: a text would be read letter by letter."""
+    """Raise InputError unless `value` is a list of files; a text is refused, as it would be read letter by letter."""
     if isinstance(value, (str, bytes, os.PathLike)) or not isinstance(value, Iterable):
         example = [str(value)] if isinstance(value, (str, os.PathLike)) else ["my_law.py"]
         raise wrong_argument(function, "expected a list of files as `plugins`", value, f"As {example}.")

@@ -1,4 +1,4 @@
-"""A case: the checked contents of a YAML file or of a mapping, with the place of every value."""
+"""Case: the checked contents of a YAML file or of a mapping, with the place of every value."""
 
 from __future__ import annotations
 
@@ -35,28 +35,28 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A case, checked.
+    """A checked case.
 
     Attributes
     ----------
     title, source
-        What the case is and where it is from.
+        Title of the case, and its source, such as a publication.
     dimension
-        1, 2 or 3; of every vector in it.
+        Number of components of every vector in the case: 1, 2 or 3.
     bodies, contacts, loads
-        By name, in the order of the file.
+        Sections of these names, by the name of each entry in the order of the file.
     refine
-        Factor on every body's elements.
+        Factor on the number of elements of every body.
     method, time, record, expect
         The other sections.
     data
-        The plain mapping behind it, overrides applied.
+        The plain mapping that the case was read from, with overrides applied.
     notes
-        What was changed on the way that the user should know.
+        Sentences about changes on the way that the user should know of.
     registry
-        The components it was read with.
+        The components that the case was read with.
     origin
-        Its text and places.
+        Text of the case and the places in it.
     plugins
         Single-file plug-ins given beside the case.
     """
@@ -79,11 +79,11 @@ class Case:
     plugins: tuple[Path, ...] = ()
 
     def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
-        """Return a mistake at `path`, as ``("bodies", "short", "area")``, with its place in the file."""
+        """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file."""
         return self.origin.problem(path, message, advice)
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Case:
-        """Return the case with values replaced, as by ``--set``; the same checks apply.
+        """Return the case with values replaced as by ``--set``, checked like any other case.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class Case:
         return _load(self.origin, overrides, registry, self.plugins, self.notes)
 
     def with_one_law(self) -> Case:
-        """Return the case with every contact under the law of the method."""
+        """Return the case with the contact law of the section `method` for every contact."""
         source = self.origin
         for name, contact in self.contacts.items():
             if contact.own_law:
@@ -126,14 +126,14 @@ def load(
     overrides
         Value for each dotted path, as ``{"method.contact.beta_s": 1}``; text is read as YAML.
     registry
-        Components to read it with; by default those installed and the case's own ``plugins``.
+        Components to read the case with; by default those installed and the case's own ``plugins``.
     plugins
         Single-file plug-ins beside those that the case names.
 
     Raises
     ------
     InputError
-        With every mistake found, in the order of the file.
+        With all mistakes of the case, in the order of the file.
     PluginError
         If one of `plugins` cannot be used.
     """
@@ -154,27 +154,27 @@ def _load(
     plugins: tuple[Path, ...],
     notes: tuple[str, ...],
 ) -> Case:
-    early = {path: value for path, value in overrides.items() if path.split(".")[0] == "plugins"}
-    rest = {path: value for path, value in overrides.items() if path not in early}
+    plugin_overrides = {path: value for path, value in overrides.items() if path.split(".")[0] == "plugins"}
+    other_overrides = {path: value for path, value in overrides.items() if path not in plugin_overrides}
     if overrides and not isinstance(source.data, Mapping):
-        rest = {}
+        other_overrides = {}
     else:
-        for path, value in early.items():
+        for path, value in plugin_overrides.items():
             source = source.override(path, value)
     if registry is None:
         registry = registry_of(source, plugins)
-    source, dropped = overriding.apply(source, rest, registry)
-    return _read(source, registry, plugins, (*notes, *dropped))
+    source, override_notes = overriding.apply(source, other_overrides, registry)
+    return _read(source, registry, plugins, (*notes, *override_notes))
 
 
 def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
     """Return the components of the installed plug-ins, of `plugins` and of the files that the case names."""
-    named = source.get(("plugins",), ())
-    if not isinstance(named, tuple):
-        named = ()
+    names = source.get(("plugins",), ())
+    if not isinstance(names, tuple):
+        names = ()
     files = list(plugins)
     registry = Registry.load(files)
-    for i, name in enumerate(named):
+    for i, name in enumerate(names):
         if not isinstance(name, str):
             continue
         try:
@@ -202,9 +202,9 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
         title=top.title,
         source=top.source,
         dimension=dimension,
-        bodies={name: _sized(body, dimension) for name, body in bodies.items()},
+        bodies={name: _with_full_start(body, dimension) for name, body in bodies.items()},
         contacts=contacts,
-        loads={name: _along(one, dimension) for name, one in loads.items()},
+        loads={name: _with_full_direction(spec, dimension) for name, spec in loads.items()},
         refine=top.refine,
         method=method,
         time=time,
@@ -218,22 +218,22 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
     )
 
 
-def _sized(body: BodySpec, dimension: int) -> BodySpec:
-    """Return the body with its start as a point: a number lies on x."""
+def _with_full_start(body: BodySpec, dimension: int) -> BodySpec:
+    """Return the body with all coordinates of its start; a start given as a number lies on the x axis."""
     return dataclasses.replace(body, at=body.at + (0.0,) * (dimension - len(body.at)))
 
 
-def _along(one: LoadSpec, dimension: int) -> LoadSpec:
-    """Return the load with a direction of all components: a load that acts along x says so in one."""
-    if one.direction is None:
-        return one
-    return dataclasses.replace(one, direction=one.direction + (0.0,) * (dimension - len(one.direction)))
+def _with_full_direction(spec: LoadSpec, dimension: int) -> LoadSpec:
+    """Return the load with all components of its direction; a direction of fewer components is padded with zeros."""
+    if spec.direction is None:
+        return spec
+    return dataclasses.replace(spec, direction=spec.direction + (0.0,) * (dimension - len(spec.direction)))
 
 
 def expect_case(function: str, value: Any, *, many: bool = False, **paths: Any) -> None:
-    """Raise InputError unless `value` is a case, and each of `paths` fit for `expect_paths`."""
+    """Raise InputError unless `value` is a case, and each argument in `paths` passes `expect_paths`."""
     if not isinstance(value, Case):
         example = repr(value) if isinstance(value, str) else "'case.yaml'"
         raise wrong_argument(function, "expected a case", value, f"Load it first: percuss.load({example}).")
-    for what, given in paths.items():
-        expect_paths(function, what, given, many=many)
+    for parameter, argument in paths.items():
+        expect_paths(function, parameter, argument, many=many)

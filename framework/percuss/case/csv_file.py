@@ -1,4 +1,4 @@
-"""Numbers from CSV files that a case names."""
+"""Reading of numbers from the CSV files that a case names."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from percuss.methods.interfaces import DataFile
 
 __all__ = ["read_table"]
 
-# Python's own `float` is too kind: it also takes 1_0 for 10, digits of other scripts, and words.
+# Python's own `float` accepts too much: also 1_0 for 10, digits of other scripts, and words.
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 BEGINS_AS_NUMBER = re.compile(r"[-+]?\.?[0-9]")
-LINE_END = re.compile(r"\r\n|\n|\r")  # `splitlines` would also break lines at form feeds and the like
+LINE_END = re.compile(r"\r\n|\n|\r")  # The method `splitlines` would also break lines at form feeds and the like.
 
 
 class _Field(NamedTuple):
-    """One field of a line: its text without blanks around it, and the column at which that begins."""
+    """Field of a line: its text without blanks around it, and the column at which this text begins."""
 
     text: str
     column: int
@@ -36,24 +36,24 @@ def read_table(path: str, folder: Path) -> DataFile:
     """Return the numbers of a CSV file.
 
     Fields are separated by commas, or by semicolons where the file has any. Empty lines and lines that begin with
-    ``#`` are skipped, and so is a first line of which no field begins as a number does.
+    ``#`` are skipped, and so is a first line in which no field begins like a number.
 
     Parameters
     ----------
     path
-        As written in a case.
+        Path as written in a case.
     folder
-        Folder it is relative to.
+        Folder that the path is relative to.
 
     Returns
     -------
     DataFile
-        With one row for each column of the file.
+        Table with one row for each column of the file.
 
     Raises
     ------
     ValueError
-        If there is no such file, or something in it is not a finite number; with line and column.
+        If there is no such file, or a field in it is not a finite number; the message gives line and column.
     """
     try:
         text = (folder / path).read_bytes().decode("utf-8-sig")
@@ -64,7 +64,7 @@ def read_table(path: str, folder: Path) -> DataFile:
     rows: list[list[float]] = []
     for position, (line, fields) in enumerate(_lines(text)):
         if position == 0 and not any(field.looks_like_a_number for field in fields):
-            continue  # the header
+            continue  # This line is the header.
         row = [_number(field, f"{path}:{line}:{field.column}") for field in fields]
         if rows and len(row) != len(rows[0]):
             raise ValueError(f"{path}:{line}:1: expected {len(rows[0])} columns as above, found {len(row)}")
@@ -77,10 +77,10 @@ def read_table(path: str, folder: Path) -> DataFile:
 
 
 def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
-    """Yield number and fields of each line that is neither empty nor a comment."""
+    """Yield the line number and the fields of each line that is neither empty nor a comment."""
     lines = [(number, line) for number, line in enumerate(LINE_END.split(text), start=1)]
     lines = [(number, line) for number, line in lines if line.strip(" \t") and not line.lstrip(" \t").startswith("#")]
-    # One separator for the whole file: with decimal commas, 0,5;1,0 would otherwise be four numbers.
+    # The whole file has one separator; otherwise 0,5;1,0 with decimal commas would be four numbers.
     separator = ";" if any(";" in line for _, line in lines) else ","
     for number, line in lines:
         fields, column = [], 1
@@ -92,12 +92,12 @@ def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
 
 
 def _number(field: _Field, place: str) -> float:
-    """Return the number in a field; raise ValueError with its place where there is none."""
+    """Return the number in a field; raise ValueError with the place of the field if it is not a finite number."""
     if NUMBER.fullmatch(field.text) is None:
         if NOT_FINITE.fullmatch(field.text):
             raise ValueError(f"{place}: expected a finite number, found '{field.text}'")
-        found = f"'{field.text}'" if field.text else "nothing"
-        raise ValueError(f"{place}: expected a number as 1.5 or 2e-3, found {found}")
+        shown = f"'{field.text}'" if field.text else "nothing"
+        raise ValueError(f"{place}: expected a number as 1.5 or 2e-3, found {shown}")
     value = float(field.text)
     if not math.isfinite(value):
         raise ValueError(f"{place}: expected a finite number, found '{field.text}', which is too large")

@@ -1,4 +1,4 @@
-"""The methods that a case means where it names none."""
+"""Default methods of a case."""
 
 INTEGRATOR = "wu-predictor-corrector"
 CONTACT = "bipenalty"

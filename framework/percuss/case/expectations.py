@@ -1,4 +1,4 @@
-"""What a case expects of its own run, checked against what a run records."""
+"""Expectations of a case about its own run, checked against the quantities that a run records."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["expectations"]
 
 
 def expectations(reader: Reader, dimension: int) -> tuple[Expectation, ...]:
-    """Return the expectations of a case; what is wrong with them goes to the `reader`.
+    """Return the expectations of a case, and report mistakes in them to the `reader`.
 
     Parameters
     ----------
     reader
-        Has read bodies and contacts.
+        Reader of the case, which has read bodies and contacts already.
     dimension
         Number of dimensions of the case.
     """
@@ -29,7 +29,7 @@ def expectations(reader: Reader, dimension: int) -> tuple[Expectation, ...]:
     if not isinstance(items, tuple):
         reader.wrong(("expect",), f"expected a list of expectations, found {found(items)}", "Begin each with a dash.")
         return ()
-    made = []
+    out = []
     for i, item in enumerate(items):
         path: KeyPath = ("expect", i)
         if not isinstance(item, Mapping):
@@ -41,13 +41,13 @@ def expectations(reader: Reader, dimension: int) -> tuple[Expectation, ...]:
             continue
         statistic, value = section.statistic
         within, relative = section.tolerance
-        _taken(reader, path, section, quantity, statistic)
+        _check_statistic(reader, path, section, quantity, statistic)
         if section.component and (quantity.of != "probe" or section.component >= dimension):
             limit = f"0 to {dimension - 1}" if quantity.of == "probe" and dimension > 1 else "0 only"
             reader.wrong((*path, "component"), f"expected {limit}, found {section.component}")
         contact = _contact(reader, path, section, quantity)
         probe = _probe(reader, path, section, quantity)
-        made.append(
+        out.append(
             Expectation(
                 quantity=section.quantity,
                 contact=contact,
@@ -63,11 +63,11 @@ def expectations(reader: Reader, dimension: int) -> tuple[Expectation, ...]:
                 path=path,
             )
         )
-    return tuple(made)
+    return tuple(out)
 
 
 def _quantity(reader: Reader, path: KeyPath, name: object) -> Quantity | None:
-    """Return what is known of a quantity; a path into the summary is a number of the run."""
+    """Return the quantity of a name; a dotted path into the summary is one number of the run."""
     if not isinstance(name, str):
         return None
     if name in QUANTITIES:
@@ -75,13 +75,13 @@ def _quantity(reader: Reader, path: KeyPath, name: object) -> Quantity | None:
     head, dot, _ = name.partition(".")
     if head in SUMMARY:
         return Quantity("run", "scalar")
-    known = [one + dot for one in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
-    reader.wrong(path, f"unknown quantity '{name}'", suggestion(head + dot, known, "name"))
+    names = [key + dot for key in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
+    reader.wrong(path, f"unknown quantity '{name}'", suggestion(head + dot, names, "name"))
     return None
 
 
-def _taken(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quantity, statistic: str) -> None:
-    """Check that the statistic and the times suit the quantity."""
+def _check_statistic(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quantity, statistic: str) -> None:
+    """Report to the `reader` a statistic or a time that does not suit the quantity."""
     name = section.quantity
     if quantity.kind == "scalar":
         if statistic != "value":
@@ -99,8 +99,8 @@ def _taken(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quan
 
 
 def _contact(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quantity) -> str | None:
-    """Return the contact whose quantity is meant: the only one where none is named."""
-    name, known = section.contact, reader.contact_names
+    """Return the name of the contact of the quantity; without a name it is the only contact of the case."""
+    name, contact_names = section.contact, reader.contact_names
     if quantity.of != "contact":
         if name is not None:
             reader.wrong(
@@ -110,20 +110,24 @@ def _contact(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Qu
                 key=True,
             )
         return None
-    if name is None and len(known) == 1:
-        return next(iter(known))
-    if name is None and not known and reader.problems:
-        return None  # the contacts are wrong, and said to be
+    if name is None and len(contact_names) == 1:
+        return next(iter(contact_names))
+    if name is None and not contact_names and reader.problems:
+        return None  # The mistakes in the contacts have been reported already.
     if name is None:
-        advice = f"Add `contact:` with one of: {', '.join(sorted(known))}." if known else "The case has no contact."
+        advice = (
+            f"Add `contact:` with one of: {', '.join(sorted(contact_names))}."
+            if contact_names
+            else "The case has no contact."
+        )
         reader.wrong((*path, "contact"), f"missing (whose {section.quantity})", advice, key=True)
-    elif name not in known:
-        reader.wrong((*path, "contact"), f"there is no contact '{name}'", suggestion(name, known, "name"))
+    elif name not in contact_names:
+        reader.wrong((*path, "contact"), f"there is no contact '{name}'", suggestion(name, contact_names, "name"))
     return name
 
 
 def _probe(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quantity) -> Address | None:
-    """Return the end whose quantity is meant."""
+    """Return the address of the end of the quantity, or None where it belongs to no end or none is given."""
     if quantity.of == "probe":
         if section.probe is not None:
             return reader.address((*path, "probe"), section.probe)

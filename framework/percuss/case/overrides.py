@@ -1,4 +1,4 @@
-"""Values of a case replaced by ``--set path=value``, or by the second argument of `percuss.run`."""
+"""Overrides: values of a case replaced by ``--set path=value`` or by the second argument of `percuss.run`."""
 
 from __future__ import annotations
 
@@ -17,38 +17,39 @@ __all__ = ["apply"]
 
 
 def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> tuple[Source, list[str]]:
-    """Return the source with values replaced, and notes of what became of the options of components that were swapped.
+    """Return the source with values replaced, and notes on the options of components that were exchanged.
 
-    An option that the new component has too is kept if both state the same unit for it, else dropped; either way a note
-    says so. Components are swapped before anything else, so that the order of the overrides does not matter.
+    An option that the new component has too is kept if both components state the same unit for it, else dropped; either
+    way a note says so. Components are exchanged before anything else, so that the order of the overrides does not
+    matter.
 
     Raises
     ------
     InputError
-        With every override that cannot be applied.
+        With all overrides that cannot be applied.
     """
     problems: list[Problem] = []
     notes: list[str] = []
     replaced = set(overrides)
 
-    def late(path: str) -> bool:
+    def keeps_components(path: str) -> bool:
         parts = tuple(path.split("."))
-        return _named(parts) is None and not (parts[-1] == "name" and _named(parts[:-1]) is not None)
+        return _component_at(parts) is None and not (parts[-1] == "name" and _component_at(parts[:-1]) is not None)
 
-    for path in sorted(overrides, key=late):
+    for path in sorted(overrides, key=keeps_components):
         try:
-            source, told = _one(source, path, overrides[path], registry, replaced)
+            source, new_notes = _apply_override(source, path, overrides[path], registry, replaced)
         except InputError as error:
             problems += error.problems
         else:
-            notes += told
+            notes += new_notes
     if problems:
         raise InputError(problems)
     return source, notes
 
 
-def _named(path: KeyPath) -> Named | None:
-    """Return what is said of the component at `path`, or None where there is no component."""
+def _component_at(path: KeyPath) -> Named | None:
+    """Return the layout entry of the component at `path`, or None where no component stands."""
     section: type | None = CaseSection
     entry: Named | None = None
     parts = list(path)
@@ -60,83 +61,101 @@ def _named(path: KeyPath) -> Named | None:
         part, each = fact(option.annotation, Part), fact(option.annotation, Each)
         section = part.section if part is not None else each.section if each is not None else None
         if each is not None and parts:
-            parts.pop(0)  # the name of the body, contact or load
+            parts.pop(0)  # This part is the name of the body, contact or load.
     return entry
 
 
-def _one(source: Source, path: str, value: Any, registry: Registry, replaced: Set[str]) -> tuple[Source, list[str]]:
+def _apply_override(
+    source: Source, path: str, value: Any, registry: Registry, replaced: Set[str]
+) -> tuple[Source, list[str]]:
+    """Return the source with one value replaced, and notes on the options of a component that was exchanged."""
     parts: KeyPath = tuple(path.split("."))
     if not all(parts):
         label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
         raise InputError([Problem(label, "", "expected a path, as time.end")])
-    _entry_exists(source, path, value)
-    at = next((parts[:n] for n in range(1, len(parts) + 1) if _named(parts[:n]) is not None), None)
+    _refuse_missing_entry(source, path, value)
+    at = next((parts[:n] for n in range(1, len(parts) + 1) if _component_at(parts[:n]) is not None), None)
     if at is None:
-        return _load(source, parts, registry).override(path, value), []
+        return _with_load_as_mapping(source, parts, registry).override(path, value), []
     old = source.get(at)
     if isinstance(old, str) and len(parts) > len(at):
         source = source.replaced(at, {"name": old})
     changed = source.override(path, value)
     new = changed.get(at)
     if parts == at and isinstance(new, str) and isinstance(old, Mapping):
-        # by way of its name, so that the options kept are still placed where they stand
-        changed = source.override(f"{path}.name", value, said=path)
+        # Replacing only the name leaves the remaining options at their places in the file.
+        changed = source.override(f"{path}.name", value, shown_path=path)
     elif parts != (*at, "name"):
         return changed, []
-    return _swapped(source, changed, at, registry, replaced)
+    return _without_foreign_options(source, changed, at, registry, replaced)
 
 
-def _swapped(
+def _without_foreign_options(
     before: Source, after: Source, at: KeyPath, registry: Registry, replaced: Set[str]
 ) -> tuple[Source, list[str]]:
-    """Return the source without the options that mean nothing to the new component, and notes of all that it had.
+    """Return the source without the options that mean nothing to the new component, and notes on all its options.
 
-    Options that another override sets anyway are not spoken of.
+    An option that is kept gets no note where another override sets it anyway.
+
+    Parameters
+    ----------
+    before, after
+        The source before and after the component at the path `at` was exchanged.
+    at
+        Path of the component.
+    registry
+        The components that the case is read with.
+    replaced
+        Dotted paths of all overrides.
     """
-    named = _named(at)
+    entry = _component_at(at)
     options = after.get(at)
-    if named is None or not isinstance(options, Mapping):
+    if entry is None or not isinstance(options, Mapping):
         return after, []
-    name, old = options.get("name"), before.get((*at, "name"), named.default)
-    if name == old or name not in registry.names(named.family):
+    name, old = options.get("name"), before.get((*at, "name"), entry.default)
+    if name == old or name not in registry.names(entry.family):
         return after, []
-    allowed = options_of(registry.get(named.family, name))
-    known = options_of(registry.get(named.family, old)) if old in registry.names(named.family) else {}
+    new_options = options_of(registry.get(entry.family, name))
+    old_options = options_of(registry.get(entry.family, old)) if old in registry.names(entry.family) else {}
     missing, dropped, kept = [], [], []
     for key in [str(key) for key in options if key != "name"]:
-        mine, theirs = allowed.get(key), known.get(key)
-        if mine is None:
+        new_option, old_option = new_options.get(key), old_options.get(key)
+        if new_option is None:
             missing.append(key)
-        elif theirs is not None and (theirs.unit or "1") != (mine.unit or "1"):
-            was, now = theirs.unit or "1", mine.unit or "1"
-            dropped.append((key, f"{key} of {name} has the unit {now}, that of {old} the unit {was}: dropped"))
-        elif f"{dotted(at)}.{key}" not in replaced:
-            meant = (
-                f", there '{theirs.doc}', here '{mine.doc}'" if theirs is not None and theirs.doc != mine.doc else ""
+        elif old_option is not None and (old_option.unit or "1") != (new_option.unit or "1"):
+            old_unit, new_unit = old_option.unit or "1", new_option.unit or "1"
+            dropped.append(
+                (key, f"{key} of {name} has the unit {new_unit}, that of {old} the unit {old_unit}: dropped")
             )
-            kept.append(f"{name} keeps {key}: {flow(options[key])} of {old}{meant}")
-    words = [f"{name} has no option {', '.join(missing)}: dropped"] if missing else []
-    notes = [f"{dotted(at)}: {word}" for word in (*words, *(word for _, word in dropped), *kept)]
-    gone = {*missing, *(key for key, _ in dropped)}
-    left = {key: value for key, value in options.items() if key not in gone}
-    return after.replaced(at, left) if gone else after, notes
+        elif f"{dotted(at)}.{key}" not in replaced:
+            meaning = (
+                f", there '{old_option.doc}', here '{new_option.doc}'"
+                if old_option is not None and old_option.doc != new_option.doc
+                else ""
+            )
+            kept.append(f"{name} keeps {key}: {flow(options[key])} of {old}{meaning}")
+    sentences = [f"{name} has no option {', '.join(missing)}: dropped"] if missing else []
+    notes = [f"{dotted(at)}: {sentence}" for sentence in (*sentences, *(sentence for _, sentence in dropped), *kept)]
+    removed = {*missing, *(key for key, _ in dropped)}
+    remaining = {key: value for key, value in options.items() if key not in removed}
+    return after.replaced(at, remaining) if removed else after, notes
 
 
-def _entry_exists(source: Source, path: str, value: Any) -> None:
-    """Refuse to set something inside a body, contact or load that is not there; a whole one may be new."""
+def _refuse_missing_entry(source: Source, path: str, value: Any) -> None:
+    """Refuse to set a value inside a body, contact or load that does not exist; an override may add a whole one."""
     parts = path.split(".")
     option = options_of(CaseSection).get(parts[0])
     each = fact(option.annotation, Each) if option is not None else None
-    known = source.get((parts[0],), {})
-    if each is None or len(parts) < 3 or not isinstance(known, Mapping) or parts[1] in known:
+    entries = source.get((parts[0],), {})
+    if each is None or len(parts) < 3 or not isinstance(entries, Mapping) or parts[1] in entries:
         return
     label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
-    advice = suggestion(parts[1], known, "name")
+    advice = suggestion(parts[1], entries, "name")
     raise InputError([Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {each.what} '{parts[1]}'", advice)])
 
 
-def _load(source: Source, parts: KeyPath, registry: Registry) -> Source:
-    """Return the source with a load's bare value written as a mapping, if an override goes inside it."""
+def _with_load_as_mapping(source: Source, parts: KeyPath, registry: Registry) -> Source:
+    """Return the source with a load's bare value written as a mapping, if the override sets an option inside it."""
     if len(parts) < 4 or parts[0] != "loads" or parts[2] not in registry.names("loads"):
         return source
     shorthand = registry.get("loads", str(parts[2])).shorthand

@@ -1,4 +1,4 @@
-"""The names of what a run records: what expectations, studies and the kit may ask for."""
+"""Names of the quantities that a run records, for expectations, studies and the conformance kit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,15 @@ __all__ = ["QUANTITIES", "STATISTICS", "SUMMARY", "Quantity"]
 
 
 class Quantity(NamedTuple):
-    """What a quantity belongs to, and whether it has a value at every time or one a run."""
+    """Kind of a recorded quantity.
+
+    Attributes
+    ----------
+    of
+        Entity that the quantity belongs to.
+    kind
+        ``"history"`` for a quantity with a value at every time, ``"scalar"`` for one number a run.
+    """
 
     of: Literal["contact", "probe", "run"]
     kind: Literal["history", "scalar"]
@@ -36,7 +44,7 @@ QUANTITIES: dict[str, Quantity] = {
     "penetration": Quantity("contact", "scalar"),
 }
 
-# first words of the dotted paths into a run's summary, as `energy.final`
+# First keys of the dotted paths into the summary of a run, such as `energy.final`.
 SUMMARY = (
     "certificate",
     "contacts",

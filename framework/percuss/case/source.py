@@ -1,4 +1,4 @@
-"""A case as plain data, with the place of every key and value kept beside it."""
+"""Case as plain data, together with the place of every key and value in the text."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     """Return a Python value as plain data; numpy numbers and arrays become Python's."""
     if len(path) > MAX_DEPTH:
         raise InputError([Problem("case", dotted(path[:4]) + "...", f"nested more than {MAX_DEPTH} levels deep")])
-    # there is no text: the order of the entries stands in for lines, so that problems come in that order
+    # As there is no text, the order of the entries stands in for lines, so that problems are listed in that order.
     marks[path] = Mark(None, (len(marks) + 1, 1))
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
@@ -40,7 +40,7 @@ def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
 
 
 def _put(data: Any, path: KeyPath, value: Any) -> Any:
-    """Return `data` with `value` at `path`; what stands beside it is shared, not copied."""
+    """Return `data` with `value` at `path`; the entries beside it are shared with `data`, not copied."""
     if not path:
         return value
     head, rest = path[0], path[1:]
@@ -51,7 +51,7 @@ def _put(data: Any, path: KeyPath, value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Source:
-    """A case's plain data and where each part of it stands.
+    """Plain data of a case and the place of each part of it.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Source:
     aliases
         Paths written as an alias, with the path of their anchor.
     labels
-        Paths that an override set, with what the user typed.
+        Paths that an override set, with the text that the user typed for it.
     folder
         Folder that paths inside the case are relative to.
     """
@@ -81,12 +81,12 @@ class Source:
 
     @staticmethod
     def read(path: str | Path) -> Source:
-        """Return the contents of a YAML file.
+        """Return the contents of a YAML file as a source.
 
         Raises
         ------
         InputError
-            If it cannot be read or is not YAML.
+            If the file cannot be read or is not YAML.
         """
         name, file = str(path), Path(path)
         try:
@@ -115,14 +115,15 @@ class Source:
         Raises
         ------
         InputError
-            If it is not YAML, holds a key twice, or an unknown tag or alias, or is far too large.
+            If the text is not YAML, holds a key twice or an unknown tag or alias, or is far too large.
         """
         try:
             data, marks, aliases = compose(text)
         except NotPlainError as error:
             bare = Source(name, text, None)
             raise InputError(
-                bare._at(wrong.at, dotted(wrong.path), wrong.message, wrong.advice) for wrong in error.mistakes
+                bare._problem_at(mistake.position, dotted(mistake.path), mistake.message, mistake.advice)
+                for mistake in error.mistakes
             ) from None
         return Source(name, text, data, marks, aliases, folder=folder)
 
@@ -142,59 +143,61 @@ class Source:
         """Return the value at `path`, or `default` where there is none."""
         value = self.data
         for part in path:
-            known: Any = value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
-            if part not in known:
+            keys: Any = value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
+            if part not in keys:
                 return default
             value = value[part]
         return value
 
     def replaced(self, path: KeyPath, value: Any) -> Source:
-        """Return the source with another value at `path`, its place kept."""
+        """Return the source with another value at `path`, which keeps the place of the old value."""
         return dataclasses.replace(self, data=_put(self.data, path, value))
 
-    def override(self, path: str, value: Any, *, said: str = "") -> Source:
+    def override(self, path: str, value: Any, *, shown_path: str = "") -> Source:
         """Return the source with `value` at the dotted `path`; text is read as YAML.
 
-        Messages call the path `said`, if given.
+        Messages show `shown_path` in place of `path`, if it is given.
 
         Raises
         ------
         InputError
-            If `value` is not YAML, or `path` runs through something that has no parts.
+            If `value` is not YAML, or `path` runs through a value that has no parts.
         """
-        label = f"--set {said or path}={value if isinstance(value, str) else flow(_plain(value, (), {}))}"
+        label = f"--set {shown_path or path}={value if isinstance(value, str) else flow(_plain(value, (), {}))}"
         if isinstance(value, str):
             try:
                 value = Source.parse(value, label).data
             except InputError as error:
-                raise InputError([Problem(label, path, p.message, p.advice) for p in error.problems]) from None
+                raise InputError(
+                    [Problem(label, path, problem.message, problem.advice) for problem in error.problems]
+                ) from None
         parts: list[str | int] = []
         created: KeyPath | None = None
-        here = self.data
+        container = self.data
         for part in path.split("."):
-            where = dotted(tuple(parts))
-            if isinstance(here, tuple):
-                if not (part.isdecimal() and int(part) < len(here)):
+            parent = dotted(tuple(parts))
+            if isinstance(container, tuple):
+                if not (part.isdecimal() and int(part) < len(container)):
                     raise InputError(
                         [
                             Problem(
                                 label,
-                                where,
-                                f"expected the number of an item, 0 to {len(here) - 1}, found '{part}'",
+                                parent,
+                                f"expected the number of an item, 0 to {len(container) - 1}, found '{part}'",
                             )
                         ]
                     )
                 parts.append(int(part))
-                here = here[int(part)]
+                container = container[int(part)]
                 continue
-            if not isinstance(here, Mapping):
+            if not isinstance(container, Mapping):
                 raise InputError(
-                    [Problem(label, where, f"is {flow(here)} and has no part '{part}'", "Set the whole value.")]
+                    [Problem(label, parent, f"is {flow(container)} and has no part '{part}'", "Set the whole value.")]
                 )
             parts.append(part)
-            if part not in here and created is None:
+            if part not in container and created is None:
                 created = tuple(parts)
-            here = here.get(part, {})
+            container = container.get(part, {})
         full = tuple(parts)
         target = created or full
         labels = {old: text for old, text in self.labels.items() if old[: len(full)] != full}
@@ -210,10 +213,10 @@ class Source:
         return next((self.labels[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.labels), None)
 
     def _position(self, path: KeyPath, key: bool) -> tuple[int, int] | None:
-        """Return line and column of `path`, or of the nearest thing above it that stands in the text."""
+        """Return line and column of `path`, or of the nearest entry above it that stands in the text."""
         for n in range(len(path), -1, -1):
             if path[:n] in self.aliases and n < len(path):
-                # what is inside an alias stands at its anchor
+                # The contents of an alias stand in the text at its anchor.
                 return self._position((*self.aliases[path[:n]], *path[n:]), key)
             mark = self.marks.get(path[:n])
             if mark is not None:
@@ -221,10 +224,10 @@ class Source:
         return None
 
     def place(self, path: KeyPath, *, key: bool = False) -> str:
-        """Return where the value (or the `key`) at `path` stands: ``file:line:column``.
+        """Return the place of the value (or of the `key`) at `path`, ``file:line:column``.
 
-        What stands nowhere, as a missing key, is placed at the nearest thing above it; what an override set,
-        at the override.
+        An entry that is not in the text, such as a missing key, has the place of the nearest entry above it; the place
+        of a value that an override set is the override.
         """
         label = self._label(path)
         if label is not None:
@@ -233,32 +236,32 @@ class Source:
         return self.name if position is None or not self.text else f"{self.name}:{position[0]}:{position[1]}"
 
     def order(self, path: KeyPath, *, key: bool = False) -> tuple[int, int, int]:
-        """Return what sorts problems by their place: the file's first, then the overrides in their order."""
+        """Return the sort key of a problem at `path`: places in the file first, then the overrides in their order."""
         label = self._label(path)
         if label is not None:
             return (1, list(self.labels.values()).index(label), 0)
         return (0, *(self._position(path, key) or (0, 0)))
 
     def excerpt(self, path: KeyPath, *, key: bool = False) -> str:
-        """Return the user's own line at `path`, numbered, with a caret; empty where there is no text."""
+        """Return the user's own line at `path` with its number and a caret; empty where there is no text."""
         position = None if self._label(path) is not None else self._position(path, key)
-        return "" if position is None else self._lines(position)
+        return "" if position is None else self._excerpt_at(position)
 
-    def _lines(self, at: tuple[int, int]) -> str:
+    def _excerpt_at(self, position: tuple[int, int]) -> str:
         lines = self.text.splitlines()
-        if not lines or at[0] > len(lines):
+        if not lines or position[0] > len(lines):
             return ""
-        line, column = lines[at[0] - 1].replace("\t", " "), at[1] - 1
+        line, column = lines[position[0] - 1].replace("\t", " "), position[1] - 1
         line = "".join(letter if letter.isprintable() else "?" for letter in line)
         if len(line) > EXCERPT_WIDTH:
             start = max(0, column - EXCERPT_WIDTH // 2)
             line, column = line[start : start + EXCERPT_WIDTH], column - start
-        number = f"{at[0]:5d} | "
+        number = f"{position[0]:5d} | "
         return f"{number}{line}\n{' ' * (len(number) - 2)}| {' ' * column}^"
 
-    def _at(self, at: tuple[int, int], path: str, message: str, advice: str) -> Problem:
-        return Problem(f"{self.name}:{at[0]}:{at[1]}", path, message, advice, self._lines(at))
+    def _problem_at(self, position: tuple[int, int], path: str, message: str, advice: str) -> Problem:
+        return Problem(f"{self.name}:{position[0]}:{position[1]}", path, message, advice, self._excerpt_at(position))
 
     def problem(self, path: KeyPath, message: str, advice: str = "", *, key: bool = False) -> Problem:
-        """Return a mistake at `path` with its place and the user's own line."""
+        """Return the problem at `path` with its place and the user's own line."""
         return Problem(self.place(path, key=key), dotted(path), message, advice, self.excerpt(path, key=key))

@@ -1,7 +1,7 @@
-"""YAML text as plain data, with the place of every key and value.
+"""YAML text read as plain data, with the place of every key and value.
 
-Scalars follow the core schema of YAML 1.2: ``1e3`` is a number, ``on`` and ``no`` are words. Nothing in a
-text is ever executed, and no text, however nested or self-referring, makes the reader run away.
+Scalars follow the core schema of YAML 1.2: ``1e3`` is a number, ``on`` and ``no`` are words. Nothing in a text is ever
+executed, and no text takes unbounded time or memory, however deeply it is nested or refers to itself.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ _NAN = re.compile(r"\.nan|\.NaN|\.NAN")
 
 
 class Mark(NamedTuple):
-    """Where something stands: lines and columns count from 1; `key` is None for items of a list."""
+    """Place of a key and its value, each as line and column counted from 1; `key` is None for items of a list."""
 
     key: tuple[int, int] | None
     value: tuple[int, int]
 
 
 class Mistake(NamedTuple):
-    """One mistake in a text: line and column from 1, path inside the data, what is wrong, what to do."""
+    """Mistake in a text: line and column counted from 1, path inside the data, message and advice."""
 
-    at: tuple[int, int]
+    position: tuple[int, int]
     path: KeyPath
     message: str
     advice: str = ""
 
 
 class NotPlainError(ValueError):
-    """A text is not YAML of plain values.
+    """Error for a text that is not YAML of plain values.
 
     Attributes
     ----------
     mistakes
-        All that were found; a mistake of syntax comes alone.
+        All mistakes found in the text; a syntax mistake is the only one, as reading ends there.
     """
 
     def __init__(self, mistakes: list[Mistake]) -> None:
@@ -61,17 +61,18 @@ class NotPlainError(ValueError):
         self.mistakes = mistakes
 
 
-def _stop(at: tuple[int, int], message: str, advice: str = "") -> NotPlainError:
-    """Return the error for a mistake after which the rest of the text means nothing."""
-    return NotPlainError([Mistake(at, (), message, advice)])
+def _fatal_error(position: tuple[int, int], message: str, advice: str = "") -> NotPlainError:
+    """Return the error for a mistake after which the rest of the text has no meaning."""
+    return NotPlainError([Mistake(position, (), message, advice)])
 
 
 def dotted(path: KeyPath) -> str:
-    """Return a path as it is written on the command line: ``bodies.short.bar.length``."""
+    """Return a path as written on the command line, for example ``bodies.short.bar.length``."""
     return ".".join(str(part) for part in path)
 
 
-def _word(value: str) -> str:
+def _quoted_if_needed(value: str) -> str:
+    """Return a text as YAML writes it, in quotes unless it is read as the same text without them."""
     plain = (
         value and value == value.strip() and isinstance(_scalar(value), str) and not re.search(r"[\[\]{},:#'\"]", value)
     )
@@ -79,7 +80,7 @@ def _word(value: str) -> str:
 
 
 def flow(value: Any) -> str:  # noqa: PLR0911
-    """Return a plain value as YAML would write it on one line."""
+    """Return a plain value as YAML writes it on one line."""
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -87,16 +88,16 @@ def flow(value: Any) -> str:  # noqa: PLR0911
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if value != value else (".inf" if value > 0 else "-.inf")  # noqa: PLR0124
     if isinstance(value, str):
-        return _word(value)
+        return _quoted_if_needed(value)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_word(str(key))}: {flow(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{_quoted_if_needed(str(key))}: {flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, tuple | list):
         return "[" + ", ".join(flow(item) for item in value) + "]"
     return str(value)
 
 
 def _scalar(text: str) -> Any:  # noqa: PLR0911
-    """Return the value of a plain scalar by YAML 1.2's core schema."""
+    """Return the value of a plain scalar by the core schema of YAML 1.2."""
     if _INT.fullmatch(text):
         return int(text)
     if _FLOAT.fullmatch(text):
@@ -113,7 +114,7 @@ def _scalar(text: str) -> Any:  # noqa: PLR0911
 
 
 def _tagged(text: str, tag: str) -> Any:
-    """Return the value of a scalar whose type is written out, as ``!!float 1``; raises ValueError."""
+    """Return the value of a scalar with an explicit type, as in ``!!float 1``; raise ValueError if it has another."""
     if tag == "str":
         return text
     value = _scalar(text)
@@ -125,10 +126,10 @@ def _tagged(text: str, tag: str) -> Any:
 
 
 class _Composer:
-    """Turns the parser's events into plain data and marks.
+    """Composer of the parser's events into plain data and marks.
 
-    PyYAML's own composer is not used: in C it recurses without a limit, and it keeps the last of two equal
-    keys.
+    PyYAML's own composer is not used, because in C it recurses without a limit, and it keeps the last of two equal keys
+    without an error.
     """
 
     def __init__(self, text: str) -> None:
@@ -136,10 +137,10 @@ class _Composer:
         self.marks: dict[KeyPath, Mark] = {}
         self.aliases: dict[KeyPath, KeyPath] = {}
         self.anchors: dict[str, tuple[Any, int, int, KeyPath]] = {}
-        self.faults: list[Mistake] = []
+        self.mistakes: list[Mistake] = []
 
     def document(self) -> Any:
-        """Return the data of the one document of the text; None where there is none."""
+        """Return the data of the only document of the text, or None where there is no document."""
         next(self.events)
         event = next(self.events)
         if isinstance(event, yaml.StreamEndEvent):
@@ -148,21 +149,23 @@ class _Composer:
         next(self.events)
         event = next(self.events)
         if not isinstance(event, yaml.StreamEndEvent):
-            raise _stop(self.at(event), "expected one document, found a second one", "Keep one case a file.")
+            raise _fatal_error(
+                self.position(event), "expected one document, found a second one", "Keep one case a file."
+            )
         return data
 
     @staticmethod
-    def at(event: Any) -> tuple[int, int]:
+    def position(event: Any) -> tuple[int, int]:
         return event.start_mark.line + 1, event.start_mark.column + 1
 
     def node(self, event: Any, path: KeyPath, key: tuple[int, int] | None, depth: int) -> tuple[Any, int, int]:
-        """Return data, number of nodes and height of what starts with `event`."""
-        at = self.at(event)
-        self.marks[path] = Mark(key, at)
+        """Return the data, the number of nodes and the height of the node that starts with `event`."""
+        position = self.position(event)
+        self.marks[path] = Mark(key, position)
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
-                raise _stop(
-                    at,
+                raise _fatal_error(
+                    position,
                     f"unknown alias *{event.anchor}",
                     f"An alias needs an anchor &{event.anchor} before it.",
                 )
@@ -171,20 +174,22 @@ class _Composer:
             data, count, height = self.scalar(event, path), 1, 0
         else:
             if event.tag not in (None, "!", _CORE + "map", _CORE + "seq"):
-                self.unknown_tag(event.tag, at, path)
+                self.report_unknown_tag(event.tag, position, path)
             if depth >= MAX_DEPTH:
-                raise _stop(at, f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
-            compose = self.mapping if isinstance(event, yaml.MappingStartEvent) else self.sequence
-            data, count, height = compose(path, depth)
+                raise _fatal_error(position, f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
+            compose_items = self.mapping if isinstance(event, yaml.MappingStartEvent) else self.sequence
+            data, count, height = compose_items(path, depth)
         if depth + height > MAX_DEPTH:
-            raise _stop(at, f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
+            raise _fatal_error(position, f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
         if getattr(event, "anchor", None) and not isinstance(event, yaml.AliasEvent):
             self.anchors[event.anchor] = (data, count, height, path)
         return data, count, height
 
-    def counted(self, count: int, event: Any) -> int:
+    def checked_count(self, count: int, event: Any) -> int:
         if count > MAX_NODES:
-            raise _stop(self.at(event), f"more than {MAX_NODES} values, aliases written out", "Keep tables in a file.")
+            raise _fatal_error(
+                self.position(event), f"more than {MAX_NODES} values, aliases written out", "Keep tables in a file."
+            )
         return count
 
     def sequence(self, path: KeyPath, depth: int) -> tuple[Any, int, int]:
@@ -193,21 +198,21 @@ class _Composer:
         while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
             data, inside, below = self.node(event, (*path, len(items)), None, depth + 1)
             items.append(data)
-            count, height = self.counted(count + inside, event), max(height, below)
+            count, height = self.checked_count(count + inside, event), max(height, below)
         return tuple(items), count, height + 1
 
     def mapping(self, path: KeyPath, depth: int) -> tuple[Any, int, int]:
         items: dict[str, Any] = {}
         count, height = 1, 0
         while not isinstance(event := next(self.events), yaml.MappingEndEvent):
-            key, at = self.key(event, path), self.at(event)
+            key, position = self.key(event, path), self.position(event)
             first = self.marks.get((*path, key)) if key in items else None
-            data, inside, below = self.node(next(self.events), (*path, key), at, depth + 1)
-            count, height = self.counted(count + inside + 1, event), max(height, below)
+            data, inside, below = self.node(next(self.events), (*path, key), position, depth + 1)
+            count, height = self.checked_count(count + inside + 1, event), max(height, below)
             if first is not None and first.key is not None:
-                self.faults.append(
+                self.mistakes.append(
                     Mistake(
-                        at,
+                        position,
                         (*path, key),
                         f"the key '{key}' stands twice: here and in line {first.key[0]}",
                         "Keep one of them.",
@@ -217,18 +222,20 @@ class _Composer:
         return items, count, height + 1
 
     def key(self, event: Any, path: KeyPath) -> str:
-        at = self.at(event)
+        position = self.position(event)
         if not isinstance(event, yaml.ScalarEvent):
-            raise _stop(at, "expected a word as key, found a list, a mapping or an alias", "Write `key: value`.")
+            raise _fatal_error(
+                position, "expected a word as key, found a list, a mapping or an alias", "Write `key: value`."
+            )
         value = self.scalar(event, path)
         if isinstance(value, str) and value == "<<" and event.implicit[0]:
-            self.faults.append(
-                Mistake(at, (*path, "<<"), "merge keys (<<) are not part of YAML 1.2", "Write the keys out.")
+            self.mistakes.append(
+                Mistake(position, (*path, "<<"), "merge keys (<<) are not part of YAML 1.2", "Write the keys out.")
             )
         if isinstance(value, str):
             return value
-        self.faults.append(
-            Mistake(at, path, f"expected a word as key, found {flow(value)}", f"Quote it: '{event.value}'.")
+        self.mistakes.append(
+            Mistake(position, path, f"expected a word as key, found {flow(value)}", f"Quote it: '{event.value}'.")
         )
         return str(event.value)
 
@@ -237,57 +244,57 @@ class _Composer:
             return _scalar(event.value) if event.implicit[0] and event.tag is None else event.value
         tag = event.tag.removeprefix(_CORE)
         if event.tag == tag or tag not in {"str", "int", "float", "bool", "null"}:
-            self.unknown_tag(event.tag, self.at(event), path)
+            self.report_unknown_tag(event.tag, self.position(event), path)
             return event.value
         try:
             return _tagged(event.value, tag)
         except ValueError as error:
-            self.faults.append(Mistake(self.at(event), path, str(error), "Leave the tag out."))
+            self.mistakes.append(Mistake(self.position(event), path, str(error), "Leave the tag out."))
             return event.value
 
-    def unknown_tag(self, tag: str, at: tuple[int, int], path: KeyPath) -> None:
+    def report_unknown_tag(self, tag: str, position: tuple[int, int], path: KeyPath) -> None:
         shown = "!!" + tag.removeprefix(_CORE) if tag.startswith(_CORE) else tag
-        self.faults.append(
-            Mistake(at, path, f"unknown tag {shown}", "A case holds plain values only: leave the tag out.")
+        self.mistakes.append(
+            Mistake(position, path, f"unknown tag {shown}", "A case holds plain values only: leave the tag out.")
         )
 
 
 def _syntax(error: yaml.YAMLError, text: str) -> Mistake:
-    """Return the parser's complaint with its place."""
+    """Return the error of the parser as a mistake with its place, and with advice for common causes."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
-        at = error.problem_mark.line + 1, error.problem_mark.column + 1
+        position = error.problem_mark.line + 1, error.problem_mark.column + 1
         message = str(error.problem)
         if error.context and error.context_mark is not None:
             start = error.context_mark.line + 1, error.context_mark.column + 1
-            since = "" if start == at else f" that starts in line {start[0]}, column {start[1]}"
-            message = f"{message} {error.context}{since}"
+            origin = "" if start == position else f" that starts in line {start[0]}, column {start[1]}"
+            message = f"{message} {error.context}{origin}"
         lines = text.splitlines()
-        line = lines[at[0] - 1] if at[0] <= len(lines) else ""
-        if "\t" in line[: at[1]]:
-            return Mistake(at, (), f"not YAML: {message}", "Indent with spaces: YAML takes no tabs there.")
+        line = lines[position[0] - 1] if position[0] <= len(lines) else ""
+        if "\t" in line[: position[1]]:
+            return Mistake(position, (), f"not YAML: {message}", "Indent with spaces: YAML takes no tabs there.")
         if error.context_mark is not None and "flow" in str(error.context):
             advice = f"Close the bracket of line {error.context_mark.line + 1}, or put a comma between the values."
-            return Mistake(at, (), f"not YAML: {message}", advice)
-        return Mistake(at, (), f"not YAML: {message}", "Values with ': ', '#', '[' or '{' in them need quotes.")
-    position = getattr(error, "position", 0)
-    before = text[:position]
-    at = before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1
-    return Mistake(at, (), f"not YAML: {getattr(error, 'reason', error)}", "Remove the character.")
+            return Mistake(position, (), f"not YAML: {message}", advice)
+        return Mistake(position, (), f"not YAML: {message}", "Values with ': ', '#', '[' or '{' in them need quotes.")
+    offset = getattr(error, "position", 0)
+    before = text[:offset]
+    position = before.count("\n") + 1, offset - (before.rfind("\n") + 1) + 1
+    return Mistake(position, (), f"not YAML: {getattr(error, 'reason', error)}", "Remove the character.")
 
 
 def compose(text: str) -> tuple[Any, dict[KeyPath, Mark], dict[KeyPath, KeyPath]]:
-    """Return the data of a YAML text, the marks of its paths, and the anchors of its aliases.
+    """Return the data of a YAML text, the marks of its paths, and for each alias path the path of its anchor.
 
     Raises
     ------
     NotPlainError
-        With every mistake found.
+        With all mistakes found.
     """
     composer = _Composer(text)
     try:
         data = composer.document()
     except yaml.YAMLError as error:
         raise NotPlainError([_syntax(error, text)]) from None
-    if composer.faults:
-        raise NotPlainError(sorted(composer.faults, key=lambda fault: fault.at))
+    if composer.mistakes:
+        raise NotPlainError(sorted(composer.mistakes, key=lambda mistake: mistake.position))
     return data, composer.marks, composer.aliases

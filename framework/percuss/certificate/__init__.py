@@ -1,1 +1,1 @@
-"""Is the closed step stable? Critical steps, their causes and cures, maps over varied values, and waves."""
+"""Stability of the closed step: critical steps, causes and cures, stability maps, and waves at an interface."""

@@ -1,4 +1,4 @@
-"""Why a run blew up, as far as its certificate tells, and how a run stops that its certificate forbids."""
+"""Likely cause of a blow-up according to the certificate, and the stop of a run that its certificate forbids."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or 
 
 
 def not_started(model: Model, certificate: dict[str, Any]) -> Stop:
-    """Return the stop of a run that its certificate forbids, at the node that limits the step."""
-    worst = [contact_pair.nodes[0] for contact_pair in model.contact_pairs if contact_pair.name in certificate["worst"]]
+    """Return the stop of a run that its certificate forbids, placed at the node that limits the step."""
+    nodes = [contact_pair.nodes[0] for contact_pair in model.contact_pairs if contact_pair.name in certificate["worst"]]
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
-    node = worst[0] if worst else body.start + int(np.argmax(body.frequency))
+    node = nodes[0] if nodes else body.start + int(np.argmax(body.frequency))
     return Stop(0, node, "not started", NOT_STARTED, f"{certificate['why']}: {certificate['cure']}")
 
 
 def likely_cause(stop: Stop, certificate: dict[str, Any]) -> str:
-    """Return the likely cause of a stop in words.
+    """Return the likely cause of a stop, in words.
 
     Parameters
     ----------
     stop
-        How the run stopped.
+        Record of where and why the run stopped.
     certificate
         The certificate of the run.
     """

@@ -1,4 +1,4 @@
-"""Closed contacts as the laws describe them: stiffness, inertia, and the guarantee that a pair of methods gives."""
+"""Stiffness and inertia of closed contacts from their linear laws, and the energy guarantee of a pair of methods."""
 
 from __future__ import annotations
 
@@ -33,28 +33,28 @@ OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and
 
 @dataclass(frozen=True)
 class ClosedContacts:
-    """What the laws of a model say of its points at one step; (P,) each, in the order of the case.
+    """Closed contacts of a model at one step, as their linear laws describe them; (P,) arrays in the order of the case.
 
     Attributes
     ----------
     stiffness, inertia
-        eps_s and eps_m; zero where a law is judged at the end of the step, or does not act.
+        eps_s and eps_m; zero where a law is evaluated at the end of the step, or does not act.
     predicted
-        Whether the law is judged at the predicted gap.
+        Whether the law is evaluated at the predicted gap.
     surplus
-        Of laws judged at the predicted gap or at the end of the step: by what ``eps_m / eps_s`` exceeds that of a
-        gap judged at the end of the step, dt^2 of a leap-frog scheme; 0 of the latter, nan elsewhere [time^2].
+        Excess of ``eps_m / eps_s`` over its value for a gap at the end of the step (dt^2 in a leap-frog scheme), for
+        laws evaluated at the predicted gap; 0 for laws evaluated at the end of the step, nan elsewhere [time^2].
     compliance
-        sigma of the laws that have a `surplus`, over the weight of the gap; 0 of a tie [length/force].
+        sigma over the weight of the gap; 0 for mesh tying and for unknown laws [length/force].
     tied
-        Points whose gap never changes while the law acts, and it acts whatever the gap.
+        Points whose gap does not change while the law acts, which it does at any gap.
     unknown
-        Names of laws of which the rows say nothing: a kernel of their own, or a weight on the gap rate; in a scheme of
-        stages all that are judged at the end of the step, too.
+        Names of laws from which neither stiffness and inertia nor a constraint follow, such as laws with a kernel of
+        their own or a weight on the gap rate; with a multi-stage scheme also laws evaluated at the end of the step.
     doubts
-        Of each of these, in words why.
+        Reasons in words why these laws are unknown, each reason once.
     energy, why
-        What the pair guarantees of the energy, the weakest of all contacts, and the reason in words.
+        Energy guarantee of the pair of methods, the weakest of all contacts, and the reason for it in words.
     """
 
     stiffness: Floats
@@ -70,7 +70,7 @@ class ClosedContacts:
 
 
 def closed_contacts(model: Model, dt: float) -> ClosedContacts:
-    """Return what the laws of a model say of its closed points for a step `dt`."""
+    """Return the closed contacts of a model, as its linear laws describe them for a step `dt`."""
     count = len(model.contact_pairs)
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
@@ -78,51 +78,55 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     tied: list[int] = []
     doubts: list[str] = []
 
-    def doubt(name: str, why: str) -> None:
+    def add_unknown(name: str, reason: str) -> None:
         unknown.append(name)
-        doubts.append(why)
+        doubts.append(reason)
 
-    energy = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
+    guarantees = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
     stages, (*_, table) = scheme(model.case.method.integrator, dt)
     if model.why_not_linear:
-        energy.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
+        guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if stages is not None:
-        energy.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
+        guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     for entry in model.laws:
-        law, where = entry["law"], entry["where"]
-        points = model.points(where, dt)
+        law, indices = entry["law"], entry["where"]
+        points = model.points(indices, dt)
         bound = law.bind(points, dt)
         if not isinstance(bound, LinearLaw):
-            doubt(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
+            add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
-        rows = broadcast(bound, points, law.name)
-        if why := _not_followed(rows, law.name, multistage=stages is not None):
-            doubt(law.name, why)
+        coefficients = broadcast(bound, points, law.name)
+        if reason := _reason_unknown(coefficients, law.name, multistage=stages is not None):
+            add_unknown(law.name, reason)
             continue
-        if rows["at"] == "explicit" and not _readable(table.explicit, rows):
+        if coefficients["at"] == "explicit" and not _determined(table.explicit, coefficients):
             name = model.case.method.integrator.name
-            doubt(f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times")
+            add_unknown(
+                f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times"
+            )
             continue
-        if rows["at"] == "explicit":
-            stiffness[where] = rows["gap"] / rows["sigma"]
+        if coefficients["at"] == "explicit":
+            stiffness[indices] = coefficients["gap"] / coefficients["sigma"]
             by_gap, _, by_acceleration = table.explicit.response
-            inertia[where] = (rows["gap"] * by_gap + rows["acceleration"] * by_acceleration) / rows["sigma"]
-            predicted[where] = table.explicit.gap == "predicted"
+            inertia[indices] = (
+                coefficients["gap"] * by_gap + coefficients["acceleration"] * by_acceleration
+            ) / coefficients["sigma"]
+            predicted[indices] = table.explicit.gap == "predicted"
             if table.explicit.gap == "predicted":
-                surplus[where] = inertia[where] / stiffness[where] - table.end.response[0]
+                surplus[indices] = inertia[indices] / stiffness[indices] - table.end.response[0]
         else:
-            surplus[where] = 0.0
-        if rows["rate"].any():
-            tied += where
+            surplus[indices] = 0.0
+        if coefficients["rate"].any():
+            tied += indices
         else:
-            compliance[where] = rows["sigma"] / rows["gap"]
-        energy.append(_energy_of(model, where, rows, inert=bool(inertia[where].any())))
+            compliance[indices] = coefficients["sigma"] / coefficients["gap"]
+        guarantees.append(_energy_guarantee(model, indices, coefficients, inert=bool(inertia[indices].any())))
     if unknown and stages is None:
-        energy.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
-    resting = list(model.resting(0.5 * model.dt))
-    stiffness[resting], inertia[resting], surplus[resting] = 0.0, 0.0, np.nan
-    ties = tuple(p for p in tied if p not in resting)
-    weakest, why = max(energy, key=lambda known: WEAKEST_LAST.index(known[0]))
+        guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
+    inactive = list(model.inactive_points(0.5 * model.dt))
+    stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
+    ties = tuple(p for p in tied if p not in inactive)
+    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
     return ClosedContacts(
         stiffness,
         inertia,
@@ -137,60 +141,74 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     )
 
 
-def _not_followed(rows: dict[str, Any], law: str, *, multistage: bool) -> str:
-    """Return why neither stiffness and inertia nor a constraint follows from a law's row; empty if one does.
+def _reason_unknown(coefficients: dict[str, Any], law: str, *, multistage: bool) -> str:
+    """Return why neither stiffness and inertia nor a constraint follow from a linear law; empty if either does.
 
     Parameters
     ----------
-    rows
-        The row with one value a point.
+    coefficients
+        Coefficients of the linear law with one value a point, as `broadcast` returns them.
     law
         Name of the law.
     multistage
         Whether the integrator is a multi-stage scheme.
     """
-    end = rows["at"] == "end"
-    tie = end and bool(rows["rate"].all()) and not rows["gap"].any() and not rows["sigma"].any()
+    end = coefficients["at"] == "end"
+    tie = end and bool(coefficients["rate"].all()) and not coefficients["gap"].any() and not coefficients["sigma"].any()
     reasons = {
         f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and multistage,
-        f"{law} weighs the gap rate, which damps or drives": rows["rate"].any() and not tie,
+        f"{law} weighs the gap rate, which damps or drives": coefficients["rate"].any() and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
-            tie and (rows["active"] != "all" or rows["sign"] != "free")
+            tie and (coefficients["active"] != "all" or coefficients["sign"] != "free")
         ),
-        f"{law} does not weigh the gap": not rows["gap"].all() and not tie,
-        f"{law} weighs the gap acceleration at the end of the step": end and rows["acceleration"].any(),
+        f"{law} does not weigh the gap": not coefficients["gap"].all() and not tie,
+        f"{law} weighs the gap acceleration at the end of the step": end and coefficients["acceleration"].any(),
         f"{law} is judged at the current or predicted gap without a compliance (sigma = 0)": (
-            not end and (rows["sigma"] <= 0).any()
+            not end and (coefficients["sigma"] <= 0).any()
         ),
     }
     return next((reason for reason, holds in reasons.items() if holds), "")
 
 
-def _energy_of(model: Model, where: list[int], rows: dict[str, Any], *, inert: bool) -> tuple[str, str]:
-    """Return what one law of readable rows guarantees of the energy at its points, and why."""
+def _energy_guarantee(
+    model: Model, indices: list[int], coefficients: dict[str, Any], *, inert: bool
+) -> tuple[str, str]:
+    """Return the energy guarantee of one linear law at its points, and the reason for it in words.
+
+    Parameters
+    ----------
+    model
+        The case as arrays.
+    indices
+        Numbers of the contacts under the law.
+    coefficients
+        Coefficients of the linear law, as `broadcast` returns them.
+    inert
+        Whether a closed contact of the law has inertia.
+    """
     table = model.tables[-1]
-    if rows["during"] is not None:
+    if coefficients["during"] is not None:
         return NOT_GUARANTEED, INTERVALS
-    if rows["at"] == "end":
-        if rows["rate"].any():
+    if coefficients["at"] == "end":
+        if coefficients["rate"].any():
             return NOT_GUARANTEED, TIES
-        if rows["active"] == "gap < 0" and _share_an_end(model, where):
+        if coefficients["active"] == "gap < 0" and _share_an_end(model, indices):
             return NOT_GUARANTEED, SHARED
-        bilateral = rows["active"] == "all" and rows["sign"] == "free"
+        bilateral = coefficients["active"] == "all" and coefficients["sign"] == "free"
         return (NOT_GUARANTEED, BILATERAL) if bilateral else (NEVER_GROWS, BY_END)
     if table.explicit.gap == "current":
         return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
-    return (NOT_GUARANTEED, SHARED) if _share_an_end(model, where) else (NEVER_GROWS, BY_END)
+    return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
 
 
-def _readable(judged: ContactState, rows: dict[str, Any]) -> bool:
-    """Return whether stiffness and inertia of a closed contact follow from a law's rows with this table."""
-    if judged.gap == "current":
-        return judged.response[0] == 0.0 and judged.acceleration == "bulk" and judged.response[2] == 1.0
-    return judged.acceleration == "none" or not rows["acceleration"].any()
+def _determined(state: ContactState, coefficients: dict[str, Any]) -> bool:
+    """Return whether stiffness and inertia of a closed contact follow from a linear law evaluated at this state."""
+    if state.gap == "current":
+        return state.response[0] == 0.0 and state.acceleration == "bulk" and state.response[2] == 1.0
+    return state.acceleration == "none" or not coefficients["acceleration"].any()
 
 
-def _share_an_end(model: Model, where: list[int]) -> bool:
-    """Return whether a contact of `where` shares a node with any other: one then opens or closes what another saw."""
+def _share_an_end(model: Model, indices: list[int]) -> bool:
+    """Return whether a contact of `indices` shares a node with another contact, whose force then changes its gap."""
     nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-    return any(nodes.count(node) > 1 for p in where for node in model.contact_pairs[p].nodes)
+    return any(nodes.count(node) > 1 for p in indices for node in model.contact_pairs[p].nodes)

@@ -1,4 +1,4 @@
-"""Critical steps of uniform bars in closed form: no mesh, no matrix."""
+"""Critical steps of uniform bars in closed form, without a mesh or a matrix."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ if TYPE_CHECKING:
 
 
 class NoClosedFormError(Exception):
-    """A case for which no closed form is known; the message says why."""
+    """Error for a case without a known closed form; its message gives the reason."""
 
 
 class ClosedFormCriterion:
-    """Critical steps of uniform bars taken as endless: no mesh, no matrix.
+    """Criterion in closed form for uniform bars, which are taken as infinitely long: no mesh, no matrix.
 
-    A harmonic that decays into an endless bar of elements h holds its end with the stiffness
-    ``(EA/h)(2/C) sqrt(1/C^2 - 1)`` at the step dt = C h/c; central difference is stable while both ends in series are
-    stiffer than ``eps_s - 4 eps_m / dt^2`` is soft. On a rigid wall ``C = sqrt(2 / (1 + sqrt(1 + beta_s^2)))`` for the
-    penalty method. Wu's predictor-corrector is stable for ``theta <= 1``.
+    A harmonic that decays into an infinitely long bar of elements h holds its end with the stiffness
+    ``(EA/h)(2/C) sqrt(1/C^2 - 1)`` at the step dt = C h/c. Central difference is stable as long as the stiffness of
+    both ends in series is at least ``eps_s - 4 eps_m / dt^2``; on a rigid wall this gives
+    ``C = sqrt(2 / (1 + sqrt(1 + beta_s^2)))`` for the penalty method. Wu's predictor-corrector is stable for
+    ``theta <= 1``.
 
     Parameters
     ----------
@@ -33,7 +34,8 @@ class ClosedFormCriterion:
     Raises
     ------
     NoClosedFormError
-        If a bar is not uniform, or ends share contacts.
+        If a body is not linear or a bar not uniform, the integrator is a multi-stage scheme, or an end in contact is
+        fixed, driven or in several contacts.
     """
 
     by = "closed-form"
@@ -51,36 +53,36 @@ class ClosedFormCriterion:
         nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         if len(set(nodes)) < len(nodes):
             raise NoClosedFormError("an end is in several contacts")
-        if {hold.node for hold in Pencil(model).constraints} & set(nodes):
+        if {constraint.node for constraint in Pencil(model).constraints} & set(nodes):
             raise NoClosedFormError("an end in contact is fixed or driven")
         for contact_pair in model.contact_pairs:
             ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in contact_pair.nodes]
-            self.sides.append([(float(b.stiffness[e]), float(b.frequency[e])) for b, e in ends])
+            self.sides.append([(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends])
         self.free = 2.0 / model.omega
 
     def _stable(self, dt: float) -> bool:
-        said = closed_contacts(self.model, dt)
-        if said.unknown:
-            raise NoClosedFormError("; ".join(said.doubts))
+        laws = closed_contacts(self.model, dt)
+        if laws.unknown:
+            raise NoClosedFormError("; ".join(laws.doubts))
         if dt > self.free:
             return False
         for p, sides in enumerate(self.sides):
-            if said.predicted[p]:
-                # s = 1/m of each side, m = 2 (EA/h) / omega^2
+            if laws.predicted[p]:
+                # The entry s of the contact in S is the sum of 1/m over its sides, with m = 2 (EA/h) / omega^2.
                 s = sum(frequency**2 / (2.0 * stiffness) for stiffness, frequency in sides)
-                if dt**2 * said.stiffness[p] * s > 1.0 + said.inertia[p] * s:
+                if dt**2 * laws.stiffness[p] * s > 1.0 + laws.inertia[p] * s:
                     return False
                 continue
-            excess = said.stiffness[p] - 4.0 * said.inertia[p] / dt**2
+            excess = laws.stiffness[p] - 4.0 * laws.inertia[p] / dt**2
             courant = [0.5 * dt * frequency for _, frequency in sides]
-            holds = [
+            end_stiffnesses = [
                 stiffness * 2.0 / c * np.sqrt(max(1.0 / c**2 - 1.0, 0.0))
                 for (stiffness, _), c in zip(sides, courant, strict=True)
             ]
-            if excess > 0 and sum(excess / h if h > 0 else np.inf for h in holds) > 1.0:
+            if excess > 0 and sum(excess / k if k > 0 else np.inf for k in end_stiffnesses) > 1.0:
                 return False
         return True
 
     def critical(self) -> float:
-        """Return the critical step."""
+        """Return the critical step, which is 2/omega where contact does not lower it."""
         return critical_step(self._stable, self.free)

@@ -1,7 +1,8 @@
-"""Criteria of stability: by the linear relations of the laws, and by the step itself.
+"""Stability criteria: from the linear relations of the contact laws, and from the time step itself.
 
-`BlackBoxCriterion` asks nothing of the laws and `percuss.certificate.closed_form` nothing of meshes, so that each
-checks `PencilCriterion`; that one asks the step itself only about bars of an element or two, above theta = 1.
+`BlackBoxCriterion` uses no property of the laws and `percuss.certificate.closed_form` no mesh, so each of them is an
+independent check of `PencilCriterion`, which examines the time step itself only for bars of one or two elements above
+theta = 1.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ import numpy as np
 
 from percuss.certificate.black_box import DENSE, MOST_TOGETHER, Motions, combinations, examine
 from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
-from percuss.certificate.pencil import EDGE, FEW, Pencil, critical_step, largest
-from percuss.certificate.scheme_limit import reach
-from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, sets_in_question
+from percuss.certificate.pencil import EDGE, FEW, Pencil, critical_step, largest_step
+from percuss.certificate.scheme_limit import limit_ratio
+from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, unequal_sets
 from percuss.methods.interfaces import LinearLaw
 from percuss.methods.kernel_trial import changes_with_time
 from percuss.solver.contact_rows import delassus_rows
@@ -35,59 +36,66 @@ UNALIKE = (
 )
 NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or judge contact at the current gap"
-SHORT = 3  # elements
-LOOSE = 1e-6  # of the critical step: what a search by the step itself settles for
-ALIKE = 1e-9  # of dt^2: a smaller difference of two eps_m / eps_s is round-off
-MOST_SUBSETS = 10  # contacts of a group of which every part is tried
-MOST_SETS = 4096  # of closed contacts that are tried
-MOST_NAMED = 6  # contacts that a reason names
+# Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
+SHORT = 3
+# Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.
+LOOSE = 1e-6
+# Difference of two eps_m / eps_s, relative to their scale and dt^2, below which it is round-off.
+ROUND_OFF = 1e-9
+# Largest group of contacts of which every part is tried, as the number of parts doubles with each contact.
+MOST_SUBSETS = 10
+# Number of sets of closed contacts from which on the model counts as too large to examine them all.
+MOST_SETS = 4096
+# Number of contacts that a reason names, so that it stays readable.
+MOST_NAMED = 6
 
 
 @dataclass(frozen=True)
-class Finding:
-    """What a judge finds of one step.
+class StepAssessment:
+    """Assessment of one step by a stability criterion.
 
     Attributes
     ----------
     stable
         Whether nothing grows in any combination of closed contacts.
     worst
-        Contacts that suffice to make it unstable while they are closed; empty where none are needed.
+        Contacts that suffice to make the step unstable while they are closed; empty where none are needed.
     theta
-        Of Wu's predictor-corrector, in that combination or the largest known.
+        theta of Wu's predictor-corrector in that combination, or the largest one found.
     doubt
-        Why that is less than certain, or why nothing can be said; empty where it is certain.
-    known
-        Whether anything can be said.
+        Why the assessment is less than certain or inconclusive; empty where it is certain.
+    conclusive
+        Whether the criterion can decide about the step.
     stretch
-        Number of the stretch of the run it is about.
+        Number of the stretch of the run that is assessed.
     cure
-        What cures an unstable step, where neither a shorter step nor another value of one option does.
+        Cure of an unstable step, where neither a shorter step nor another value of an option cures it.
     """
 
     stable: bool
     worst: list[int] = field(default_factory=list)
     theta: float | None = None
     doubt: str = ""
-    known: bool = True
+    conclusive: bool = True
     stretch: int = 0
     cure: str = ""
 
 
 class PencilCriterion:
-    """Judges steps by the rows of the laws: exact for any mesh and any combination of closed contacts.
+    """Criterion from the linear laws: exact for any mesh and any combination of closed contacts.
 
-    Central difference by the inertia of the closed pencil. In stages, laws judged at the current state make every mode
-    of the closed pencil an oscillator, so that its inertia tells there too, at the step that brings central difference
-    to its limit where it brings the scheme to its own.
+    Laws evaluated at the current state: the inertia of the matrix pencil of mass and stiffness with contacts closed
+    decides about central difference. Under a multi-stage scheme every mode of this pencil is an oscillator, so the
+    inertia decides there too, at the step dt / `limit_ratio` at which central difference is at its limit when the
+    scheme is at its own.
 
-    Laws judged at the predicted gap or at the end of the step: with ``u_{n+1} = u* + dt^2 M^-1 N lambda`` their
+    Laws evaluated at the predicted gap or at the end of the step: with ``u_{n+1} = u* + dt^2 M^-1 N lambda`` their
     multipliers are ``lambda = -F^-1 g_{n+1}``, ``F = diag(1/eps_s) + diag(eps_m/eps_s - dt^2) S``. Where F is
-    symmetric and positive definite it is a spring at the end of the step, and no combination grows. It is symmetric
-    where contacts that share an end have the same eps_m / eps_s; then the whole of such a group is the worst part of
-    it. Where they have not, a part can be worse than the whole, and even with every theta at most 1 the step can grow:
-    then amplification matrices are examined (`percuss.certificate.unequal_contacts`), or the judge says that it does
-    not know.
+    symmetric and positive definite, the contacts act as springs at the end of the step and no combination grows. F is
+    symmetric where contacts that share an end have the same eps_m / eps_s; then no part of such a group is worse than
+    the whole group. Where their ratios differ, a part can be worse than the whole, and the step can grow even with
+    every theta at most 1; then amplification matrices are examined (`percuss.certificate.unequal_contacts`), or the
+    assessment is inconclusive.
 
     Parameters
     ----------
@@ -100,7 +108,7 @@ class PencilCriterion:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.pencil = Pencil(model)
-        self.reach = reach(model.case.method.integrator, model.stages, model.dt)
+        self.limit_ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt)
         diagonal, others = delassus_rows(model.sides(0.5 * model.dt))
         self.delassus = np.diag(diagonal)
         for p, row in enumerate(others):
@@ -108,131 +116,139 @@ class PencilCriterion:
                 self.delassus[p, q] = value
 
     def _groups(self, laws: ClosedContacts) -> list[tuple[Any, bool]]:
-        """Return the groups of contacts that share ends, of laws with a `surplus`, and whether F of each is symmetric.
+        """Return the groups of contacts that share ends, each with whether its F is symmetric.
 
-        Contacts that cannot press at all, for want of stiffness, are left out.
+        Contacts of laws without a `surplus` are left out, and contacts that cannot press for want of stiffness.
         """
         from scipy.sparse.csgraph import connected_components
 
         at_end = ~laws.predicted & ~np.isnan(laws.surplus)
-        which = np.flatnonzero((laws.predicted & (laws.stiffness > 0)) | at_end)
-        if which.size == 0:
+        indices = np.flatnonzero((laws.predicted & (laws.stiffness > 0)) | at_end)
+        if indices.size == 0:
             return []
-        coupled = self.delassus[np.ix_(which, which)] != 0
-        labels = connected_components(coupled)[1] if which.size > 1 else np.zeros(1, dtype=np.int64)
+        coupled = self.delassus[np.ix_(indices, indices)] != 0
+        labels = connected_components(coupled)[1] if indices.size > 1 else np.zeros(1, dtype=np.int64)
         out = []
         for label in range(int(labels.max()) + 1):
-            group = which[labels == label]
+            group = indices[labels == label]
             scale = np.abs(laws.surplus[group]).max() + np.abs(self.model.tables[-1].end.response[0])
-            out.append((group, bool(np.ptp(laws.surplus[group]) <= ALIKE * scale)))
+            out.append((group, bool(np.ptp(laws.surplus[group]) <= ROUND_OFF * scale)))
         return out
 
     def _theta_of(self, part: Any, dt: float, laws: ClosedContacts) -> float:
-        """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts judged at the predicted gap."""
+        """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts evaluated at the predicted gap."""
         s = self.delassus[np.ix_(part, part)]
         left = np.eye(part.size) + s * laws.inertia[part]
         values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
         return float(dt**2 * np.max(values.real))
 
     def theta(self, dt: float, laws: ClosedContacts) -> tuple[float | None, list[int]]:
-        """Return the largest theta of the contacts judged at the predicted gap, None where there are none.
+        """Return the largest theta of the contacts evaluated at the predicted gap, and the contacts it comes from.
 
-        And the contacts it comes from. Of a group that shares ends, every part is tried unless F is symmetric; of a
-        group too large for that each contact, each pair and the whole.
+        Without such contacts theta is None. Of a group that shares ends, the whole is tried where F is symmetric, else
+        every part; of a group of more than `MOST_SUBSETS` contacts only each contact, each pair and the whole.
         """
-        most: float | None = None
+        largest_theta: float | None = None
         worst: Any = ()
-        for group, alike in self._groups(laws):
+        for group, symmetric in self._groups(laws):
             explicit = group[laws.predicted[group]]
             if explicit.size == 0:
                 continue
             sizes = range(1, explicit.size + 1)
-            if alike:
+            if symmetric:
                 sizes = range(explicit.size, explicit.size + 1)
             elif explicit.size > MOST_SUBSETS:
                 sizes = range(1, 3)
             parts = [np.array(part) for size in sizes for part in itertools.combinations(explicit, size)]
             for part in [*parts, *([explicit] if explicit.size > MOST_SUBSETS else [])]:
                 theta = self._theta_of(part, dt, laws)
-                if most is None or theta > most * (1.0 + 1e-12):
-                    most, worst = theta, part
-        return most, [int(p) for p in worst]
+                if largest_theta is None or theta > largest_theta * (1.0 + 1e-12):
+                    largest_theta, worst = theta, part
+        return largest_theta, [int(p) for p in worst]
 
-    def judge(self, dt: float) -> Finding:
-        """Return what is to be said of a step."""
+    def assess_step(self, dt: float) -> StepAssessment:
+        """Return the assessment of a step."""
         laws = closed_contacts(self.model, dt)
-        finding = self._by_rows(dt, laws)
-        if finding.stable and (unalike := self._unalike(laws)):
-            return dataclasses.replace(self._by_matrix(dt, laws, unalike), theta=finding.theta)
-        return finding
+        assessment = self._assess_by_pencil(dt, laws)
+        if assessment.stable and (groups := self._unequal_groups(laws)):
+            return dataclasses.replace(self._assess_by_matrix(dt, laws, groups), theta=assessment.theta)
+        return assessment
 
-    def _by_rows(self, dt: float, laws: ClosedContacts) -> Finding:
-        """Return what inertia of the pencil and theta say of a step."""
+    def _assess_by_pencil(self, dt: float, laws: ClosedContacts) -> StepAssessment:
+        """Return the assessment of a step by the inertia of the pencil and by theta."""
         current = ~laws.predicted
-        if self.reach == 0.0:
-            return Finding(False)
+        if self.limit_ratio == 0.0:
+            return StepAssessment(False)
         definite, limiting = self.pencil.definite(
-            dt / self.reach,
+            dt / self.limit_ratio,
             np.where(current, laws.stiffness, 0.0),
             np.where(current, laws.inertia, 0.0),
             laws.tied,
         )
         theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
-            return Finding(definite, limiting, theta)
-        if self._coarse is not None:
-            return dataclasses.replace(self._coarse.judge(dt), theta=theta)
-        return Finding(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
+            return StepAssessment(definite, limiting, theta)
+        if self._black_box is not None:
+            return dataclasses.replace(self._black_box.assess_step(dt), theta=theta)
+        return StepAssessment(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
 
-    def _unalike(self, laws: ClosedContacts) -> list[Any]:
+    def _unequal_groups(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
-        return [group for group, alike in self._groups(laws) if not alike]
+        return [group for group, symmetric in self._groups(laws) if not symmetric]
 
-    def _by_matrix(self, dt: float, laws: ClosedContacts, unalike: list[Any]) -> Finding:
-        """Return what the amplification matrix says of groups of which theta does not tell all."""
-        reason = UNALIKE.format(named(self.model, [int(p) for group in unalike for p in group]))
-        sets = list(itertools.islice(sets_in_question(unalike, laws), MOST_SETS))
+    def _assess_by_matrix(self, dt: float, laws: ClosedContacts, groups: list[Any]) -> StepAssessment:
+        """Return the assessment by the amplification matrix, for groups about which theta alone does not decide."""
+        reason = UNALIKE.format(quoted_names(self.model, [int(p) for group in groups for p in group]))
+        sets = list(itertools.islice(unequal_sets(groups, laws), MOST_SETS))
         if len(sets) == MOST_SETS or self._matrix.work(len(sets)) > WORK:
-            return Finding(False, doubt=f"{reason}; the model is too large to examine all sets of them", known=False)
+            return StepAssessment(
+                False, doubt=f"{reason}; the model is too large to examine all sets of them", conclusive=False
+            )
         stable, worst = self._matrix.worst(dt, laws, sets)
         if stable is None:
-            slow = f"with contacts {named(self.model, worst)} closed it may grow, too slowly to be told from rounding"
-            return Finding(False, worst, doubt=f"{reason}; {slow}", known=False)
-        return Finding(True) if stable else Finding(False, worst, doubt=reason, cure=EQUALS)
+            slow = (
+                f"with contacts {quoted_names(self.model, worst)} closed it may grow, too slowly to be told from "
+                "rounding"
+            )
+            return StepAssessment(False, worst, doubt=f"{reason}; {slow}", conclusive=False)
+        return StepAssessment(True) if stable else StepAssessment(False, worst, doubt=reason, cure=EQUALS)
 
     @cached_property
     def _matrix(self) -> ClosedMatrix:
         return ClosedMatrix(self.pencil)
 
     @cached_property
-    def _coarse(self) -> BlackBoxCriterion | None:
-        """The judge of steps above theta = 1, where a bar so short that contact damps all of it may stay stable."""
+    def _black_box(self) -> BlackBoxCriterion | None:
+        """Black-box criterion of a model with a bar of one or two elements; None for other models and for large ones.
+
+        Contact can damp all of such a bar, so a step above theta = 1 may be stable.
+        """
         short = any(body.stiffness.size < SHORT for body in self.model.bodies.values())
         return BlackBoxCriterion(self.model) if short and 2 * self.model.mass.size <= DENSE else None
 
     @cached_property
     def free(self) -> float:
-        """The largest step that is stable without contact."""
-        return free_step(self.pencil) * self.reach
+        """Largest step that is stable without contact."""
+        return free_step(self.pencil) * self.limit_ratio
 
     def critical(self) -> float:
-        """Return the largest stable step, laws bound anew for each step tried; nan where that is not known."""
-        if self.free in {0.0, np.inf}:  # no step, or any: all nodes are held
+        """Return the largest stable step, with laws bound anew for each step tried; nan where it is not known."""
+        if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
             return self.free
 
-        def holds(dt: float) -> bool:
-            finding = self._by_rows(dt, closed_contacts(self.model, dt))
-            return finding.stable and finding.known
+        def is_stable(dt: float) -> bool:
+            assessment = self._assess_by_pencil(dt, closed_contacts(self.model, dt))
+            return assessment.stable and assessment.conclusive
 
-        bound = critical_step(holds, self.free)
-        if not 0.0 < bound < np.inf or not self._unalike(closed_contacts(self.model, bound)):
+        bound = critical_step(is_stable, self.free)
+        if not 0.0 < bound < np.inf or not self._unequal_groups(closed_contacts(self.model, bound)):
             return bound
-        # what grows because they are unalike does so at shorter steps too, ever more slowly: there is no critical one
-        return bound if self.judge(bound * (1.0 - EDGE)).stable else np.nan
+        # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
+        return bound if self.assess_step(bound * (1.0 - EDGE)).stable else np.nan
 
 
 class RunCriterion:
-    """The judges of all stretches of a run together: the worst of them speaks.
+    """Criterion for a whole run, made of one criterion for each of its stretches, of which the worst decides.
 
     Parameters
     ----------
@@ -246,39 +262,41 @@ class RunCriterion:
         self.model = model
         self.by = kind.by
         self.stretches = model.stretches()
-        self.judges = [kind(stretch.model) for stretch in self.stretches]
+        self.criteria = [kind(stretch.model) for stretch in self.stretches]
 
     @property
     def free(self) -> float:
-        """The largest step that is stable without contact."""
-        return min(judge.free for judge in self.judges)
+        """Largest step that is stable without contact."""
+        return min(criterion.free for criterion in self.criteria)
 
     def critical(self) -> float:
         """Return the largest stable step, nan where it is not known."""
-        limits = [judge.critical() for judge in self.judges]
+        limits = [criterion.critical() for criterion in self.criteria]
         return float(np.nan if np.isnan(limits).any() else min(limits))
 
-    def judge(self, dt: float) -> Finding:
-        """Return what is to be said of a step: of the worst stretch, theta the largest of all."""
-        findings = [dataclasses.replace(judge.judge(dt), stretch=k) for k, judge in enumerate(self.judges)]
-        thetas = [finding.theta for finding in findings if finding.theta is not None]
+    def assess_step(self, dt: float) -> StepAssessment:
+        """Return the assessment of a step in the worst stretch, with the largest theta of all stretches."""
+        assessments = [
+            dataclasses.replace(criterion.assess_step(dt), stretch=k) for k, criterion in enumerate(self.criteria)
+        ]
+        thetas = [assessment.theta for assessment in assessments if assessment.theta is not None]
 
-        def badness(finding: Finding) -> tuple[int, float]:
-            kind = 0 if finding.stable and finding.known else 1 if not finding.known else 2
-            return kind, finding.theta or 0.0
+        def severity(assessment: StepAssessment) -> tuple[int, float]:
+            kind = 0 if assessment.stable and assessment.conclusive else 1 if not assessment.conclusive else 2
+            return kind, assessment.theta or 0.0
 
-        return dataclasses.replace(max(findings, key=badness), theta=max(thetas, default=None))
+        return dataclasses.replace(max(assessments, key=severity), theta=max(thetas, default=None))
 
 
-def named(model: Model, points: Sequence[int]) -> str:
-    """Return the names of contacts in quotes, the first few of many."""
+def quoted_names(model: Model, points: Sequence[int]) -> str:
+    """Return the names of contacts in quotes, of many contacts the first `MOST_NAMED` and the number of the others."""
     names = ", ".join(f"'{model.contact_pairs[p].name}'" for p in points[:MOST_NAMED])
     more = len(points) - MOST_NAMED
     return f"{names} and {more} more" if more > 0 else names
 
 
 class BlackBoxCriterion:
-    """Judges steps by the amplification matrix of the march's own step; needs nothing from integrator and law.
+    """Criterion from the amplification matrix of the solver's own step, for any integrator and contact law.
 
     Parameters
     ----------
@@ -291,69 +309,75 @@ class BlackBoxCriterion:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.motions = Motions(model)
-        self._limits: list[tuple[int, ...]] | None = None  # combinations unstable at the free step, once that is known
+        # Combinations that are unstable at the free step; None until `critical` has tried them.
+        self._unstable_combinations: list[tuple[int, ...]] | None = None
 
     @cached_property
     def free(self) -> float:
-        """The largest step that is stable without contact."""
+        """Largest step that is stable without contact."""
         model = self.model
-        return free_step(self.motions.pencil) * reach(model.case.method.integrator, model.stages, model.dt)
+        return free_step(self.motions.pencil) * limit_ratio(model.case.method.integrator, model.stages, model.dt)
 
     @cached_property
-    def _tried(self) -> list[tuple[int, ...]]:
-        """The combinations of closed contacts; of stages without the open one, which `free` is about."""
-        every = combinations(len(self.model.contact_pairs))
-        return every if self.model.stages is None else every[1:]
+    def _combinations(self) -> list[tuple[int, ...]]:
+        """Combinations of closed contacts to be tried; under a multi-stage scheme `free` covers that of no contact."""
+        closed_sets = combinations(len(self.model.contact_pairs))
+        return closed_sets if self.model.stages is None else closed_sets[1:]
 
-    def judge(self, dt: float) -> Finding:
-        """Return what is to be said of a step, over the combinations of closed contacts that are tried."""
+    def assess_step(self, dt: float) -> StepAssessment:
+        """Return the assessment of a step over the combinations of closed contacts that are tried."""
         doubt, radius, theta = "", -1.0, None
         worst: list[int] = []
-        tried = self._tried
+        closed_sets = self._combinations
         if self.model.stages is not None and dt > self.free * (1.0 + EDGE):
-            return Finding(False)
+            return StepAssessment(False)
         complete = 2 ** len(self.model.contact_pairs) == len(combinations(len(self.model.contact_pairs)))
         if not complete:
             doubt = (
                 "no growth was found with no contact, each one and all of them closed; other combinations can be worse"
             )
-        for one in tried:
-            found = examine(self.motions, dt, one, sure=dt < self.free and self._limits == [])
-            if not found.linear:
-                names = ", ".join(f"'{self.model.contact_pairs[p].name}'" for p in one) or "none"
+        for closed in closed_sets:
+            stability = examine(
+                self.motions,
+                dt,
+                closed,
+                stable_at_longer_step=dt < self.free and self._unstable_combinations == [],
+            )
+            if not stability.linear:
+                names = ", ".join(f"'{self.model.contact_pairs[p].name}'" for p in closed) or "none"
                 doubt = f"the step is not linear with contacts {names} closed"
-                if found.failure:
-                    doubt = f"with contacts {names} held closed a kernel fails ({found.failure})"
-                return Finding(False, list(one), doubt=doubt, known=False)
-            if found.theta is not None and (theta is None or found.theta > theta):
-                theta = found.theta
-            if not found.stable:
-                return Finding(False, self._fewest(dt, one), found.theta)
-            if not found.whole:
+                if stability.failure:
+                    doubt = f"with contacts {names} held closed a kernel fails ({stability.failure})"
+                return StepAssessment(False, list(closed), doubt=doubt, conclusive=False)
+            if stability.theta is not None and (theta is None or stability.theta > theta):
+                theta = stability.theta
+            if not stability.stable:
+                return StepAssessment(False, self._smallest_combination(dt, closed), stability.theta)
+            if not stability.conclusive:
                 complete = False
                 doubt = "the model is large: growth was looked for by a Krylov iteration, and none found"
-            if found.radius > radius * (1.0 + 1e-6):
-                radius, worst = found.radius, list(one)
-        if self._changing:
-            names = ", ".join(self._changing)
+            if stability.radius > radius * (1.0 + 1e-6):
+                radius, worst = stability.radius, list(closed)
+        if self._time_dependent_laws:
+            names = ", ".join(self._time_dependent_laws)
             doubt = f"{names} changes with time, and no growth was found as it acts at the start"
-        return Finding(True, worst, theta, doubt, known=complete and not self._changing)
+        return StepAssessment(True, worst, theta, doubt, conclusive=complete and not self._time_dependent_laws)
 
-    def _fewest(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
-        """Return contacts of an unstable combination that suffice to make it so, none of which can be left out."""
+    def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
+        """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""
         kept = list(unstable)
         if len(self.model.contact_pairs) <= MOST_TOGETHER or len(kept) > FEW:
-            return kept  # all smaller combinations were stable, or there are too many
+            return kept  # All smaller combinations were stable, or there are too many to try.
         for contact in unstable:
             fewer = [other for other in kept if other != contact]
-            found = examine(self.motions, dt, fewer)
-            if found.linear and not found.stable:
+            stability = examine(self.motions, dt, fewer)
+            if stability.linear and not stability.stable:
                 kept = fewer
         return kept
 
     @cached_property
-    def _changing(self) -> list[str]:
-        """Names of laws with a kernel whose force changes with time."""
+    def _time_dependent_laws(self) -> list[str]:
+        """Names of the laws with a kernel whose force changes with time."""
         end = self.model.whole.steps * self.model.whole.dt
         return [
             entry["law"].name
@@ -363,31 +387,31 @@ class BlackBoxCriterion:
         ]
 
     def critical(self) -> float:
-        """Return the largest stable step, within `LOOSE`; a combination stable at the free step is so below it.
+        """Return the largest stable step within the relative tolerance `LOOSE`, or nan where the step is not linear.
 
-        nan where the step is not linear, of which nothing can be said.
+        A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
         """
         if self.free in {0.0, np.inf}:
             return self.free
-        tried = [(one, examine(self.motions, self.free * (1.0 - EDGE), one)) for one in self._tried]
-        if not all(found.linear for _, found in tried):
+        results = [(closed, examine(self.motions, self.free * (1.0 - EDGE), closed)) for closed in self._combinations]
+        if not all(stability.linear for _, stability in results):
             return np.nan
-        limits = [one for one, found in tried if not found.stable]
-        self._limits = limits
-        if not limits:
+        unstable = [closed for closed, stability in results if not stability.stable]
+        self._unstable_combinations = unstable
+        if not unstable:
             return self.free
-        broken: list[float] = []  # steps that are not linear
+        nonlinear_steps: list[float] = []
 
-        def holds(dt: float) -> bool:
-            found = [examine(self.motions, dt, one) for one in limits]
-            broken.extend(dt for one in found if not one.linear)
-            return all(one.linear and one.stable for one in found)
+        def is_stable(dt: float) -> bool:
+            stabilities = [examine(self.motions, dt, closed) for closed in unstable]
+            nonlinear_steps.extend(dt for stability in stabilities if not stability.linear)
+            return all(stability.linear and stability.stable for stability in stabilities)
 
-        critical = largest(holds, self.free, LOOSE)
-        return np.nan if broken else critical
+        critical = largest_step(is_stable, self.free, LOOSE)
+        return np.nan if nonlinear_steps else critical
 
 
-_FREE: dict[bytes, float] = {}
+_FREE_STEPS: dict[bytes, float] = {}
 
 
 def free_step(pencil: Pencil) -> float:
@@ -397,9 +421,9 @@ def free_step(pencil: Pencil) -> float:
         for array in arrays:
             digest.update(np.int64(array.size).tobytes() + array.tobytes())
     key = digest.digest()
-    step = _FREE.get(key)  # many runs on the same bodies differ in their contacts alone
+    step = _FREE_STEPS.get(key)  # Many runs share their bodies and differ in their contacts alone.
     if step is None:
-        if len(_FREE) >= 256:
-            _FREE.clear()  # also while another thread is here
-        step = _FREE[key] = largest(lambda dt: pencil.factors(dt) is not None, 2.0 / pencil.model.omega)
+        if len(_FREE_STEPS) >= 256:
+            _FREE_STEPS.clear()  # This is safe while another thread is in this function.
+        step = _FREE_STEPS[key] = largest_step(lambda dt: pencil.factors(dt) is not None, 2.0 / pencil.model.omega)
     return step

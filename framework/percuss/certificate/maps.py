@@ -1,4 +1,4 @@
-"""Stability maps: critical Courant numbers over varied parameters, judged in one way or in several side by side."""
+"""Stability maps: critical Courant numbers over varied parameters, by one stability criterion or several."""
 
 from __future__ import annotations
 
@@ -43,55 +43,56 @@ def stability(
     case
         A case from `percuss.load`.
     vary, curves
-        Values of dotted paths; `curves` differ from `vary` in the picture only.
+        Values for each dotted path; `curves` differ from `vary` in the figure only.
     by
-        Ways to judge: ``closed-form`` (uniform bars taken as endless), ``pencil`` (the rows of the laws), ``black-box``
-        (the amplification matrix of the step itself). By default the pencil where the laws are rows, else the black
-        box.
+        Criteria: ``closed-form`` (uniform bars taken as infinitely long), ``pencil`` (from the linear laws),
+        ``black-box`` (the amplification matrix of the step itself). By default the pencil where all laws are linear
+        laws that it covers, else the black box.
     progress
-        Called with (combinations done, in all).
+        Function that is called with the number of combinations done and the number of all combinations.
 
     Returns
     -------
     list of dict
-        For each combination and way the varied paths, ``courant_critical``, ``dt_critical``, ``by``, ``reason`` where
-        there is no number, and where the step itself is varied ``margin`` (step over the critical one) and ``theta``.
+        For each combination and criterion the varied paths, ``courant_critical``, ``dt_critical``, ``by``, ``reason``
+        where there is no number or a doubt about it, and where the step itself is varied ``margin`` (step over the
+        critical step) and ``theta``.
 
     Raises
     ------
     InputError
-        If a path, a value or a way is wrong.
+        If a path, a value or a criterion is wrong.
     """
     expect_case("percuss.stability", case, many=True, vary=vary, curves=curves)
-    _check(by, curves or {}, vary or {})
+    _check_arguments(by, curves or {}, vary or {})
     axes = {**(curves or {}), **(vary or {})}
     combinations = list(itertools.product(*axes.values()))
-    unknown = by or ("pencil",)
+    ways = by or ("pencil",)
     rows: list[dict[str, Any]] = []
-    wrong: list[InputError] = []
+    errors: list[InputError] = []
     for done, values in enumerate(combinations):
         varied = dict(zip(axes, values, strict=True))
         try:
             model = settled(case.with_overrides(varied) if varied else case)
         except InputError as error:
-            wrong.append(error)
-            rows += [_row(varied, way, None, str(error.problems[0].message)) for way in unknown]
+            errors.append(error)
+            rows += [_row(varied, way, None, str(error.problems[0].message)) for way in ways]
         except (PluginError, RefusedPair) as error:
-            rows += [_row(varied, way, None, str(error)) for way in unknown]
+            rows += [_row(varied, way, None, str(error)) for way in ways]
         else:
-            unsaid = closed_contacts(model, model.dt).doubts
-            rows += [_judged(model, varied, way, unsaid) for way in by or ("black-box" if unsaid else "pencil",)]
+            doubts = closed_contacts(model, model.dt).doubts
+            rows += [_critical_row(model, varied, way, doubts) for way in by or ("black-box" if doubts else "pencil",)]
         if progress is not None:
             progress(done + 1, len(combinations))
-    if len(wrong) == len(combinations):
-        raise wrong[0]
+    if len(errors) == len(combinations):
+        raise errors[0]
     return rows
 
 
-def _check(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
+def _check_arguments(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
     expect_names("percuss.stability", "by", by)
     problems = [
-        Problem(f"--by {one}", "", f"unknown way '{one}'", suggestion(one, WAYS)) for one in by if one not in WAYS
+        Problem(f"--by {way}", "", f"unknown way '{way}'", suggestion(way, WAYS)) for way in by if way not in WAYS
     ]
     problems += [
         Problem(f"--curves {path}", "", "expected another path than those of --vary", "Give each path once.")
@@ -103,44 +104,44 @@ def _check(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping[str, Any]
 
 
 def as_json(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return rows in the terms of JSON, which has no infinite numbers: those become the text ``inf``."""
-    return [{k: "inf" if v in {np.inf, "inf"} else v for k, v in row.items()} for row in rows]
+    """Return the rows for JSON, with infinite numbers, which JSON does not have, replaced by the text ``inf``."""
+    return [{column: "inf" if value in {np.inf, "inf"} else value for column, value in row.items()} for row in rows]
 
 
 def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
-    """Write rows as a csv file; written beside and then renamed."""
+    """Write rows as a CSV file, through a temporary file that is renamed, so that no half-written file remains."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    with replacing(Path(path), ".csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
+    with replacing(Path(path), ".csv") as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names)
         writer.writeheader()
         writer.writerows(rows)
 
 
-def _judged(model: Model, varied: Mapping[str, Any], way: str, unsaid: Sequence[str]) -> dict[str, Any]:
-    """Return the row of one way to judge; `unsaid` is why the rows of some laws say nothing."""
+def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Sequence[str]) -> dict[str, Any]:
+    """Return the row of one criterion; `doubts` are the reasons why the pencil does not cover some of the laws."""
     if model.why_not_linear:
         return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
-    if way == "pencil" and unsaid:
-        return _row(varied, way, None, f"nothing follows from the rows: {'; '.join(unsaid)}")
+    if way == "pencil" and doubts:
+        return _row(varied, way, None, f"nothing follows from the rows: {'; '.join(doubts)}")
     try:
         kinds: dict[str, type[PencilCriterion | BlackBoxCriterion]] = {
             "pencil": PencilCriterion,
             "black-box": BlackBoxCriterion,
         }
-        judge: Any = RunCriterion(model, kinds[way]) if way in kinds else ClosedFormCriterion(model)
-        critical = judge.critical()
+        criterion: Any = RunCriterion(model, kinds[way]) if way in kinds else ClosedFormCriterion(model)
+        critical = criterion.critical()
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))
     doubt = ""
     if way == "black-box":
-        found = judge.judge(critical if critical > 0 else model.dt)
-        doubt = found.doubt
-        if not (found.known or found.stable) or np.isnan(critical):
+        assessment = criterion.assess_step(critical if critical > 0 else model.dt)
+        doubt = assessment.doubt
+        if not (assessment.conclusive or assessment.stable) or np.isnan(critical):
             return _row(varied, way, None, doubt or "the closed step is not linear")
     row = _row(varied, way, critical, doubt if critical > 0 else "no step is stable", model)
     if set(STEP) & set(varied):
         row["margin"] = model.dt / critical if critical > 0 else np.inf
-        row["theta"] = None if way == "closed-form" else judge.judge(model.dt).theta
+        row["theta"] = None if way == "closed-form" else criterion.assess_step(model.dt).theta
     return row
 
 

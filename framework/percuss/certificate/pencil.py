@@ -1,10 +1,10 @@
-"""Stability of the closed linear step from the rows of the laws: matrices of the bars, never a dense one.
+"""Stability of the closed linear step from the linear laws, with banded matrices of the bars and no dense ones.
 
-Bars stretch along their axes only, so their stiffness is one symmetric tridiagonal matrix a body, in the axial
-displacements of its nodes. Central difference is stable at a step dt where ``(4/dt^2)(M + M_p) - (K + K_p)`` is
-positive definite, by Sylvester's law of inertia for the worst combination of closed contacts: exactly those whose
-``4 eps_m / dt^2 - eps_s`` is negative. Bodies are factorised by themselves, and the contacts enter by the small matrix
-``N^T ((4/dt^2) M - K)^-1 N``.
+Bars stretch along their axes only, so the stiffness of each body is one symmetric tridiagonal matrix in the axial
+displacements of its nodes. By Sylvester's law of inertia, central difference is stable at a step dt where
+``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for the worst combination of closed contacts, which closes
+exactly the contacts with a negative ``4 eps_m / dt^2 - eps_s``. Each body is factorised by itself, and the contacts
+enter through the small matrix ``N^T ((4/dt^2) M - K)^-1 N``.
 """
 
 from __future__ import annotations
@@ -18,13 +18,15 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.solver.model import Model
 
-EDGE = 1e-9  # margins this close to the limit are marginal
+# Relative distance from the limit within which a step is marginal.
+EDGE = 1e-9
 STEPS_OF_SEARCH = 60
-FEW = 24  # contacts, of which each is tried whether it can be left out
+# Largest number of contacts of which each is tried whether it can be left out, to bound the time.
+FEW = 24
 
 
 class Pencil:
-    """Mass and stiffness of the bodies of a model along their axes, and how contacts join them.
+    """Mass and stiffness of the bodies of a model along their axes, and the contacts that join them.
 
     Parameters
     ----------
@@ -37,11 +39,13 @@ class Pencil:
         self.model = model
         end = model.steps * model.dt
         self.constraints = [
-            h for h in model.constraints if h.load is None or (h.load.start <= 0 and h.load.stop >= end)
+            constraint
+            for constraint in model.constraints
+            if constraint.load is None or (constraint.load.start <= 0 and constraint.load.stop >= end)
         ]
         held: dict[int, list[Floats]] = {}
-        for hold in self.constraints:
-            held.setdefault(hold.node, []).append(hold.direction)
+        for constraint in self.constraints:
+            held.setdefault(constraint.node, []).append(constraint.direction)
         self.held = held
         self.bodies: list[tuple[int, Floats, Floats, Floats]] = []  # first free node, masses, diagonal, off-diagonal
         for body in model.bodies.values():
@@ -49,17 +53,17 @@ class Pencil:
             diagonal[:-1] += body.stiffness
             diagonal[1:] += body.stiffness
             axis = body.mesh.direction
-            free = [self._free(held.get(node, []), axis) for node in (body.start, body.stop - 1)]
+            free = [self._free_along(held.get(node, []), axis) for node in (body.start, body.stop - 1)]
             lo, hi = int(not free[0]), body.mass.size - int(not free[1])
             if hi > lo:
                 self.bodies.append((body.start + lo, body.mass[lo:hi], diagonal[lo:hi], -body.stiffness[lo : hi - 1]))
 
     @staticmethod
-    def _free(directions: list[Floats], axis: Floats) -> bool:
+    def _free_along(directions: list[Floats], axis: Floats) -> bool:
         return all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
 
     def factors(self, dt: float) -> list[Any] | None:
-        """Return banded Cholesky factors of ``(4/dt^2) M - K`` of each body, or None where one is not definite."""
+        """Return banded Cholesky factors of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
         from scipy.linalg import LinAlgError, cholesky_banded
 
         out = []
@@ -74,7 +78,7 @@ class Pencil:
         return out
 
     def normals(self, first: int, count: int) -> Floats:
-        """Return N of all contacts along the axis of a body, at `count` of its nodes from `first` on, (count, P)."""
+        """Return N of all contacts along the axis of a body, for `count` of its nodes from `first` on, (count, P)."""
         columns = np.zeros((count, len(self.model.contact_pairs)))
         for p, contact_pair in enumerate(self.model.contact_pairs):
             for node, normal in contact_pair.rows():
@@ -99,7 +103,7 @@ class Pencil:
     def definite(
         self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int] = ()
     ) -> tuple[bool, list[int]]:
-        """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is definite in every combination of closed contacts.
+        """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for every set of closed contacts.
 
         The worst combination closes exactly the contacts with ``eps_s > 4 eps_m / dt^2``.
 
@@ -108,17 +112,17 @@ class Pencil:
         dt
             Time step.
         stiffness, inertia : (P,) arrays
-            eps_s and eps_m of the contacts judged at the current state, 0 for the others.
+            eps_s and eps_m of the contacts evaluated at the current state, 0 for the others.
         tied
-            Contacts whose gap never changes: only motions that leave it are looked at.
+            Contacts whose gap never changes; only motions that leave these gaps unchanged count.
 
         Returns
         -------
         definite
-            Whether it is.
+            Whether the matrix is positive definite.
         limiting
-            Contacts that suffice to make it indefinite while they are closed, none of which can be left out if they
-            are few; empty where it is definite, or indefinite without contact.
+            Contacts that suffice to make it indefinite while they are closed; up to `FEW` of them none can be left
+            out. Empty where the matrix is definite, or indefinite without contact.
         """
         factors = self.factors(dt)
         if factors is None:
@@ -133,21 +137,25 @@ class Pencil:
             tie = list(tied)
             held = np.linalg.pinv(compliance[np.ix_(tie, tie)], rcond=1e-12, hermitian=True)
             compliance = compliance - compliance[:, tie] @ held @ compliance[tie]
-        small = root[:, None] * compliance[np.ix_(harmful, harmful)] * root
-        if np.linalg.eigvalsh(small)[-1] < 1.0:
+        softening = root[:, None] * compliance[np.ix_(harmful, harmful)] * root
+        if np.linalg.eigvalsh(softening)[-1] < 1.0:
             return True, []
-        return False, [int(p) for p in harmful[_limiting(small)]]
+        return False, [int(p) for p in harmful[_limiting_rows(softening)]]
 
 
-def _limiting(matrix: Floats) -> list[int]:
-    """Return rows of a symmetric matrix whose own submatrix has an eigenvalue of 1 or more, as few as are found."""
+def _limiting_rows(matrix: Floats) -> list[int]:
+    """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
+
+    The rows with the largest components in the last eigenvector come first, the fewest of them that suffice; of up to
+    `FEW` rows, each that can be left out is then left out.
+    """
 
     def unstable(rows: list[int]) -> bool:
         return bool(rows) and bool(np.linalg.eigvalsh(matrix[np.ix_(rows, rows)])[-1] >= 1.0)
 
-    part = np.abs(np.linalg.eigh(matrix)[1][:, -1])
-    order = [int(row) for row in np.argsort(-part, kind="stable")]
-    lo, hi = 0, len(order)  # the first hi rows are unstable, the first lo are not
+    component = np.abs(np.linalg.eigh(matrix)[1][:, -1])
+    order = [int(row) for row in np.argsort(-component, kind="stable")]
+    lo, hi = 0, len(order)  # The first `hi` rows are unstable, the first `lo` rows are not.
     while hi - lo > 1:
         middle = (lo + hi) // 2
         lo, hi = (lo, middle) if unstable(order[:middle]) else (middle, hi)
@@ -160,28 +168,28 @@ def _limiting(matrix: Floats) -> list[int]:
 
 
 def critical_step(stable: Callable[[float], bool], free: float) -> float:
-    """Return the largest step up to which `stable` is true; that is `free` where contact does not lower it."""
-    return free if stable(free * (1.0 - 0.1 * EDGE)) else largest(stable, free)
+    """Return the largest step up to which `stable` is true, which is `free` where contact does not lower it."""
+    return free if stable(free * (1.0 - 0.1 * EDGE)) else largest_step(stable, free)
 
 
-def largest(holds: Callable[[float], bool], start: float, tolerance: float = 1e-11) -> float:
-    """Return the largest step, within a relative `tolerance`, up to which `holds` is true, searching from `start`."""
+def largest_step(stable: Callable[[float], bool], start: float, tolerance: float = 1e-11) -> float:
+    """Return the largest step, within a relative `tolerance`, up to which `stable` is true, searching from `start`."""
     lo = hi = start
-    while not holds(lo):
+    while not stable(lo):
         hi, lo = lo, 0.5 * lo
         if lo < 1e-12 * start:
             return 0.0
-    while hi == lo or holds(hi):
+    while hi == lo or stable(hi):
         lo, hi = hi, 2.0 * hi
         if hi > 1e3 * start:
             return np.inf
-        if lo == start and not holds(hi):
+        if lo == start and not stable(hi):
             break
     for _ in range(STEPS_OF_SEARCH):
         middle = 0.5 * (lo + hi)
         if middle in (lo, hi) or hi - lo < tolerance * hi:
             break
-        if holds(middle):
+        if stable(middle):
             lo = middle
         else:
             hi = middle

@@ -15,17 +15,18 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 from percuss.solver.integrator_check import kernel_of
 
-GROWS = 1e-9  # of a step: a smaller growth is round-off
+# Growth in a step up to which it counts as round-off.
+GROWTH = 1e-9
 OSCILLATORS = 1001
 
 
 def oscillating(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Set `a` to that of oscillators whose squared frequencies `system` holds."""
+    """Set `a` to the accelerations of oscillators, whose squared frequencies are in `system`."""
     a[:] = -system[0] * u
 
 
 def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Floats) -> Any:
-    """Return the amplification matrices of oscillators, (Z, m, m) of the states (u, dt v, dt^2 kept).
+    """Return the amplification matrices of single oscillators for the states (u, dt v, dt^2 kept), (Z, m, m).
 
     Parameters
     ----------
@@ -47,38 +48,38 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     return out
 
 
-def reach(integrator: Integrator, stages: Stages | None, dt: float) -> float:
-    """Return the largest omega dt up to which a scheme is stable, over 2: that of central difference."""
+def limit_ratio(integrator: Integrator, stages: Stages | None, dt: float) -> float:
+    """Return the largest stable omega dt of a scheme over that of central difference, which is 2."""
     if stages is None:
         return 1.0
     try:
-        return _reach(integrator, stages, dt)
-    except TypeError:  # options that have no hash
-        return _reach.__wrapped__(integrator, stages, dt)
+        return _limit_ratio(integrator, stages, dt)
+    except TypeError:  # The options of the integrator may be unhashable, which the cache does not accept.
+        return _limit_ratio.__wrapped__(integrator, stages, dt)
 
 
 @functools.lru_cache(maxsize=1024)
-def _reach(integrator: Integrator, stages: Stages, dt: float) -> float:
+def _limit_ratio(integrator: Integrator, stages: Stages, dt: float) -> float:
 
     def radius(squares: Floats) -> Floats:
         with np.errstate(all="ignore"):
             matrices = amplification(integrator, stages, dt, squares)
             matrices = np.where(np.isfinite(matrices), matrices, 1e3)
-            found: Floats = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
-            return found
+            radii: Floats = np.abs(np.linalg.eigvals(matrices)).max(axis=1)
+            return radii
 
     grid = np.geomspace(1e-3, 1e3, OSCILLATORS)
-    grows = np.flatnonzero(radius(grid) > 1.0 + GROWS)
-    if grows.size == 0:
+    unstable = np.flatnonzero(radius(grid) > 1.0 + GROWTH)
+    if unstable.size == 0:
         return 0.5 * float(np.sqrt(grid[-1]))
-    if grows[0] == 0:
+    if unstable[0] == 0:
         return 0.0
-    lo, hi = grid[grows[0] - 1], grid[grows[0]]
+    lo, hi = grid[unstable[0] - 1], grid[unstable[0]]
     while hi - lo > 1e-13 * hi:
         middle = 0.5 * (lo + hi)
         if middle in (lo, hi):
             break
-        if radius(np.array([middle]))[0] > 1.0 + GROWS:
+        if radius(np.array([middle]))[0] > 1.0 + GROWTH:
             hi = middle
         else:
             lo = middle

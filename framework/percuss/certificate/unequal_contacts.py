@@ -1,9 +1,10 @@
-"""The amplification matrix of the closed step, from the rows of the laws: for contacts that share an end unequally.
+"""Amplification matrix of the closed step from the linear laws, for contacts that share an end with unequal w.
 
-With laws judged at the predicted gap ``u* = 2 u_n - u_{n-1} - dt^2 M^-1 K u_n``, or at the end of the step, the closed
-step is ``u_{n+1} = Q u*``, ``Q = I - dt^2 M^-1 N (diag(sigma) + diag(w) S)^-1 N^T``. Where contacts that share an end
-have different w, Q is not symmetric in the mass, and no theta tells whether the step grows: the eigenvalues of the
-matrix of (u_n, u_{n-1}) do.
+With laws evaluated at the gap of the predictor ``u* = 2 u_n - u_{n-1} - dt^2 M^-1 K u_n``, or at the end of the step,
+the closed step is ``u_{n+1} = Q u*``, ``Q = I - dt^2 M^-1 N (diag(sigma) + diag(w) S)^-1 N^T``. Here w is eps_m / eps_s
+for the predicted gap and dt^2 for the end of the step. Where contacts that share an end have different w, Q is not
+symmetric with respect to the mass matrix and theta does not decide whether the step grows; the eigenvalues of the
+amplification matrix of (u_n, u_{n-1}) do.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
     from percuss.certificate.closed_contacts import ClosedContacts
     from percuss.certificate.pencil import Pencil
 
-SLOW = 1e-7  # growth in a step: less is not told from rounding with certainty
-WORK = 1e8  # cubes of the size of the matrix, over all sets of closed contacts, up to which one step is examined
+# Growth in a step below which it cannot be told from rounding with certainty.
+SLOW = 1e-7
+# Largest `ClosedMatrix.work` for which a step is examined, to bound the time.
+WORK = 1e8
 
 
 class ClosedMatrix:
-    """The closed step of bars along their axes.
+    """Closed step of bars along their axes, with dense matrices.
 
     Parameters
     ----------
@@ -47,7 +50,7 @@ class ClosedMatrix:
             self.scaled[place, place] = diagonal / mass
             self.scaled[place[:-1], place[1:]] = self.scaled[place[1:], place[:-1]] = off / (root[:-1] * root[1:])
             self.normal[place] = pencil.normals(first, size) / root[:, None]
-            if size == pencil.model.body_of(first).mass.size:  # neither end is held along the axis
+            if size == pencil.model.body_of(first).mass.size:  # A body with all its nodes free moves rigidly.
                 motion = np.zeros(self.size)
                 motion[place] = root / np.linalg.norm(root)
                 rigid.append(motion)
@@ -55,21 +58,21 @@ class ClosedMatrix:
         self.rigid = np.array(rigid).reshape(-1, self.size).T
 
     def radius(self, dt: float, laws: ClosedContacts, closed: Sequence[int]) -> float:
-        """Return the largest modulus of the eigenvalues of the step, motions without strain left out.
+        """Return the largest modulus of the eigenvalues of the step, leaving out motions without strain.
 
         Parameters
         ----------
         dt
             Time step.
         laws
-            What the laws say of it.
+            The closed contacts at this step, as their linear laws describe them.
         closed
-            The closed contacts.
+            Numbers of the closed contacts.
         """
-        which = list(closed)
-        normal = self.normal[:, which]
-        weight = laws.surplus[which] + dt * dt
-        left = np.diag(laws.compliance[which]) + weight[:, None] * (normal.T @ normal)
+        indices = list(closed)
+        normal = self.normal[:, indices]
+        weight = laws.surplus[indices] + dt * dt
+        left = np.diag(laws.compliance[indices]) + weight[:, None] * (normal.T @ normal)
         back = np.eye(self.size) - dt * dt * normal @ np.linalg.lstsq(left, normal.T, rcond=None)[0]
         n = self.size
         matrix = np.zeros((2 * n, 2 * n))
@@ -87,13 +90,13 @@ class ClosedMatrix:
         return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
 
     def work(self, count: int) -> float:
-        """Return how much it takes to examine a step with `count` sets of closed contacts."""
+        """Return the work of examining a step: `count` sets of closed contacts times the cube of the matrix size."""
         return float(count * (2 * self.size) ** 3)
 
     def worst(self, dt: float, laws: ClosedContacts, sets: Sequence[Sequence[int]]) -> tuple[bool | None, list[int]]:
-        """Return whether the step is stable in all the given sets of closed contacts, and the first where it is not.
+        """Return whether the step is stable for all given sets of closed contacts, and the first set where it is not.
 
-        None in place of a truth value: growth is so slow there that it may be rounding.
+        None in place of a truth value means that growth is so slow there that it may be rounding.
         """
         doubtful: list[int] | None = None
         for closed in sets:
@@ -105,13 +108,13 @@ class ClosedMatrix:
         return (True, []) if doubtful is None else (None, doubtful)
 
 
-def sets_in_question(groups: Sequence[Sequence[int]], laws: ClosedContacts) -> Iterator[tuple[int, ...]]:
-    """Yield the sets of closed contacts in which two of one group differ in what they weigh, the smallest first.
+def unequal_sets(groups: Sequence[Sequence[int]], laws: ClosedContacts) -> Iterator[tuple[int, ...]]:
+    """Yield the sets of closed contacts in which two contacts of one group differ in `surplus`, smallest sets first.
 
-    Contacts that are tied are closed in each of them.
+    Tied contacts are closed in each set.
     """
-    able = [p for p in range(laws.surplus.size) if not np.isnan(laws.surplus[p])]
-    free = [p for p in able if p not in laws.tied]
+    candidates = [p for p in range(laws.surplus.size) if not np.isnan(laws.surplus[p])]
+    free = [p for p in candidates if p not in laws.tied]
     for count in range(len(free) + 1):
         for chosen in itertools.combinations(free, count):
             closed = sorted({*chosen, *laws.tied})

@@ -1,4 +1,4 @@
-"""The certificate of a run: what can be said of its stability before its first step."""
+"""Certificate of a run: the assessment of its stability before its first step."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
-from percuss.certificate.criteria import BlackBoxCriterion, Finding, PencilCriterion, RunCriterion, named
-from percuss.certificate.cures import capital, cure_of, down, no_step
+from percuss.certificate.criteria import (
+    BlackBoxCriterion,
+    PencilCriterion,
+    RunCriterion,
+    StepAssessment,
+    quoted_names,
+)
+from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.pencil import EDGE
 from percuss.errors import InputError
 from percuss.solver.bodies import tangent_as_declared
@@ -18,13 +24,16 @@ from percuss.solver.model import Model
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-LEAST = 1e-4  # of the free step: a smaller critical one counts as none
-ABOVE = 1e-6  # by so much above the critical step it is asked which contacts limit it
-SAFETY = 0.9  # of the critical step, where the case leaves the step open
+# Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
+LEAST = 1e-4
+# Relative distance above the critical step at which the contacts that limit it are unstable and can be found.
+ABOVE = 1e-6
+# Share of the critical step that is chosen where the case leaves the step open.
+SAFETY = 0.9
 
 
 def settled(case: Case) -> Model:
-    """Return the model of a case, its step chosen where the case leaves it open: `SAFETY` of the critical one.
+    """Return the model of a case; where the case leaves the step open, choose `SAFETY` times the critical step.
 
     Raises
     ------
@@ -39,14 +48,20 @@ def settled(case: Case) -> Model:
         advice = "The highest frequency changes with the strain, so that no step is known to be stable: give one."
         raise InputError([case.problem(("time", "courant"), message, advice)])
     limit = np.inf
-    while True:  # a run of so many steps ends the sooner the shorter they are, and with it what its drives hold
-        judge = criterion_of(model)
-        critical = judge.critical()
-        chosen = judge.judge(SAFETY * critical) if 0.0 < critical < np.inf else Finding(False, known=False)
-        # growth so slow that a single tiny step does not show it is no stability
-        if not LEAST * judge.free < critical < np.inf or not (chosen.known or chosen.stable):
+    # With a given number of steps, a shorter step ends the run earlier, so other drives may act during the run, and the
+    # critical step may change with them. The loop ends when the critical step does not fall any more.
+    while True:
+        criterion = criterion_of(model)
+        critical = criterion.critical()
+        chosen = (
+            criterion.assess_step(SAFETY * critical)
+            if 0.0 < critical < np.inf
+            else StepAssessment(False, conclusive=False)
+        )
+        # A tiny critical step is no stability: growth may be too slow to show in a single step of that length.
+        if not LEAST * criterion.free < critical < np.inf or not (chosen.conclusive or chosen.stable):
             message = "expected methods of which some step is known to be stable"
-            advice = f"{capital(no_step(model, judge.free))}." if critical == 0.0 else "Give a step."
+            advice = f"{capitalised(no_step(model, criterion.free))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - EDGE):
             return model
@@ -55,14 +70,14 @@ def settled(case: Case) -> Model:
 
 
 def criterion_of(model: Model) -> RunCriterion:
-    """Return the judge of a run: the rows of its laws where they are enough, else the step itself."""
+    """Return the criterion of a run: the pencil where it covers all of its laws, else the black box."""
     return RunCriterion(model, BlackBoxCriterion if closed_contacts(model, model.dt).unknown else PencilCriterion)
 
 
 def certificate(model: Model) -> dict[str, Any]:
     """Return the certificate of a run.
 
-    Every stretch of the run with its own supports, drives and acting laws is judged, and the worst of them speaks.
+    Each stretch of the run with its own supports, drives and acting laws is assessed, and the worst of them decides.
 
     Parameters
     ----------
@@ -72,33 +87,35 @@ def certificate(model: Model) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``stable`` (yes, marginal, no, unknown; of the closed linear step), ``energy`` (what the pair guarantees over
-        switching) and ``energy_why``, ``dt_critical`` (None where it is not known), ``dt_critical_free``,
-        ``courant_critical``, ``margin`` (dt over the critical one), ``worst`` (closed contacts that limit the step),
-        ``stretch`` (from and until when the supports and drives hold that it is about; None where they never change),
-        ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``, ``ignores`` (sentences: which laws take no
-        account of contacts at the same end). Of bodies that are not linear the critical steps are None: they change
-        with the strain.
+        ``stable`` (yes, marginal, no or unknown, for the closed linear step), ``energy`` (the energy guarantee of the
+        pair of methods while contacts open and close) and ``energy_why``, ``dt_critical`` (None where it is not known),
+        ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over the critical step), ``worst`` (closed contacts
+        that limit the step), ``stretch`` (start and stop of the decisive stretch of the run; None where supports,
+        drives and acting laws never change), ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``,
+        ``ignores`` (sentences that name the laws that take no account of contacts at the same end). With bodies that
+        are not linear the critical steps are None, because they change with the strain.
     """
     if model.why_not_linear:
-        return _of_bodies_not_linear(model)
-    judge = criterion_of(model)
-    free, critical = judge.free, judge.critical()
-    finding = judge.judge(model.dt)
-    if finding.known and np.isnan(critical) and judge.by == BlackBoxCriterion.by:
-        finding = dataclasses.replace(finding, known=False, doubt="the closed step is not linear at longer steps")
-    if finding.known and finding.stable and not np.isnan(critical):
+        return _certificate_of_nonlinear_bodies(model)
+    criterion = criterion_of(model)
+    free, critical = criterion.free, criterion.critical()
+    assessment = criterion.assess_step(model.dt)
+    if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
+        assessment = dataclasses.replace(
+            assessment, conclusive=False, doubt="the closed step is not linear at longer steps"
+        )
+    if assessment.conclusive and assessment.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
-    if finding.known and 0.0 < critical < free * (1.0 - EDGE):
-        # the contacts that limit the step are those that are unstable just above it
-        limiting = judge.judge(critical * (1.0 + ABOVE))
-        if not limiting.stable and limiting.known:
-            finding = dataclasses.replace(finding, worst=limiting.worst, stretch=limiting.stretch)
-    if not finding.known or (not finding.stable and critical > model.dt * (1.0 + EDGE)):
-        critical = np.nan  # a longer step may be stable where this one is not
-    verdict, why = _verdict(judge, finding, free, critical)
-    energy, energy_why = _energy(judge, finding, verdict)
-    stretch = judge.stretches[finding.stretch]
+    if assessment.conclusive and 0.0 < critical < free * (1.0 - EDGE):
+        # The contacts that limit the step are those with which a step just above the critical one is unstable.
+        limiting = criterion.assess_step(critical * (1.0 + ABOVE))
+        if not limiting.stable and limiting.conclusive:
+            assessment = dataclasses.replace(assessment, worst=limiting.worst, stretch=limiting.stretch)
+    if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + EDGE)):
+        critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
+    verdict, why = _verdict(criterion, assessment, free, critical)
+    energy, energy_why = _energy_guarantee(criterion, assessment, verdict)
+    stretch = criterion.stretches[assessment.stretch]
     return {
         "stable": verdict,
         "energy": energy,
@@ -107,21 +124,21 @@ def certificate(model: Model) -> dict[str, Any]:
         "dt_critical_free": free,
         "courant_critical": None if np.isnan(critical) else 0.5 * critical * model.omega,
         "margin": None if np.isnan(critical) else model.dt / critical if critical > 0 else np.inf,
-        "worst": [model.contact_pairs[p].name for p in finding.worst],
-        "stretch": [stretch.start, stretch.stop] if len(judge.stretches) > 1 else None,
-        "theta": finding.theta,
-        "by": judge.by,
+        "worst": [model.contact_pairs[p].name for p in assessment.worst],
+        "stretch": [stretch.start, stretch.stop] if len(criterion.stretches) > 1 else None,
+        "theta": assessment.theta,
+        "by": criterion.by,
         "why": why,
-        "cure": (finding.cure or cure_of(judge, critical)) if verdict == "no" else "",
+        "cure": (assessment.cure or cure_of(criterion, critical)) if verdict == "no" else "",
         "ignores": model.ignored_couplings(),
     }
 
 
-def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
+def _certificate_of_nonlinear_bodies(model: Model) -> dict[str, Any]:
     """Return the certificate of a run with bodies that are not linear.
 
-    Their highest frequency changes with the strain, so that no step is known to be stable. A step that is unstable for
-    small motions about rest is known to be unstable, where the bodies about rest are as stiff as they declare.
+    Their highest frequency changes with the strain, so no step is known to be stable. A step that is unstable for
+    small motions about rest is known to be unstable, provided the bodies are as stiff about rest as they declare.
     """
     laws = closed_contacts(model, model.dt)
     out: dict[str, Any] = {
@@ -138,43 +155,45 @@ def _of_bodies_not_linear(model: Model) -> dict[str, Any]:
     }
     if laws.unknown or not tangent_as_declared(model):
         return out
-    judge = criterion_of(model)
-    finding, critical = judge.judge(model.dt), judge.critical()
-    about_rest, why = _verdict(judge, finding, judge.free, critical)
+    criterion = criterion_of(model)
+    assessment, critical = criterion.assess_step(model.dt), criterion.critical()
+    about_rest, why = _verdict(criterion, assessment, criterion.free, critical)
     if about_rest == "no":
-        lower = f"lower the step below {down(critical)}, the critical step of small motions about rest"
-        out |= {"stable": "no", "by": judge.by, "why": f"for small motions about rest {why}"}
-        out["cure"] = lower if critical > 0 else no_step(model, judge.free)
-        out["worst"], out["theta"] = [model.contact_pairs[p].name for p in finding.worst], finding.theta
+        lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
+        out |= {"stable": "no", "by": criterion.by, "why": f"for small motions about rest {why}"}
+        out["cure"] = lower if critical > 0 else no_step(model, criterion.free)
+        out["worst"], out["theta"] = [model.contact_pairs[p].name for p in assessment.worst], assessment.theta
     else:
         out["why"] += f"; for small motions about rest {why}"
     return out
 
 
-def _verdict(judge: RunCriterion, finding: Finding, free: float, critical: float) -> tuple[str, str]:
-    """Return the verdict on the closed linear step, and the reason in words."""
-    model = judge.model
+def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, critical: float) -> tuple[str, str]:
+    """Return the verdict on the closed linear step, and the reason for it in words."""
+    model = criterion.model
     if free == 0.0:
         return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
     if model.dt > free * (1.0 + EDGE):
         courant = f"Courant number {model.courant:.6g}"
         return "no", f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow without contact"
     when = ""
-    if len(judge.stretches) > 1:
-        stretch = judge.stretches[finding.stretch]
+    if len(criterion.stretches) > 1:
+        stretch = criterion.stretches[assessment.stretch]
         when = f", with the supports and drives from {stretch.start:.6g} to {stretch.stop:.6g}"
-    if not finding.known:
-        return "unknown", f"{finding.doubt}{when}; without contact the bodies allow {free:.6g}"
-    many = "contacts" if len(finding.worst) > 1 else "contact"
-    combination = f"with closed {many} {named(model, finding.worst)}" if finding.worst else "with all contacts open"
-    more = f"; theta = {finding.theta:.6g}" if finding.theta is not None else ""
-    more += f" ({finding.doubt})" if finding.doubt else ""
-    return _against(model.dt, critical, f"{combination}{when}{more}", stable=finding.stable)
+    if not assessment.conclusive:
+        return "unknown", f"{assessment.doubt}{when}; without contact the bodies allow {free:.6g}"
+    noun = "contacts" if len(assessment.worst) > 1 else "contact"
+    combination = (
+        f"with closed {noun} {quoted_names(model, assessment.worst)}" if assessment.worst else "with all contacts open"
+    )
+    more = f"; theta = {assessment.theta:.6g}" if assessment.theta is not None else ""
+    more += f" ({assessment.doubt})" if assessment.doubt else ""
+    return _compare_with_critical(model.dt, critical, f"{combination}{when}{more}", stable=assessment.stable)
 
 
-def _against(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[str, str]:
-    """Return the verdict that follows from a step and the critical one, which is nan where it was not searched for."""
-    margin = np.inf if critical <= 0.0 else dt / critical  # nan compares as neither above nor below
+def _compare_with_critical(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[str, str]:
+    """Return the verdict from a step and the critical step, nan where that is not known, and the reason in words."""
+    margin = np.inf if critical <= 0.0 else dt / critical  # A margin of nan is neither above nor below any number.
     if margin > 1.0 + EDGE:
         digits = 6 if margin > 1.0 + 1e-5 else 12
         return "no", f"the step {dt:.{digits}g} is above {critical:.{digits}g}, the critical step {combination}"
@@ -190,33 +209,34 @@ def _against(dt: float, critical: float, combination: str, *, stable: bool) -> t
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
-def _energy(judge: RunCriterion, finding: Finding, verdict: str) -> tuple[str, str]:
-    """Return what the pair of methods guarantees of the energy in this run, and the reason in words."""
-    model = judge.model
+def _energy_guarantee(criterion: RunCriterion, assessment: StepAssessment, verdict: str) -> tuple[str, str]:
+    """Return the energy guarantee of the pair of methods in this run, and the reason for it in words."""
+    model = criterion.model
     laws = closed_contacts(model, model.dt)
     if laws.energy in {NEVER_GROWS, BETWEEN}:
-        if verdict == "no" or (finding.theta is not None and finding.theta >= 1.0):
-            more = ", with theta below 1" if finding.theta is not None else ""
+        if verdict == "no" or (assessment.theta is not None and assessment.theta >= 1.0):
+            more = ", with theta below 1" if assessment.theta is not None else ""
             return NOT_GUARANTEED, f"that takes a stable closed step{more}"
-        if laws.energy == NEVER_GROWS and (jump := _stiffening(model, laws)):
-            return NOT_GUARANTEED, jump
+        if laws.energy == NEVER_GROWS and (reason := _stiffened_contacts(model, laws)):
+            return NOT_GUARANTEED, reason
     return laws.energy, laws.why
 
 
-def _stiffening(model: Model, laws: ClosedContacts) -> str:
-    """Return the words for a contact that a change of supports stiffens at the end of the step, "" for none.
+def _stiffened_contacts(model: Model, laws: ClosedContacts) -> str:
+    """Return a sentence about the first contacts that the start or end of a drive stiffens; empty if there are none.
 
-    ``kappa = 1 / (1/eps_s + (eps_m/eps_s - dt^2) s)`` rises with s where eps_m / eps_s is below dt^2, and falls with it
-    above. The energy that a closed contact stores rises with kappa, and no work goes with that.
+    A drive changes s of the contact. The stiffness at the end of the step,
+    ``kappa = 1 / (1/eps_s + (eps_m/eps_s - dt^2) s)``, rises with s where eps_m / eps_s is below dt^2 and falls with s
+    where it is above. The energy stored in a closed contact rises with kappa, without any work being done.
     """
-    soft = laws.predicted & (laws.stiffness > 0)
+    pressing = laws.predicted & (laws.stiffness > 0)
     before: Any = None
     for first, _ in model.segments():
-        after = laws.compliance + np.where(soft, laws.surplus, 0.0) * model.delassus((first + 0.5) * model.dt)
+        after = laws.compliance + np.where(pressing, laws.surplus, 0.0) * model.delassus((first + 0.5) * model.dt)
         stiffer = [] if before is None else [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]
         if stiffer:
             return (
-                f"at {first * model.dt:.6g} a drive starts or ends at contact {named(model, stiffer)}: what it "
+                f"at {first * model.dt:.6g} a drive starts or ends at contact {quoted_names(model, stiffer)}: what it "
                 "stores while closed rises there, and no work goes with that"
             )
         before = after

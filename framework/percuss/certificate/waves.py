@@ -1,7 +1,7 @@
-"""Waves at an interface: what a closed contact lets through and throws back, measured from the step itself.
+"""Waves at an interface: reflection and transmission of a closed contact, measured from the time step itself.
 
-Two endless uniform bars meet in the contact. Harmonics in them are known, of the leap-frog step as of the bar:
-``(2/C) sin(omega dt/2) = Omega = 2 sin(k h/2)``. What the step makes of the ends in contact is read from the
+Two infinitely long uniform bars meet in the contact. Harmonics of the leap-frog step in such a bar are known:
+``(2/C) sin(omega dt/2) = Omega = 2 sin(k h/2)``. The motion of the ends in contact over a step is read from the
 amplification matrix; two equations at the two ends then give reflection and transmission at any frequency.
 """
 
@@ -23,22 +23,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Waves:
-    """Reflection and transmission of one contact; (F,) arrays.
+    """Reflection and transmission of one closed contact; (F,) arrays.
 
     Attributes
     ----------
     contact
-        Its name.
+        Name of the contact.
     frequency
-        Omega = omega h / c of the first side's end element, as the bar sees it; from 0 to 2 [1].
+        Omega = 2 sin(k h / 2) of the end element of the first side, which is omega h / c of the bar without time
+        steps; from 0 to 2 [1].
     reflected, transmitted
-        Complex amplitudes of displacement over that of the arriving wave; nothing is transmitted into a wall.
+        Complex amplitudes of displacement over that of the incident wave; nothing is transmitted into a wall.
     kept
-        Share of the arriving energy that leaves again; 1 where the interface keeps energy.
+        Share of the incident energy that leaves the interface again; 1 where the interface conserves energy.
     formula
-        Transmission by formula (identical bars, laws that are rows), or None.
+        Transmission by formula, for identical bars and a linear law; else None.
     reason
-        Why there is no formula.
+        Reason why there is no formula; empty where there is one.
     """
 
     contact: str
@@ -50,7 +51,7 @@ class Waves:
     reason: str
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one dict a frequency, moduli and phases."""
+        """Return one dictionary for each frequency, with moduli and the phase of the transmission."""
         return [
             {
                 "contact": self.contact,
@@ -66,12 +67,12 @@ class Waves:
 
 
 def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
-    """Return what a contact held closed does to waves.
+    """Return reflection and transmission of waves at a contact that is held closed.
 
     Parameters
     ----------
     model
-        The case as arrays; its integrator, law, step and end elements are those measured.
+        The case as arrays; integrator, contact law, step and end elements are measured as they are in it.
     contact
         Name of the contact; by default the first.
     count
@@ -82,8 +83,8 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     InputError
         If there is no such contact.
     PercussError
-        If a body is not linear, the integrator is no leap-frog scheme, the contact is not linear when closed, or an end
-        in it is held or in a second contact.
+        If a body is not linear, the integrator is a multi-stage scheme, the step is not linear with the contact
+        closed, or an end in contact is held, in a second contact, or of a body with fewer than two elements.
     """
     if model.why_not_linear:
         raise PercussError(f"{model.why_not_linear}: its waves are no harmonics, and change with the strain")
@@ -100,31 +101,41 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     contact_pair = model.contact_pairs[p]
     ends = _Ends(model, p)
     courant = [0.5 * model.dt * frequency for _, frequency in ends.sides]
-    # up to where the first side or the leap-frog step itself ends
+    # The first bar carries no wave above Omega = 2, and the leap-frog step none above Omega = 2/C.
     frequency = np.linspace(0.0, 2.0 * min(1.0, 1.0 / courant[0]), count + 2)[1:-1]
-    turn = 2.0 * np.arcsin(0.5 * courant[0] * frequency)  # omega dt
-    z = np.exp(1j * turn)
-    phase = [_phase(2.0 / c * np.sin(0.5 * turn)) for c in courant]
+    step_phase = 2.0 * np.arcsin(0.5 * courant[0] * frequency)  # omega dt
+    z = np.exp(1j * step_phase)
+    phase = [_element_phase(2.0 / c * np.sin(0.5 * step_phase)) for c in courant]
     reflected, transmitted = np.zeros((2, count), dtype=complex)
     for k in range(count):
-        # displacement along the normal of each end and the node behind it, for R = T = 0, then by R and by T
-        known = np.zeros(2 * len(ends.sides), dtype=complex)
-        known[:2] = 1.0, np.exp(1j * phase[0][k])
-        unknown = np.zeros((2 * len(ends.sides), len(ends.sides)), dtype=complex)
+        # Displacements along the normal of each end and of the node behind it: of the incident wave, and of the waves
+        # that leave with unit amplitude, the reflected one and, into a second bar, the transmitted one.
+        incident = np.zeros(2 * len(ends.sides), dtype=complex)
+        incident[:2] = 1.0, np.exp(1j * phase[0][k])
+        outgoing = np.zeros((2 * len(ends.sides), len(ends.sides)), dtype=complex)
         for side in range(len(ends.sides)):
-            unknown[2 * side : 2 * side + 2, side] = 1.0, np.exp(-1j * phase[side][k])
-        rule = ends.place + (1.0 - 1.0 / z[k]) * ends.speed
-        rule[:, ::2] -= (z[k] - 1.0) * np.eye(len(ends.sides))
-        found = np.linalg.solve(rule @ unknown, -rule @ known)
-        reflected[k], transmitted[k] = found[0], found[1] if found.size > 1 else 0.0
+            outgoing[2 * side : 2 * side + 2, side] = 1.0, np.exp(-1j * phase[side][k])
+        equations = ends.place + (1.0 - 1.0 / z[k]) * ends.speed
+        equations[:, ::2] -= (z[k] - 1.0) * np.eye(len(ends.sides))
+        amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)
+        reflected[k], transmitted[k] = amplitudes[0], amplitudes[1] if amplitudes.size > 1 else 0.0
     flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(ends.sides, phase, strict=True)]
-    onward = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0
-    formula, reason = _formula(model, p, frequency, turn)
-    return Waves(contact_pair.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + onward, formula, reason)
+    passed = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0
+    formula, reason = _formula(model, p, frequency, step_phase)
+    return Waves(contact_pair.name, frequency, reflected, transmitted, np.abs(reflected) ** 2 + passed, formula, reason)
 
 
 class _Ends:
-    """What the step makes of the ends of a contact: ``dt v`` after it, by place and speed of ends and nodes behind."""
+    """Response of the ends of a closed contact: ``dt v`` after a step to displacement and velocity of the nodes.
+
+    Attributes
+    ----------
+    sides
+        EA/h and 2c/h of the end element of each side.
+    place, speed : (sides, 2 sides) arrays
+        ``dt v`` of each end along the normal, after a step from a unit displacement and from a unit ``dt v`` of each
+        end and of the node behind it.
+    """
 
     def __init__(self, model: Model, p: int) -> None:
         contact_pair = model.contact_pairs[p]
@@ -132,10 +143,12 @@ class _Ends:
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():
             raise PercussError(f"contact '{contact_pair.name}': the step is not linear while it is closed")
-        held = {hold.node for hold in motions.pencil.constraints}
+        held = {constraint.node for constraint in motions.pencil.constraints}
         bodies = [model.body_of(node) for node in contact_pair.nodes]
         others = [
-            m.name for m in model.contact_pairs if m is not contact_pair and set(m.nodes) & set(contact_pair.nodes)
+            other.name
+            for other in model.contact_pairs
+            if other is not contact_pair and set(other.nodes) & set(contact_pair.nodes)
         ]
         if held & set(contact_pair.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
             raise PercussError(
@@ -143,42 +156,46 @@ class _Ends:
                 "behind"
             )
         self.sides = [
-            (float(b.stiffness[b.end_element(n)]), float(b.frequency[b.end_element(n)]))
-            for b, n in zip(bodies, contact_pair.nodes, strict=True)
+            (float(body.stiffness[body.end_element(node)]), float(body.frequency[body.end_element(node)]))
+            for body, node in zip(bodies, contact_pair.nodes, strict=True)
         ]
-        behind = [n + 1 if n == b.start else n - 1 for b, n in zip(bodies, contact_pair.nodes, strict=True)]
+        behind = [
+            node + 1 if node == body.start else node - 1 for body, node in zip(bodies, contact_pair.nodes, strict=True)
+        ]
         nodes = [node for pair in zip(contact_pair.nodes, behind, strict=True) for node in pair]
-        place = np.stack([self._unit(motions, model, node, contact_pair.normal) for node in nodes], axis=1)
+        place = np.stack([self._unit_displacement(motions, model, node, contact_pair.normal) for node in nodes], axis=1)
         rest = np.zeros_like(place)
-        read = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
-        self.place = read.T @ step(np.concatenate([place, rest]))[step.size :]
-        self.speed = read.T @ step(np.concatenate([rest, place]))[step.size :]
+        readout = place[:, ::2] / np.sum(place[:, ::2] ** 2, axis=0)
+        self.place = readout.T @ step(np.concatenate([place, rest]))[step.size :]
+        self.speed = readout.T @ step(np.concatenate([rest, place]))[step.size :]
 
     @staticmethod
-    def _unit(motions: Motions, model: Model, node: int, normal: Floats) -> Floats:
+    def _unit_displacement(motions: Motions, model: Model, node: int, normal: Floats) -> Floats:
         full = np.zeros((model.n_nodes, model.dim))
         full[node] = normal
-        return np.asarray(motions.read @ (full.ravel() * motions.root))
+        return np.asarray(motions.projection @ (full.ravel() * motions.root))
 
 
-def _phase(frequency: Floats) -> Any:
-    """Return k h of a bar at Omega, decaying into the bar where Omega is above 2."""
+def _element_phase(frequency: Floats) -> Any:
+    """Return k h of a bar at the frequencies Omega, complex above Omega = 2, where the wave decays into the bar."""
     return np.conj(2.0 * np.arcsin(0.5 * frequency.astype(complex)))
 
 
-def _formula(model: Model, p: int, frequency: Floats, turn: Floats) -> tuple[Any, str]:
-    """Return the transmission of identical bars by formula, or why there is none."""
+def _formula(model: Model, p: int, frequency: Floats, step_phase: Floats) -> tuple[Any, str]:
+    """Return the transmission between identical bars by formula, or None and the reason why there is no formula."""
     contact_pair = model.contact_pairs[p]
     if len(contact_pair.nodes) < 2 or not contact_pair.equal_sides:
         return None, "a formula is known for identical bars only"
-    said = closed_contacts(model, model.dt)
-    if contact_pair.law.name in said.unknown or said.stiffness[p] == 0:
+    laws = closed_contacts(model, model.dt)
+    if contact_pair.law.name in laws.unknown or laws.stiffness[p] == 0:
         return None, f"no formula for {contact_pair.law.name}"
     side = frequency * np.sqrt(1.0 - 0.25 * frequency**2)
-    stiffness, inertia = said.stiffness[p] / contact_pair.stiffness, said.inertia[p] / contact_pair.mass
-    if not said.predicted[p]:
-        # eps_s - eps_m omega^2, over EA/h; with rho A h / 2 = 2 (EA/h) / (2c/h)^2
+    stiffness, inertia = laws.stiffness[p] / contact_pair.stiffness, laws.inertia[p] / contact_pair.mass
+    if not laws.predicted[p]:
+        # The contact has the dynamic stiffness eps_s - eps_m omega^2, here over EA/h, as rho A h / 2 is
+        # 2 (EA/h) / (2c/h)^2.
         return 1.0 / (1.0 + 1j * side / (2.0 * (stiffness - 0.5 * inertia * frequency**2))), ""
-    # 1/kappa over h/EA, s = 2/m of two equal masses; 0 at theta = 1, where contact takes back all of the overlap
-    soft = (1.0 + (said.inertia[p] - model.dt**2 * said.stiffness[p]) * 2.0 / contact_pair.mass) / stiffness
-    return 1.0 / (1.0 + 0.5j * side * np.exp(-1j * turn) * soft), ""
+    # This is 1/kappa over h/EA, with s = 2/m of two equal masses. It is 0 at theta = 1, where contact takes back all of
+    # the overlap.
+    compliance = (1.0 + (laws.inertia[p] - model.dt**2 * laws.stiffness[p]) * 2.0 / contact_pair.mass) / stiffness
+    return 1.0 / (1.0 + 0.5j * side * np.exp(-1j * step_phase) * compliance), ""

@@ -6,13 +6,13 @@ from percuss.cli.common import AsJson, CaseFile, Plugins, Sets, load_case, print
 
 
 def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: AsJson = False) -> None:
-    """Say in words and formulas what a case will do, without running it."""
+    """Explain the run of a case in words and formulas, without running it."""
     with reporting(as_json):
         from percuss.certificate.verdict import settled
         from percuss.reporting.explanation import explanation
 
-        told = explanation(settled(load_case(case, set_, plugin)))
+        explained = explanation(settled(load_case(case, set_, plugin)))
         if as_json:
-            print_json(told.data)
+            print_json(explained.data)
         else:
-            print(told.text)
+            print(explained.text)

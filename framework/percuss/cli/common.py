@@ -1,4 +1,4 @@
-"""What every command does alike: errors as messages and exit codes, a progress bar, JSON."""
+"""Common parts of the commands: options, errors as messages and exit codes, a progress bar, JSON."""
 
 from __future__ import annotations
 
@@ -29,12 +29,13 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standar
 
 COMPILING = "compiling the time loop, once for this kind of model"
 
-_ON_TERMINAL: list[Any] = []  # the bar or spinner that is shown: a terminal has room for one
+# The progress bar that is shown, if any: a terminal has no room for a spinner beside it.
+_ON_TERMINAL: list[Any] = []
 
 
 @contextmanager
 def _compiling_shown() -> Iterator[None]:
-    """Show a spinner with words on standard error while numba compiles, on a terminal."""
+    """Show a spinner on standard error while numba compiles, on a terminal that shows no progress bar."""
     from percuss.compiling import NOTICES
 
     spinner: list[Any] = []
@@ -59,15 +60,18 @@ def _compiling_shown() -> Iterator[None]:
 
 @contextmanager
 def reporting(as_json: bool) -> Iterator[None]:
-    """Turn errors that percuss raises on purpose into a message and an exit code; show what takes long."""
+    """Turn errors into a message and an exit code, and show a spinner while the time loop is compiled.
+
+    Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so.
+    """
     try:
         with _compiling_shown():
             yield
     except PercussError as error:
         if as_json:
-            problems = [vars(p) for p in error.problems] if isinstance(error, InputError) else []
-            kind = "bad input" if error.exit_code == 2 else "failed"
-            print_json({"status": kind, "error": str(error), "problems": problems})
+            problems = [vars(problem) for problem in error.problems] if isinstance(error, InputError) else []
+            status = "bad input" if error.exit_code == 2 else "failed"
+            print_json({"status": status, "error": str(error), "problems": problems})
         print(f"error: {error}" if not isinstance(error, InputError) else str(error), file=sys.stderr)
         if isinstance(error, InputError):
             count = len(error.problems)
@@ -83,7 +87,8 @@ def reporting(as_json: bool) -> Iterator[None]:
         from percuss.methods.blame import line_in_plugin
 
         where = line_in_plugin(error)
-        if not where:  # a defect of percuss itself: all of it is wanted
+        # A defect of percuss itself keeps its full traceback.
+        if not where:
             raise
         text = f"{where}: {type(error).__name__}: {error}"
         if as_json:
@@ -93,8 +98,8 @@ def reporting(as_json: bool) -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(what: str = "steps") -> Iterator[Callable[[int, int], None]]:
-    """Give a callback that shows a bar with the remaining time, on a terminal and for runs that last."""
+def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
+    """Yield a callback that shows a bar with the remaining time, on a terminal and if the work lasts over a second."""
     import time
 
     started = time.monotonic()
@@ -105,7 +110,7 @@ def progress_bar(what: str = "steps") -> Iterator[Callable[[int, int], None]]:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-            columns = (TextColumn(f"{{task.completed}}/{{task.total}} {what}"), BarColumn(), TimeRemainingColumn())
+            columns = (TextColumn(f"{{task.completed}}/{{task.total}} {unit}"), BarColumn(), TimeRemainingColumn())
             bar = Progress(*columns, console=Console(stderr=True), transient=True)
             bar.start()
             shown.extend([bar, bar.add_task("march", total=total)])
@@ -122,14 +127,14 @@ def progress_bar(what: str = "steps") -> Iterator[Callable[[int, int], None]]:
 
 
 def print_json(data: dict[str, Any]) -> None:
-    """Print one JSON object."""
+    """Print one JSON object on standard output."""
     print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def load_case(
     path: Path, sets: list[str] | None, files: list[Path] | None, read: Callable[..., Case] | None = None
 ) -> Case:
-    """Return the case in a file, with the values that ``--set`` replaces."""
+    """Return the case in a file, with the values of ``--set`` in place of its own."""
     from percuss.case.case import load
 
     overrides = {}
@@ -147,7 +152,7 @@ def load_case(
 def load_to_write(
     path: Path, sets: list[str] | None, files: list[Path] | None, plot: Path | None, out: Path | None = None
 ) -> Case:
-    """Return a case; refuse a picture or a file that could not be written, before anything is run for it."""
+    """Return the case in a file; refuse a figure or an output file that could not be written before the case is run."""
     if plot is not None:
         expect_drawable(plot)
     loaded = load_case(path, sets, files)
@@ -164,25 +169,25 @@ def print_notes(case: Case) -> None:
 
 
 def names_in(text: str) -> list[str]:
-    """Return the names in a list with commas."""
+    """Return the names in a comma-separated list."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def methods_in_words(case: Case) -> str:
-    """Return the integrator and the contact laws of a case, for the title of a picture."""
+    """Return the integrator and the contact laws of a case in words, for the head of a figure."""
     laws = list(dict.fromkeys(contact.law.name for contact in case.contacts.values())) or ["no contact"]
     return f"{case.method.integrator.name} integrator  ·  {', '.join(laws)}"
 
 
 def expect_drawable(path: Path) -> None:
-    """Refuse a picture of a kind that cannot be drawn."""
+    """Refuse a figure that cannot be drawn because of its suffix or because matplotlib is not installed."""
     from percuss.reporting.figures import check_suffix
 
     check_suffix(path)
 
 
 def expect_writable(path: Path) -> None:
-    """Refuse a place that cannot be written to before anything is run."""
+    """Refuse a path that cannot be written to, before anything is run."""
     from percuss.files import replacing
 
     attempt = replacing(path, path.suffix)

@@ -1,4 +1,4 @@
-"""The command line. Everything heavy is imported inside the command that needs it."""
+"""The command line. Modules that take long to import are imported inside the commands that need them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ for command in (run, check, compare, study, stability, waves, report, verify, pl
 
 def main() -> None:
     """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input."""
-    # the matrices are small: threads of BLAS cost more than they bring, above all beside other runs
+    # The matrices are small, so threads of BLAS cost more time than they save, above all beside other runs.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app(standalone_mode=True)

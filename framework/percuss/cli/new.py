@@ -26,7 +26,7 @@ def new(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where to write; else here.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
-    """Write a method to start from: a package with its test, case and README; it runs as it stands."""
+    """Write the first files of a method: a package with its test, case and README, which runs as it is."""
     with reporting(as_json):
         from percuss.cli.scaffold import scaffold
 

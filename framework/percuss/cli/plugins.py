@@ -21,11 +21,11 @@ def plugins(
 
         registry = Registry.load(plugin or [])
         if name:
-            found = component.components_named(registry, name)
+            keys = component.components_named(registry, name)
             if as_json:
-                print_json({"components": [component.component_data(registry, *key) for key in found]})
+                print_json({"components": [component.component_data(registry, *key) for key in keys]})
             else:
-                print("\n\n".join(component.component_text(registry, *key) for key in found))
+                print("\n\n".join(component.component_text(registry, *key) for key in keys))
         elif as_json:
             print_json(component.registry_data(registry))
         else:

@@ -1,4 +1,4 @@
-"""The command that tells a study as a page or as pictures."""
+"""The command ``percuss report``."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def report(
         Path | None, typer.Option("--figures", metavar="DIR", help="Pictures as svg and pdf; no page unless -o.")
     ] = None,
 ) -> None:
-    """Tell a study as one HTML page that needs nothing beside it, or as pictures for print."""
+    """Write a study as one HTML page that needs no other file, or as figures for print."""
     with reporting(as_json=False):
-        _page_named(out)
+        _expect_html(out)
         from percuss.studies.study import open_study
 
         for path in written(open_study(study), study, out, figures):
@@ -32,7 +32,7 @@ def report(
 
 
 def written(study: StudyLike, source: Path, page: Path | None, folder: Path | None) -> list[Path]:
-    """Write pictures into `folder`, and the page, by default named after `source`; return what was written."""
+    """Write the figures of a study into `folder` and its page, by default named after `source`; return the paths."""
     from percuss.reporting.study_figures import study_figures
     from percuss.reporting.study_page import study_report
 
@@ -42,8 +42,8 @@ def written(study: StudyLike, source: Path, page: Path | None, folder: Path | No
     return out
 
 
-def _page_named(page: Path | None) -> None:
-    """Refuse a page that no browser would open, before anything is read for it."""
+def _expect_html(page: Path | None) -> None:
+    """Refuse a page whose suffix is not of HTML, before the study is read."""
     from percuss.errors import InputError, Problem
 
     if page is not None and page.suffix.lower() not in {".html", ".htm"}:

@@ -44,7 +44,7 @@ def run(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a case; print what came out, save it, draw it."""
+    """Run a case, and print, save and draw its result."""
     with reporting(as_json):
         from percuss.results.exact_only import load_for_exact, run_exact
         from percuss.results.ledger import open_accounts
@@ -66,7 +66,7 @@ def run(
                 result = run_exact(loaded) if exact_only else run_case(loaded, nudge=nudge, progress=progress)
             except RunError as error:
                 failure, result = error, error.result
-        _outputs(result, out, plot)
+        _write_outputs(result, out, plot)
         if as_json:
             print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
         else:
@@ -79,9 +79,9 @@ def run(
             raise typer.Exit(1)
 
 
-def _outputs(result: Result, out: Path | None, plot: Path | None) -> None:
+def _write_outputs(result: Result, out: Path | None, plot: Path | None) -> None:
     if result.status == "unstable" and result.summary["steps"] == 0:
-        return  # not started: there is nothing to keep
+        return  # A run that was not started has no result to save or draw.
     if out is not None:
         result.save(out)
     if plot is not None:

@@ -1,4 +1,4 @@
-"""The first files of a method: a package that can be installed and tested, or a single file; each runs as it stands."""
+"""The first files of a method: a package that can be installed and tested, or a single file, ready to run."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ DISTRIBUTION = re.compile(r"[A-Za-z]([A-Za-z0-9_-]*[A-Za-z0-9])?")
 
 @dataclass(frozen=True)
 class Scaffold:
-    """What was written.
+    """The written files of a method.
 
     Attributes
     ----------
     name, kind, family
-        Of the method.
+        Name, kind and family of the method.
     component
         Name of its class.
     files
-        What was written, in the order in which it is read.
+        Written files, in the order in which they should be read.
     next
-        Commands to go on with.
+        Commands to continue with.
     """
 
     name: str
@@ -57,7 +57,7 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
     Parameters
     ----------
     name
-        As it is to be written in a case; the package takes it too, with ``_`` for ``-``.
+        Name of the method as it is written in a case; the package has the same name, with ``_`` for ``-``.
     kind
         One of `KINDS`.
     out
@@ -68,19 +68,21 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
     Raises
     ------
     InputError
-        If a name cannot be had, or a file is there already; nothing is written then.
+        If the name, the kind or the folder cannot be used, or a file exists already; nothing is written then.
     """
-    _check(name, kind, out, single_file=single_file)
-    texts = _filled(name, kind, single_file=single_file)
+    _expect_valid(name, kind, out, single_file=single_file)
+    texts = _file_texts(name, kind, single_file=single_file)
     targets = [out / file for file in texts] if single_file else [out / name]
     taken = [target for target in targets if target.exists() or target.is_symlink()]
     if taken:
-        raise InputError([Problem(str(one), "", "this is there already", "Nothing is overwritten.") for one in taken])
-    with _beside(out, name) as folder:
+        raise InputError(
+            [Problem(str(target), "", "this is there already", "Nothing is overwritten.") for target in taken]
+        )
+    with _temporary_folder(out, name) as folder:
         for file, text in texts.items():
             (folder / file).parent.mkdir(exist_ok=True)
             (folder / file).write_text(text, encoding="utf-8")
-        _moved({(folder / target.name if single_file else folder): target for target in targets})
+        _rename_all({(folder / target.name if single_file else folder): target for target in targets})
     root = out if single_file else out / name
     return Scaffold(
         name,
@@ -88,12 +90,12 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
         KINDS[kind],
         _class_name(name, _template(f"{kind}.py")),
         tuple(root / file for file in texts),
-        _next(name, kind, root, single_file=single_file),
+        _next_commands(name, kind, root, single_file=single_file),
     )
 
 
-def _check(name: str, kind: str, out: Path, *, single_file: bool) -> None:
-    """Raise InputError with everything that is wrong with a name, a kind and a folder."""
+def _expect_valid(name: str, kind: str, out: Path, *, single_file: bool) -> None:
+    """Raise InputError with all problems of a name, a kind and a folder, if there are any."""
     problems = []
     family = KINDS.get(kind)
     if family is None:
@@ -111,9 +113,9 @@ def _check(name: str, kind: str, out: Path, *, single_file: bool) -> None:
         registry = Registry.load()
         sources = registry.clashes.get((family, name)) or [registry.sources.get((family, name))]
         if sources[0] is not None:
-            who = " and by ".join(map(str, sources))
+            owners = " and by ".join(map(str, sources))
             problems.append(
-                Problem(name, "", f"{family} '{name}' is registered by {who} already", "Take another name.")
+                Problem(name, "", f"{family} '{name}' is registered by {owners} already", "Take another name.")
             )
     if not out.is_dir():
         problems.append(Problem(str(out), "", "expected a folder that exists", f"Make it first: mkdir -p {out}"))
@@ -121,11 +123,11 @@ def _check(name: str, kind: str, out: Path, *, single_file: bool) -> None:
         raise InputError(problems)
 
 
-def _importable(word: str, but: Path) -> bool:
-    """Return whether a module of that name can be imported, other than from the folder `but`."""
-    found = importlib.util.find_spec(word)
-    places = [*(found.submodule_search_locations or ()), found.origin or ""] if found else []
-    return any(place and Path(place) != but.absolute() for place in places)
+def _importable(word: str, own_folder: Path) -> bool:
+    """Return whether a module of that name can be imported, except from the folder `own_folder`."""
+    spec = importlib.util.find_spec(word)
+    places = [*(spec.submodule_search_locations or ()), spec.origin or ""] if spec else []
+    return any(place and Path(place) != own_folder.absolute() for place in places)
 
 
 def _template(file: str) -> str:
@@ -133,17 +135,21 @@ def _template(file: str) -> str:
 
 
 def _class_name(name: str, code: str) -> str:
-    """Return the name of the class: that of the method in capitals, unless the code has that word already."""
-    told = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]+", name))
-    return f"{told}Method" if told in re.findall(r"\w+", code) or told in vars(percuss)["__all__"] else told
+    """Return the class name: the method's name in camel case, plus ``Method`` if the code or percuss uses that word."""
+    class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]+", name))
+    return (
+        f"{class_name}Method"
+        if class_name in re.findall(r"\w+", code) or class_name in vars(percuss)["__all__"]
+        else class_name
+    )
 
 
-def _filled(name: str, kind: str, *, single_file: bool) -> dict[str, str]:
-    """Return the texts to write, by path."""
+def _file_texts(name: str, kind: str, *, single_file: bool) -> dict[str, str]:
+    """Return the texts of the files to write, by path relative to the folder of the method."""
     code = _template(f"{kind}.py")
     case = _template(f"{kind}.yaml")
     summary = re.search(r'^    summary = "(.*)"$', code, flags=re.MULTILINE)
-    study = (TEMPLATES / f"{kind}.study.yaml.txt").exists()  # what no case can name, a study does
+    study = (TEMPLATES / f"{kind}.study.yaml.txt").exists()  # A component that no case can name has a study.
     file, module = (name, name) if single_file else ("case", name.replace("-", "_"))
     if single_file:
         texts = {f"{name}.py": code, f"{name}.yaml": case.replace("title:", f"plugins: [{name}.py]\ntitle:", 1)}
@@ -164,31 +170,31 @@ def _filled(name: str, kind: str, *, single_file: bool) -> dict[str, str]:
         "@CASE@": f"{file}.yaml",
         "@CONTRACT@": str(percuss.CONTRACT),
         "@FAMILY@": KINDS[kind],
-        "@NEXT@": "\n".join(_next(name, kind, None, single_file=False)),
+        "@NEXT@": "\n".join(_next_commands(name, kind, None, single_file=False)),
         "@PERCUSS@": percuss.__version__,
         "@SUMMARY@": summary[1] if summary else "",
     }
-    return {file: _replaced(text, words) for file, text in texts.items()}
+    return {file: _with_words_replaced(text, words) for file, text in texts.items()}
 
 
-def _replaced(text: str, words: Mapping[str, str]) -> str:
-    return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], text)
+def _with_words_replaced(text: str, words: Mapping[str, str]) -> str:
+    return re.sub("|".join(map(re.escape, words)), lambda match: words[match[0]], text)
 
 
-def _next(name: str, kind: str, root: Path | None, *, single_file: bool) -> tuple[str, ...]:
-    """Return the commands with which one goes on, from the folder the user is in; from `root` where that is None."""
+def _next_commands(name: str, kind: str, root: Path | None, *, single_file: bool) -> tuple[str, ...]:
+    """Return the commands to continue with, for the current folder, or for the method's folder if `root` is None."""
     study = (TEMPLATES / f"{kind}.study.yaml.txt").exists()
     if single_file:
         start = "" if root is None or root == Path() else f"{root}{os.sep}"
         use = f"percuss study {start}{name}.study.yaml" if study else f"percuss run {start}{name}.yaml"
         return (use, f"percuss verify --plugin {start}{name}.py")
-    go = () if root is None else (f"cd {root}",)
+    enter = () if root is None else (f"cd {root}",)
     use = "percuss study study.yaml" if study else "percuss run case.yaml"
-    return (*go, "pip install -e '.[test]'", use, "pytest")
+    return (*enter, "pip install -e '.[test]'", use, "pytest")
 
 
-def _moved(places: Mapping[Path, Path]) -> None:
-    """Rename all or none."""
+def _rename_all(places: Mapping[Path, Path]) -> None:
+    """Rename all files, or remove those already renamed and raise the error if one rename fails."""
     done: list[Path] = []
     try:
         for source, target in places.items():
@@ -201,8 +207,8 @@ def _moved(places: Mapping[Path, Path]) -> None:
 
 
 @contextlib.contextmanager
-def _beside(out: Path, name: str) -> Iterator[Path]:
-    """Give a new folder in `out`; nothing is left of it, whatever happens."""
+def _temporary_folder(out: Path, name: str) -> Iterator[Path]:
+    """Yield a temporary folder in `out`, which is removed with all that is left in it, even after an error."""
     folder = out / f".{name}.{os.getpid()}"
     try:
         folder.mkdir()

@@ -41,7 +41,7 @@ def stability(
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw curves or maps.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say up to which Courant number a case is stable, over varied parameters."""
+    """Print the critical Courant number of a case, over varied parameters."""
     with reporting(as_json):
         from percuss.certificate import maps
         from percuss.studies.parameters import varied

@@ -32,19 +32,19 @@ def study(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make the many runs of a study; the same command again goes on where it ended."""
+    """Make the runs of a study; the same command given again continues where the study ended."""
     with reporting(as_json):
         from percuss.studies import study
 
         if export is not None:
             study.exportable(export)
         with progress_bar("runs") as progress:
-            told = _Told(progress)
-            made = study.study(file, out, workers, scheduler, told, plugins=plugin or [], again=again or [])
+            notice = _ResumeNotice(progress)
+            made = study.study(file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [])
         if export is not None:
             made.export(export)
         if as_json:
-            print_json(_data(made))
+            print_json(_study_data(made))
         else:
             from percuss.reporting.tell_study import tell_study
 
@@ -53,26 +53,28 @@ def study(
         if counts.get("waiting"):
             print("interrupted: the same command goes on from here", file=sys.stderr)
         if lost := counts.get("lost"):
-            what = f"{lost} of {len(made.rows())} runs were lost to the machine: the same command makes them again"
-            print(what, file=sys.stderr)
+            message = (
+                f"{lost} of {len(made.as_records())} runs were lost to the machine: the same command makes them again"
+            )
+            print(message, file=sys.stderr)
         if not made.complete or not made.counts.get("done"):
             raise typer.Exit(1)
 
 
-class _Told:
-    """Says at the first call how many rows were there, and passes the progress on."""
+class _ResumeNotice:
+    """A progress callback that prints at its first call how many runs are done already, and passes every call on."""
 
     def __init__(self, progress: Any) -> None:
-        self.progress, self.said = progress, False
+        self.progress, self.announced = progress, False
 
     def __call__(self, done: int, total: int) -> None:
-        if not self.said and done:
+        if not self.announced and done:
             print(f"{done} of {total} runs are there already", file=sys.stderr)
-        self.said = True
+        self.announced = True
         self.progress(done, total)
 
 
-def _data(made: Any) -> dict[str, Any]:
+def _study_data(made: Any) -> dict[str, Any]:
     return {
         "title": made.title,
         "file": str(made.path),
@@ -80,5 +82,5 @@ def _data(made: Any) -> dict[str, Any]:
         "complete": made.complete,
         "counts": made.counts,
         "columns": made.columns,
-        "rows": made.rows(),
+        "rows": made.as_records(),
     }

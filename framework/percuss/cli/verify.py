@@ -1,4 +1,4 @@
-"""The command that holds cases against what they expect, and methods against what the contract demands."""
+"""The command ``percuss verify``, which checks cases against their expectations and methods against the contract."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ def verify(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Verify cases by what they expect of themselves, or methods by the conformance kit."""
+    """Verify cases against their own expectations, or methods with the conformance kit."""
     with reporting(as_json):
         if cases and not method:
-            told = [_case(path, plugin) for path in cases]
-            good, data = all(t["passed"] for t in told), {"cases": told}
+            results = [_verify_case(path, plugin) for path in cases]
+            passed, data = all(result["passed"] for result in results), {"cases": results}
         elif cases:
             raise InputError([Problem("percuss verify", "", "expected cases or --method, found both", "Give one.")])
         else:
-            reports = _reports(plugin or [], method or [], quiet=as_json)
-            good = all(report.passed for report in reports)
+            reports = _run_kit(plugin or [], method or [], quiet=as_json)
+            passed = all(report.passed for report in reports)
             data = {"methods": [report.as_dict() for report in reports]}
         if as_json:
-            print_json({"passed": good, **data})
+            print_json({"passed": passed, **data})
         elif cases:
             from percuss.reporting.terminal import tell_checks
 
             tell_checks(data["cases"])
-        if not good:
+        if not passed:
             raise typer.Exit(1)
 
 
-def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
-    """Run a case and return what it expected and what came out."""
+def _verify_case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
+    """Run a case, and return its checks with expected and measured values, its error and whether it passed."""
     from percuss.case.case import load
     from percuss.results.ledger import open_accounts
     from percuss.results.runner import run
@@ -60,17 +60,17 @@ def _case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
     case = load(path, plugins=plugins or [])
     try:
         result = run(case)
-        checks = [c.as_dict() for c in verified(case, result)]
+        checks = [check.as_dict() for check in verified(case, result)]
         error = "; ".join(open_accounts(result.summary))
         error = error or ("" if checks else "the case expects nothing: add `expect`")
     except PercussError as stopped:
         checks, error = [], str(stopped)
-    passed = not error and all(c["passed"] for c in checks)
+    passed = not error and all(check["passed"] for check in checks)
     return {"case": str(path), "title": case.title, "passed": passed, "error": error, "checks": checks}
 
 
-def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report]:
-    """Run the kit on what the files register and on the methods named, telling each check as it is done."""
+def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report]:
+    """Run the conformance kit on the named methods, or else on those of the files; print outcomes unless `quiet`."""
     import platformdirs
 
     from percuss.methods.registry import Registry
@@ -82,10 +82,10 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         from hypothesis.configuration import set_hypothesis_home_dir
     except ModuleNotFoundError:
         raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-    # not into the user's folder
+    # Hypothesis would otherwise keep its examples in the user's current folder.
     set_hypothesis_home_dir(platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis")
     registry = Registry.load(files)
-    keys = [key for name in names for key in components_named(registry, name)] or _of_files(registry)
+    keys = [key for name in names for key in components_named(registry, name)] or _keys_of_files(registry)
     if not keys:
         advice = "Give a single-file plug-in (--plugin FILE), a method (--method NAME) or a case."
         raise InputError([Problem("percuss verify", "", "nothing to verify", advice)])
@@ -95,14 +95,14 @@ def _reports(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         subject = Subject.of(registry.components[key], registry)
         say(f"{subject.name} ({subject.family}), {registry.sources[key]}")
         outcomes: list[Outcome] = []
-        for one, partner in checks_of(subject):
-            outcomes.append(perform(one, subject, partner))
+        for check, partner in checks_of(subject):
+            outcomes.append(perform(check, subject, partner))
             say(str(outcomes[-1]))
         reports.append(Report(subject.component, tuple(outcomes)))
         say(f"{reports[-1].verdict}\n")
     return reports
 
 
-def _of_files(registry: Registry) -> list[tuple[str, str]]:
-    """Return the (family, name) of what single files register."""
+def _keys_of_files(registry: Registry) -> list[tuple[str, str]]:
+    """Return the (family, name) of every component that is registered by a single file."""
     return [key for key, source in registry.sources.items() if not source.distribution]

@@ -28,21 +28,21 @@ def waves(
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw them over frequency.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what a closed contact lets through of waves, and what it throws back, measured from the step itself."""
+    """Print the transmission and reflection of waves by a closed contact, measured from the time step itself."""
     with reporting(as_json):
         from percuss.certificate.verdict import settled
         from percuss.certificate.waves import waves as measure
 
         loaded = load_to_write(case, set_, plugin, plot)
         print_notes(loaded)
-        found = measure(settled(loaded), contact)
+        wave_data = measure(settled(loaded), contact)
         if plot is not None:
             from percuss.reporting.stability_figure import plot_waves
 
-            plot_waves(found, loaded.title, methods_in_words(loaded), plot)
+            plot_waves(wave_data, loaded.title, methods_in_words(loaded), plot)
         if as_json:
-            print_json({"title": loaded.title, "reason": found.reason or None, "rows": found.rows()})
+            print_json({"title": loaded.title, "reason": wave_data.reason or None, "rows": wave_data.rows()})
         else:
             from percuss.reporting.terminal import tell_waves
 
-            tell_waves(loaded.title, found)
+            tell_waves(loaded.title, wave_data)

@@ -1,1 +1,1 @@
-"""What a method must say of itself, where methods are found, and whether they are sound."""
+"""Interfaces of the methods, the registry that finds them, and the checks that admit them."""

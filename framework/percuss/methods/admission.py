@@ -1,4 +1,4 @@
-"""Whether what a plug-in registers keeps the contract, and for which version of the contract it was written."""
+"""Checks that a component registered by a plug-in keeps the contract, in a version that percuss still supports."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component
 __all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted"]
 
 PREFIX = "percuss_"
-# contract -> what a plug-in written for the one before has to change; never taken out, so that any can be brought up
+# For each contract, the changes that a plug-in written for the contract before has to make. No entry is ever removed,
+# so that a plug-in for any contract can be brought up to date.
 CHANGES = {
     1: "the first",
     2: "`Rows` is `LinearLaw`, `Judged` is `ContactState` with `response` in place of `answer`, `Trial.gap_answer` and "
     "`Trial.rate_answer` are `gap_response` and `rate_response`, `DataFile.columns` is `as_columns`",
 }
-OLDEST = 2  # contract that is still kept: a method that states an older one is refused
+OLDEST = 2  # oldest supported contract; a method that states an older one is refused
 
 
 def admitted(family: str, offer: object) -> type[Component]:
-    """Return a registered object as the component it is.
+    """Return a registered object if it is a component class that keeps the contract of its family.
 
     Raises
     ------
     PluginError
-        With the rule that it breaks.
+        If it breaks a rule of the contract; the message names the rule.
     """
     if family not in FAMILIES:
         raise PluginError(f"there is no family '{family}'. {suggestion(family, FAMILIES, 'family')}")
     contract = FAMILIES[family]
     if not isinstance(offer, type):
-        what = f"an object of class {type(offer).__name__}" if isinstance(offer, Component) else repr(offer)
-        raise PluginError(f"{what} is not a class; return the class itself")
+        description = f"an object of class {type(offer).__name__}" if isinstance(offer, Component) else repr(offer)
+        raise PluginError(f"{description} is not a class; return the class itself")
     name = offer.__name__
     if not issubclass(offer, contract):
         if family := getattr(offer, "family", "") if issubclass(offer, Component) else "":
@@ -42,10 +43,11 @@ def admitted(family: str, offer: object) -> type[Component]:
         raise PluginError(f"{name} is not a subclass of percuss.{contract.__name__}")
     if "name" not in vars(offer):
         raise PluginError(f"{name} is a contract, not a finished method; it has no `name`")
-    _check_version(offer)  # first: what another contract asks for may well be missing here
+    _check_version(offer)  # A component for another contract may lack methods, so its version is checked first.
     if missing := sorted(getattr(offer, "__abstractmethods__", ())):
-        raise PluginError(f"{name} is still abstract; it lacks {', '.join(f'`{one}`' for one in missing)}")
-    parameters = vars(offer).get("__dataclass_params__")  # its own: those of a base do not see its options
+        raise PluginError(f"{name} is still abstract; it lacks {', '.join(f'`{method}`' for method in missing)}")
+    # Only the value of the class itself counts: an inherited one does not cover the options of this class.
+    parameters = vars(offer).get("__dataclass_params__")
     if parameters is None or not parameters.frozen:
         raise PluginError(f"{name} is not a frozen dataclass; put @dataclass(frozen=True) above it")
     _check_signatures(contract, offer)
@@ -54,48 +56,49 @@ def admitted(family: str, offer: object) -> type[Component]:
     return offer
 
 
-KERNELS: dict[str, dict[str, tuple[str, ...]]] = {  # static methods that a contract names and does not have
+# Static methods that a contract describes but does not define, with their arguments.
+KERNELS: dict[str, dict[str, tuple[str, ...]]] = {
     "contacts": {"multipliers": ("bound", "trial", "multiplier")},
     "integrators": {"step": ("numbers", "system", "u", "v", "kept", "dt")},
 }
 
 
 def _check_signatures(contract: type[Component], component: type[Component]) -> None:
-    """Raise PluginError where a method takes other arguments than its contract says it is called with."""
-    wanted: dict[str, tuple[str, ...]] = {**KERNELS.get(contract.family, {})}
-    own = {name: value for name, value in vars(contract).items() if name[0] != "_"}
-    for name, value in own.items():
+    """Raise PluginError if a method cannot be called with the arguments that its contract gives it."""
+    expected: dict[str, tuple[str, ...]] = {**KERNELS.get(contract.family, {})}
+    public = {name: value for name, value in vars(contract).items() if name[0] != "_"}
+    for name, value in public.items():
         function = value.__func__ if isinstance(value, staticmethod) else value
         if inspect.isfunction(function):
-            wanted[name] = tuple(inspect.signature(function).parameters)
-    for name, arguments in wanted.items():
-        given = inspect.getattr_static(component, name, None)
-        function = given.__func__ if isinstance(given, staticmethod) else given
+            expected[name] = tuple(inspect.signature(function).parameters)
+    for name, arguments in expected.items():
+        attribute = inspect.getattr_static(component, name, None)
+        function = attribute.__func__ if isinstance(attribute, staticmethod) else attribute
         function = getattr(function, "py_func", function)
         if not inspect.isfunction(function):
             continue
         parameters = inspect.signature(function).parameters.values()
-        needed = [p for p in parameters if p.default is p.empty and p.kind not in {p.VAR_POSITIONAL, p.VAR_KEYWORD}]
+        required = [p for p in parameters if p.default is p.empty and p.kind not in {p.VAR_POSITIONAL, p.VAR_KEYWORD}]
         most = math.inf if any(p.kind is p.VAR_POSITIONAL for p in parameters) else len(parameters)
-        if not len(needed) <= len(arguments) <= most:
-            has = f"{name}({', '.join(map(str, parameters))})"
-            raise PluginError(f"{component.__name__}.{has} is called as {name}({', '.join(arguments)})")
+        if not len(required) <= len(arguments) <= most:
+            signature = f"{name}({', '.join(map(str, parameters))})"
+            raise PluginError(f"{component.__name__}.{signature} is called as {name}({', '.join(arguments)})")
 
 
 def _check_version(component: type[Component]) -> None:
-    """Raise PluginError where a component states a contract that this percuss does not have, or has no more."""
-    stated, here = component.contract_version, percuss.CONTRACT
+    """Raise PluginError if a component states a contract that is newer than this percuss or no longer supported."""
+    stated, current = component.contract_version, percuss.CONTRACT
     if stated is None:
         return
     if type(stated) is not int or stated < 1:
         raise PluginError(
-            f"{component.__name__} has the contract_version {stated!r}; expected a whole number from 1, now {here}"
+            f"{component.__name__} has the contract_version {stated!r}; expected a whole number from 1, now {current}"
         )
-    written = f"{component.__name__} is written for contract {stated}, this percuss has contract {here}"
-    if stated > here:
+    written = f"{component.__name__} is written for contract {stated}, this percuss has contract {current}"
+    if stated > current:
         raise PluginError(f"{written}: upgrade percuss")
     if stated < OLDEST:
-        since = "; ".join(f"contract {one}: {CHANGES[one]}" for one in range(stated + 1, here + 1))
+        since = "; ".join(f"contract {version}: {CHANGES[version]}" for version in range(stated + 1, current + 1))
         raise PluginError(
-            f"{written} and keeps those from {OLDEST} on: change it ({since}), then state contract_version = {here}"
+            f"{written} and keeps those from {OLDEST} on: change it ({since}), then state contract_version = {current}"
         )

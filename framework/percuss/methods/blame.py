@@ -1,4 +1,4 @@
-"""Whose fault an error is: the file and line in a plug-in that it came from, and its text for the author."""
+"""Location of an error in a plug-in by file and line, and the text of the error for the plug-in's author."""
 
 from __future__ import annotations
 
@@ -18,55 +18,56 @@ import percuss
 from percuss.errors import PluginError, nearest
 from percuss.files import PACKAGE
 
-OWN = {"percuss", "percuss_methods"}
-RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # since contract 2
-PLUGIN_MODULES: set[str] = set()  # top modules of all plug-ins that were loaded; the registry adds to it
+OWN_PACKAGES = {"percuss", "percuss_methods"}
+RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # names that contract 2 changed
+PLUGIN_MODULES: set[str] = set()  # top-level modules of all loaded plug-ins; the registry adds to it
 
 _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
 
 
 def line_in_plugin(error: BaseException) -> str:
-    """Return ``file:line`` of the innermost call of an error that is in a plug-in of somebody else's, else nothing."""
+    """Return ``file:line`` of the innermost call of an error that lies in a third-party plug-in, or an empty text."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         module = frame.f_globals.get("__name__", "")
-        if module.startswith("percuss_file_") or module.partition(".")[0] in PLUGIN_MODULES - OWN:
+        if module.startswith("percuss_file_") or module.partition(".")[0] in PLUGIN_MODULES - OWN_PACKAGES:
             return f"{frame.f_code.co_filename}:{line}"
     return ""
 
 
 def place_of(error: BaseException, plugin: str) -> str:
-    """Return ``file:line`` of the innermost call of an error inside a plug-in that was being loaded, else nothing.
+    """Return ``file:line`` of the innermost call of an error inside a plug-in that was being loaded, or an empty text.
 
     Parameters
     ----------
     error
         The error that the plug-in raised.
     plugin
-        The file of the plug-in; empty where it is not known.
+        The file of the plug-in; empty if it is not known.
     """
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}:{error.lineno}"
-    packages: Any = (importlib, pluggy, sys.modules.get("importlib_metadata", pluggy))  # it takes over once imported
-    own = str(PACKAGE) + os.sep
-    machinery = ("<frozen", own, *(str(Path(one.__file__).parent) for one in packages))
-    trace = ((step.filename, step.lineno) for step in traceback.extract_tb(error.__traceback__))
-    steps = [step for step in trace if not step[0].startswith(machinery)]
-    home = Path(plugin or (steps[0][0] if steps else ""))
+    # importlib_metadata, once imported, takes over the finding of distributions.
+    packages: Any = (importlib, pluggy, sys.modules.get("importlib_metadata", pluggy))
+    percuss_folder = str(PACKAGE) + os.sep
+    machinery = ("<frozen", percuss_folder, *(str(Path(package.__file__).parent) for package in packages))
+    trace = ((frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__))
+    calls = [call for call in trace if not call[0].startswith(machinery)]
+    home = Path(plugin or (calls[0][0] if calls else ""))
     if not plugin and (home.parent / "__init__.py").exists():
-        home = home.parent  # an installed package is all its files
-    return next((f"{file}:{line}" for file, line in reversed(steps) if file.startswith(str(home))), "")
+        home = home.parent  # An installed plug-in may be a package of several files.
+    return next((f"{file}:{line}" for file, line in reversed(calls) if file.startswith(str(home))), "")
 
 
-def begin_of(thing: Any) -> str:
-    """Return ``file:line`` where a class or function begins, else nothing."""
+def definition_place(definition: Any) -> str:
+    """Return ``file:line`` where a class or function is defined, or an empty text."""
     try:
-        return f"{inspect.getsourcefile(thing)}:{inspect.getsourcelines(thing)[1]}"
+        return f"{inspect.getsourcefile(definition)}:{inspect.getsourcelines(definition)[1]}"
     except (OSError, TypeError, SyntaxError):
         return ""
 
 
-def described(error: BaseException) -> str:
-    """Return the text of an error of a plug-in; a name that percuss does not have is answered with the nearest one."""
+def error_text(error: BaseException) -> str:
+    """Return the text of a plug-in's error; for a name that percuss does not have, suggest the nearest one."""
     text = error.msg if isinstance(error, SyntaxError) else str(error).strip()
     version = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
     if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):

@@ -1,4 +1,4 @@
-"""The hooks a plug-in may implement: one a family, without arguments, each returns an iterable of classes."""
+"""Hooks that a plug-in may implement: one for each family; each takes no argument and returns component classes."""
 
 from collections.abc import Iterable
 
@@ -40,7 +40,7 @@ def percuss_materials() -> Iterable[type]:
 
 @hookspec
 def percuss_masses() -> Iterable[type]:
-    """Return the ways to make nodal masses: subclasses of `percuss.Mass`."""
+    """Return the rules for nodal masses: subclasses of `percuss.Mass`."""
 
 
 @hookspec

@@ -1,9 +1,9 @@
-"""A law's own kernel tried before it runs, in plain Python.
+"""Trial calls of a contact law's kernel in plain Python, made before the run.
 
-Compiled code writes where it was told not to and leaves unset what a kernel forgets; numbers that come of that look
-like any others. Calls in plain Python, with arrays that cannot be written and multipliers that are no number, tell
-before the run. Every call is made a second time after all the others: another answer to the same question is one that
-depends on what was asked before, or on chance.
+Compiled code can write to arrays that are meant to be read only, and can leave multipliers unset that a kernel forgets;
+the resulting numbers look like any others. Trial calls in plain Python, with read-only arrays and with multipliers that
+start as nan, find such mistakes before the run. Every call is repeated after all the others: a different result for the
+same state shows that the kernel depends on earlier calls or on chance.
 """
 
 from __future__ import annotations
@@ -22,39 +22,41 @@ from percuss.methods.interfaces import LinearLaw, Trial
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, ContactPoints
 
-DEPTHS = (1e-6, 1e-3)  # of the gaps that a kernel is tried with
-SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which a law is asked whether it changes with time
-LAST = 32  # points of a law whose every instance is tried; with more, the first instance of its class
-LOWEST_INDEX = -2  # a lower index of a bound array is taken for a mistake: the last two are read on purpose
+DEPTHS = (1e-6, 1e-3)  # magnitudes of the gaps in the trial states
+SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which multipliers are compared with those at t = 0
+# Up to this number of contact points every instance of a law is tried; above it, one instance of its class for each
+# number of points.
+MOST_POINTS = 32
+LOWEST_INDEX = -2  # A lower index of a bound array counts as a mistake; -1 and -2 are used on purpose.
 _TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
 
 def bound_of(law: ContactLaw, points: ContactPoints, dt: float) -> Any:
-    """Return what a law binds at some points: its rows, or read-only arrays for its kernel, which was tried.
+    """Return the result of a law's `bind`: its linear law, or read-only arrays for its kernel, which has been tried.
 
     Raises
     ------
     PluginError
-        If `bind` returned anything but rows or a NamedTuple, or the kernel fails.
+        If `bind` returned neither a `LinearLaw` nor a NamedTuple, or the kernel fails its trial calls.
     """
     bound = law.bind(points, dt)
     if isinstance(bound, LinearLaw):
         return bound
     if not (isinstance(bound, tuple) and hasattr(bound, "_fields")):
-        found = "nothing" if bound is None else f"a {type(bound).__name__}"
-        wanted = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
-        raise PluginError(f"contact law {law.name}: bind returned {found}, expected {wanted}")
+        returned = "nothing" if bound is None else f"a {type(bound).__name__}"
+        expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
+        raise PluginError(f"contact law {law.name}: bind returned {returned}, expected {expected}")
     bound = read_only(bound)
     count = len(points.names)
-    key = (count, repr(law)) if count <= LAST else count
+    key = (count, repr(law)) if count <= MOST_POINTS else count
     if key not in _TRIED.setdefault(type(law), set()):
-        _try(law, bound, points, dt)
+        _try_kernel(law, bound, points, dt)
         _TRIED[type(law)].add(key)
     return bound
 
 
 def read_only(value: Any) -> Any:
-    """Return a bound value with views of its arrays that cannot be written; tuples are looked into."""
+    """Return a bound value with its arrays, also those inside tuples, replaced by read-only views."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.flags.writeable = False
@@ -65,124 +67,129 @@ def read_only(value: Any) -> Any:
     return value
 
 
-def _try(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
-    """Call the kernel of a law in many states, and once more in each of them.
+def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
+    """Call the kernel of a law in many states, and a second time in each of them.
 
     Raises
     ------
     PluginError
-        If it fails, leaves a multiplier without a number, or does not give the same answers the second time.
+        If the kernel fails, leaves a multiplier unset, changes a global variable, reads a bound array at an index below
+        `LOWEST_INDEX`, or gives other multipliers the second time.
     """
     kernel: Any = kernel_of(law)
     kernel = getattr(kernel, "py_func", kernel)
-    before = _mutable(kernel)
-    states = list(_states(len(points.names), dt))
-    first = [_called(law, kernel, bound, _trial(points, dt, state, law)) for state in states]
-    for name, value in _mutable(kernel).items():
+    before = _mutable_globals(kernel)
+    states = list(_trial_states(len(points.names), dt))
+    first_results = [_multipliers_of(law, kernel, bound, _trial_of(points, dt, state, law)) for state in states]
+    for name, value in _mutable_globals(kernel).items():
         if value != before[name]:
             raise PluginError(
                 f"contact law {law.name}: multipliers changes `{name}`: a kernel keeps nothing between calls; what it "
                 "needs is in what `bind` returns and in the trial"
             )
-    read: list[int] = []
-    watched = _watching(bound, read)
-    for state, answer in zip(states, first, strict=True):
-        trial = _trial(points, dt, state, law)
-        again = _called(law, kernel, watched, trial)
-        if read:
+    low_indices: list[int] = []
+    watched_bound = _with_watched_arrays(bound, low_indices)
+    for state, multipliers in zip(states, first_results, strict=True):
+        trial = _trial_of(points, dt, state, law)
+        repeated = _multipliers_of(law, kernel, watched_bound, trial)
+        if low_indices:
             raise PluginError(
-                f"contact law {law.name}: multipliers reads a bound array at index {read[0]}, which counts from its "
-                f"end, in the state with {seen(trial, 0)}: check the index, or write `array.size - n` where the end is "
-                "meant"
+                f"contact law {law.name}: multipliers reads a bound array at index {low_indices[0]}, which counts from "
+                f"its end, in the state with {describe_state(trial, 0)}: check the index, or write `array.size - n` "
+                "where the end is meant"
             )
-        if not np.array_equal(answer, again):
-            point = int((answer != again).argmax())
+        if not np.array_equal(multipliers, repeated):
+            point = int((multipliers != repeated).argmax())
             raise PluginError(
-                f"contact law {law.name}: multipliers gives {answer[point]:.17g} for point {point}, and "
-                f"{again[point]:.17g} when it is asked the same again after other calls: the kernel keeps state "
+                f"contact law {law.name}: multipliers gives {multipliers[point]:.17g} for point {point}, and "
+                f"{repeated[point]:.17g} when it is asked the same again after other calls: the kernel keeps state "
                 "between calls, or draws random numbers; what it needs is in what `bind` returns and in the trial"
             )
 
 
 def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: float, end: float) -> bool:
-    """Return whether the kernel of a law answers the same state differently at different times up to `end`."""
+    """Return whether a law's kernel gives different multipliers for one state at different times up to `end`."""
     kernel: Any = kernel_of(law)
     kernel = getattr(kernel, "py_func", kernel)
-    for state in _states(len(points.names), dt):
-        trial = _trial(points, dt, state, law)
-        answer = _called(law, kernel, bound, trial)
+    for state in _trial_states(len(points.names), dt):
+        trial = _trial_of(points, dt, state, law)
+        multipliers = _multipliers_of(law, kernel, bound, trial)
         for share in SHARES_OF_THE_RUN:
-            if not np.array_equal(answer, _called(law, kernel, bound, trial._replace(time=share * end))):
+            if not np.array_equal(multipliers, _multipliers_of(law, kernel, bound, trial._replace(time=share * end))):
                 return True
     return False
 
 
-class _Watched(np.ndarray):
-    """An array that notes the lowest index it is read at; plain Python and compiled code take -5 for the fifth last."""
+class _WatchedArray(np.ndarray):
+    """An array that records the indices below `LOWEST_INDEX` at which it is read.
 
-    read: list[int]
+    Plain Python and compiled code both take index -5 for the fifth entry from the end, so that such a mistake raises no
+    error.
+    """
+
+    low_indices: list[int]
 
     def __array_finalize__(self, other: Any) -> None:
-        self.read = getattr(other, "read", [])
+        self.low_indices = getattr(other, "low_indices", [])
 
     def __getitem__(self, index: Any) -> Any:
-        places = index if isinstance(index, tuple) else (index,)
-        self.read += [int(place) for place in places if isinstance(place, int | np.integer) and place < LOWEST_INDEX]
+        indices = index if isinstance(index, tuple) else (index,)
+        self.low_indices += [int(i) for i in indices if isinstance(i, int | np.integer) and i < LOWEST_INDEX]
         return super().__getitem__(index)
 
 
-def _watching(value: Any, read: list[int]) -> Any:
-    """Return a bound value whose arrays note in `read` at which negative indices they are read."""
+def _with_watched_arrays(value: Any, low_indices: list[int]) -> Any:
+    """Return a bound value whose arrays record in `low_indices` the indices below `LOWEST_INDEX` that are read."""
     if isinstance(value, np.ndarray):
-        view = value.view(_Watched)
-        view.read = read
+        view = value.view(_WatchedArray)
+        view.low_indices = low_indices
         return view
     if isinstance(value, tuple):
-        parts = [_watching(item, read) for item in value]
+        parts = [_with_watched_arrays(item, low_indices) for item in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     return value
 
 
-def _states(count: int, dt: float) -> Iterator[list[Any]]:
-    """Yield gap, predicted gap, gap rate and predicted rate of some states, the deepest last; (count,) arrays.
+def _trial_states(count: int, dt: float) -> Iterator[list[Any]]:
+    """Yield the gap, predicted gap, gap rate and predicted rate of trial states, as (count,) arrays.
 
-    Points are open, closed and just touching; before the step and in it they close, part or rest, also so fast that
-    the gap changes its sign.
+    Contact points are open, closed or just touching. Before the step and during it they approach, separate or rest,
+    some of them so fast that the gap changes its sign. The deepest penetrations come last.
     """
-    place = np.arange(count)
+    point_numbers = np.arange(count)
     yield [np.zeros(count) for _ in range(4)]
     for depth in DEPTHS:
         slow, fast = 0.1 * depth / dt, 3.0 * depth / dt
-        every = list(itertools.product((depth, -depth), (slow, -slow), (slow, -slow, fast, -fast)))
-        for shift in range(len(every)):
-            gap, rate, predicted = np.array(every)[(place + shift) % len(every)].reshape(count, 3).T
+        motions = list(itertools.product((depth, -depth), (slow, -slow), (slow, -slow, fast, -fast)))
+        for shift in range(len(motions)):
+            gap, rate, predicted = np.array(motions)[(point_numbers + shift) % len(motions)].reshape(count, 3).T
             yield [gap, gap + dt * predicted, rate, predicted]
 
 
-def _trial(points: ContactPoints, dt: float, state: list[Any], law: ContactLaw) -> Trial:
-    """Return a state as a kernel sees it; points of a law that takes account of it are coupled in a chain."""
+def _trial_of(points: ContactPoints, dt: float, state: list[Any], law: ContactLaw) -> Trial:
+    """Return the `Trial` of a state; the points of a law that uses coupling are coupled in a chain."""
     count = len(points.names)
-    rows = [[q for q in (p - 1, p + 1) if 0 <= q < count] if law.uses_coupling else [] for p in range(count)]
-    pairs = [(p, q) for p, row in enumerate(rows) for q in row]
+    neighbours = [[q for q in (p - 1, p + 1) if 0 <= q < count] if law.uses_coupling else [] for p in range(count)]
+    pairs = [(p, q) for p, row in enumerate(neighbours) for q in row]
     coupling = np.array([-0.3 * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float)
-    gap, predicted_gap, rate, predicted_rate, first, neighbour, coupling, pushed = (
+    gap, predicted_gap, rate, predicted_rate, first_neighbour, neighbour, coupling, pushed_by_others = (
         read_only(np.ascontiguousarray(array))
         for array in (
             *state,
-            np.cumsum([0, *(len(row) for row in rows)], dtype=np.int64),
+            np.cumsum([0, *(len(row) for row in neighbours)], dtype=np.int64),
             np.array([q for _, q in pairs], dtype=np.int64),
             coupling,
             np.zeros(count),
         )
     )
     return Trial(
-        gap, predicted_gap, rate, predicted_rate, points.delassus, dt, 0.0, dt * dt, dt, first, neighbour, coupling,
-        pushed,
+        gap, predicted_gap, rate, predicted_rate, points.delassus, dt, 0.0, dt * dt, dt, first_neighbour, neighbour,
+        coupling, pushed_by_others,
     )  # fmt: skip
 
 
-def _called(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
-    """Return the multipliers of a state, (points,)."""
+def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
+    """Return the multipliers that a kernel computes for a state, (points,)."""
     multiplier = np.full(trial.gap.size, np.nan)
     try:
         with np.errstate(all="ignore"):
@@ -197,40 +204,42 @@ def _called(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
         point = int(np.isnan(multiplier).argmax())
         raise PluginError(
             f"contact law {law.name}: multipliers leaves point {point} of {multiplier.size} without a number: "
-            f"set every entry, 0.0 where nothing presses (at {seen(trial, point)})"
+            f"set every entry, 0.0 where nothing presses (at {describe_state(trial, point)})"
         )
     return multiplier
 
 
-def seen(trial: Trial, point: int) -> str:
-    """Return in words what a kernel saw of a point."""
+def describe_state(trial: Trial, point: int) -> str:
+    """Return the gaps and gap rates of a contact point in a trial, in words."""
     return (
         f"gap {trial.gap[point]:.6g}, predicted gap {trial.predicted_gap[point]:.6g}, gap rate "
         f"{trial.rate[point]:.6g}, predicted rate {trial.predicted_rate[point]:.6g}"
     )
 
 
-def _mutable(kernel: Any) -> dict[str, str]:
-    """Return what the lists and the like that a kernel names look like, those of classes too."""
+def _mutable_globals(kernel: Any) -> dict[str, str]:
+    """Return the text form of each mutable global variable that a kernel names, attributes of classes included."""
     kinds = (list, dict, set, bytearray, np.ndarray)
     names = kernel.__globals__
-    found = {name: names[name] for name in kernel.__code__.co_names if name in names}
-    inside = {
+    globals_used = {name: names[name] for name in kernel.__code__.co_names if name in names}
+    class_attributes = {
         f"{name}.{part}": value
-        for name, owner in found.items()
+        for name, owner in globals_used.items()
         if isinstance(owner, type)
         for part, value in vars(owner).items()
     }
-    return {name: repr(value) for name, value in {**found, **inside}.items() if isinstance(value, kinds)}
+    return {
+        name: repr(value) for name, value in {**globals_used, **class_attributes}.items() if isinstance(value, kinds)
+    }
 
 
 def kernel_of(law: ContactLaw) -> Callable[..., None]:
-    """Return a law's own kernel.
+    """Return the kernel of a contact law that is not a linear law.
 
     Raises
     ------
     PluginError
-        If it has none, and its `bind` returned no rows either.
+        If its class has no kernel.
     """
     kernel = getattr(type(law), "multipliers", None)
     if kernel is None:

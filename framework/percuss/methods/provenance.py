@@ -1,4 +1,4 @@
-"""Where components come from, and which plug-ins were left out."""
+"""Origin of components, and plug-ins that were left out."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a component is from.
+    """Origin of a component: its distribution or single file, and its module.
 
     Attributes
     ----------
     distribution
         Name of the installed distribution; empty for a single file.
     version
-        Version of the distribution; for a single file, the first digits of the SHA-256 of it and of helpers beside it.
+        Version of the distribution; for a single file, the first digits of the SHA-256 of the file, its helper modules
+        and its data files.
     module, file
-        That define the class.
+        Module and file that define the class.
     """
 
     distribution: str
@@ -27,8 +28,8 @@ class Provenance:
 
     @property
     def label(self) -> str:
-        """Distribution and version, or the file."""
-        return f"{self.distribution} {self.version}" if self.distribution else shown(self.file)
+        """Name and version of the distribution, or path of the single file."""
+        return f"{self.distribution} {self.version}" if self.distribution else display_path(self.file)
 
     def __str__(self) -> str:
         return f"{self.label} ({self.module if self.distribution else self.version})"
@@ -36,17 +37,17 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Broken:
-    """A plug-in, or a part of one, that was left out: whose, why, and ``file:line`` as far as known."""
+    """A plug-in, or a part of one, that was left out: its label, the error, and ``file:line`` as far as known."""
 
     source: str
     error: str
     file: str
 
     def __str__(self) -> str:
-        return f"{self.source}: {self.error}" + (f" [{shown(self.file)}]" if self.file else "")
+        return f"{self.source}: {self.error}" + (f" [{display_path(self.file)}]" if self.file else "")
 
 
-def shown(file: str) -> str:
-    """Return a path for people: below the home folder it starts with ``~``."""
-    home = os.path.expanduser("~")  # noqa: PTH111  Path.home raises where there is none
+def display_path(file: str) -> str:
+    """Return a path for display, in which ``~`` stands for the home folder."""
+    home = os.path.expanduser("~")  # noqa: PTH111  Path.home raises if there is no home folder
     return "~" + file[len(home) :] if home != os.sep and file.startswith(home + os.sep) else file

@@ -1,7 +1,7 @@
-"""Gathers the plug-ins: installed ones by the entry-point group ``percuss``, single files by their path.
+"""Registry of the components of plug-ins: installed ones by the entry-point group ``percuss``, single files by path.
 
-A plug-in that cannot be imported, or that registers something wrong, costs its own components alone and is
-listed in `Registry.broken`. A single file is different: the user asked for it, so its mistakes are raised.
+A plug-in that cannot be imported, or that registers something wrong, loses only its own components and is listed in
+`Registry.broken`. A single file is different: the user asked for it, so its mistakes are raised.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from percuss.compiling import LOCK
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
-from percuss.methods.blame import PLUGIN_MODULES, begin_of, described, place_of
+from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.local_modules import companions, importing
-from percuss.methods.provenance import Broken, Provenance, shown
+from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.source_digest import data_named, remember
 
 __all__ = ["Broken", "Provenance", "Registry"]
@@ -43,18 +43,18 @@ Clashes = Mapping[Key, tuple["Provenance", ...]]
 
 @dataclass(frozen=True, eq=False)
 class Registry:
-    """The components at hand, by family and name; `Registry.load` makes one.
+    """The available components, by family and name; `Registry.load` makes a registry.
 
     Attributes
     ----------
     components, sources
-        Class of each (family, name), sorted, and where it is from.
+        Class and provenance of each (family, name), sorted.
     clashes
-        Names that are not used because several register them, with all who do.
+        Names that are not used because several plug-ins register them, with the provenance in each.
     broken, files
-        What was left out, and why; the single-file plug-ins it was made with.
+        Plug-ins and components that were left out, with the reason; paths of the single-file plug-ins.
     distributions
-        Whether installed distributions were asked.
+        Whether the plug-ins of installed distributions are included.
     """
 
     components: Mapping[Key, type[Component]]
@@ -68,22 +68,22 @@ class Registry:
     def load(files: Sequence[Path | str] = (), *, distributions: bool = True) -> Registry:
         """Return the registry of all installed plug-ins and the single-file plug-ins `files`.
 
-        The same files, unedited, give the same object as long as nothing was installed in between.
+        The same files, unedited, give the same object as long as no distribution is installed or removed in between.
 
         Parameters
         ----------
         files
             Single-file plug-ins; a file given twice counts once.
         distributions
-            Whether to ask the installed distributions; without, there are not even the built-in methods.
+            Whether to include installed distributions; without them even the built-in methods are missing.
 
         Raises
         ------
         PluginError
-            If one of `files` is missing, fails, registers something wrong, or a name that is taken.
+            If one of `files` is missing, fails, or registers something wrong or a name that is taken.
         """
         given: dict[Path, _File] = {}
-        with LOCK:  # another thread would find a module that is half imported, or make a second one
+        with LOCK:  # Another thread could find a module half imported, or import it a second time.
             for file in files:
                 read = _File.read(Path(file))
                 given.setdefault(read.path, read)
@@ -104,7 +104,7 @@ class Registry:
         """
         if family not in FAMILIES:
             raise KeyError(f"there is no family '{family}'. {suggestion(family, FAMILIES, 'family')}")
-        return [name for of, name in self.components if of == family]
+        return [name for component_family, name in self.components if component_family == family]
 
     def get(self, family: str, name: str) -> type[Component]:
         """Return the class called `name`.
@@ -112,12 +112,12 @@ class Registry:
         Raises
         ------
         KeyError
-            If nobody registers that name.
+            If no plug-in registers that name.
         PluginError
-            If several do.
+            If several plug-ins register it.
         """
         if (family, name) in self.clashes:
-            raise PluginError(f"{_taken((family, name), self.clashes[family, name])}; {NONE_USED}")
+            raise PluginError(f"{_registered_by((family, name), self.clashes[family, name])}; {NONE_USED}")
         names = self.names(family)
         if name not in names:
             left_out = f" Left out: {'; '.join(map(str, self.broken))}." if self.broken else ""
@@ -125,13 +125,13 @@ class Registry:
         return self.components[family, name]
 
     def __reduce__(self) -> tuple[Callable[..., Registry], tuple[Any, ...]]:
-        # another process gathers anew: only then are the modules of single files where its pickles look
+        # Another process loads the plug-ins itself, so that pickle finds the modules of single files there.
         return functools.partial(Registry.load, distributions=self.distributions), (self.files,)
 
 
 @dataclass(frozen=True)
 class _File:
-    """A single-file plug-in as read, with helpers and data; where one of these is edited it is another plug-in."""
+    """A single-file plug-in as read, with its helpers and data files; an edit of any of them makes another plug-in."""
 
     path: Path
     content: bytes
@@ -141,11 +141,12 @@ class _File:
 
     @classmethod
     def read(cls, given: Path) -> _File:
+        """Return the single-file plug-in at a path; refuse a path that is not a readable Python file."""
         path = given.expanduser().resolve()
         if not path.exists():
-            near = nearest(path.name, [other.name for other in path.parent.glob("*.py")])
+            near = nearest(path.name, [file.name for file in path.parent.glob("*.py")])
             advice = f". Did you mean '{near}'?" if near else ""
-            raise PluginError(f"{given}: there is no such file in {shown(str(path.parent))}{advice}")
+            raise PluginError(f"{given}: there is no such file in {display_path(str(path.parent))}{advice}")
         if path.suffix != ".py":
             raise PluginError(f"{given}: this is not a Python file, expected a name that ends in .py")
         try:
@@ -160,49 +161,63 @@ class _File:
 
     @property
     def source(self) -> Provenance:
+        """Provenance of the plug-in, with a module name of its own for each path and content."""
         data = [content for _, content in self.data]
         content = b"\0".join([self.content, *(text for _, (_, text) in self.helpers), *data])
         version = hashlib.sha256(content).hexdigest()[:12]
-        # the content counts too: an edited file is a new module, and what the old one defined stays whole
+        # The name depends on the content too, so that an edited file is a new module and the old one stays intact.
         unique = hashlib.sha256(str(self.path).encode() + b"\0" + content).hexdigest()[:12]
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
         return Provenance("", version, f"percuss_file_{stem}_{unique}", str(self.path))
 
 
-class _Found(NamedTuple):
-    """A component that keeps the contract, and where it is from."""
+class _Registered(NamedTuple):
+    """A registered component that keeps the contract, and its provenance."""
 
     component: type[Component]
     source: Provenance
 
     @property
     def key(self) -> Key:
+        """Family and name of the component."""
         return self.component.family, self.component.name
 
 
 def _environment() -> tuple[tuple[str, int], ...]:
-    """Return what changes when a distribution comes or goes: the folders of the path and their times."""
-    return tuple((one, Path(one).stat().st_mtime_ns if Path(one).exists() else 0) for one in sys.path)
+    """Return the folders of the import path and their modification times, which installing or removing changes."""
+    return tuple((folder, Path(folder).stat().st_mtime_ns if Path(folder).exists() else 0) for folder in sys.path)
 
 
 @functools.lru_cache(maxsize=32)
 def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[_File, ...]) -> Registry:
-    """Gather; `environment` tells one state of the installation from the next, None asks no distribution."""
+    """Return the registry of installed distributions and `files`, cached until the installation changes.
+
+    Parameters
+    ----------
+    environment
+        State of the installation, which serves only as a key of the cache; None leaves installed distributions out.
+    files
+        The single-file plug-ins.
+    """
     manager = _Manager()
     broken: list[Broken] = []
-    found: dict[Key, list[_Found]] = {}
+    by_key: dict[Key, list[_Registered]] = {}
     points = importlib.metadata.entry_points(group=GROUP) if environment is not None else ()
-    for source, point in sorted(((_source(one), one) for one in points), key=lambda pair: pair[0].label):
+    for source, point in sorted(((_provenance_of(point), point) for point in points), key=lambda pair: pair[0].label):
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
-            with _forgetting(source.module.partition(".")[0]):
+            with _undoing_failed_import(source.module.partition(".")[0]):
                 plugin = point.load()
-            for one in _ask(manager, plugin, source, broken):
-                found.setdefault(one.key, []).append(one)
-    clashes = {key: tuple(one.source for one in many) for key, many in found.items() if len(many) > 1}
+            for registered in _components_of(manager, plugin, source, broken):
+                by_key.setdefault(registered.key, []).append(registered)
+    clashes = {
+        key: tuple(candidate.source for candidate in candidates)
+        for key, candidates in by_key.items()
+        if len(candidates) > 1
+    }
     for key, sources in clashes.items():
         labels = dict.fromkeys(source.label for source in sources)
-        broken.append(Broken(" and ".join(labels), f"{_taken(key, sources)}; {NONE_USED}", sources[-1].file))
-    chosen = {key: many[0] for key, many in found.items() if len(many) == 1}
+        broken.append(Broken(" and ".join(labels), f"{_registered_by(key, sources)}; {NONE_USED}", sources[-1].file))
+    chosen = {key: candidates[0] for key, candidates in by_key.items() if len(candidates) == 1}
     remember()
     for file in files:
         _add_file(manager, file, chosen, clashes)
@@ -216,15 +231,15 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[_File, .
     )
 
 
-def _source(point: importlib.metadata.EntryPoint) -> Provenance:
-    """Return who has an entry point, as far as its metadata tell."""
+def _provenance_of(point: importlib.metadata.EntryPoint) -> Provenance:
+    """Return the provenance of an entry point, as far as its metadata contain it."""
     name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
     return Provenance(name or "unnamed", version or "?", point.value.partition(":")[0].strip(), "")
 
 
 @contextlib.contextmanager
-def _forgetting(top: str) -> Iterator[None]:
-    """Import `top`, or a module in it; where that fails, forget the parts of it that came in."""
+def _undoing_failed_import(top: str) -> Iterator[None]:
+    """Import `top`, or a module in it, inside this context; if that fails, remove its modules imported meanwhile."""
     before = set(sys.modules)
     try:
         yield
@@ -235,42 +250,42 @@ def _forgetting(top: str) -> Iterator[None]:
         raise
 
 
-def _taken(key: Key, sources: Iterable[Provenance]) -> str:
-    """Return who registers a name."""
+def _registered_by(key: Key, sources: Iterable[Provenance]) -> str:
+    """Return a clause that names the plug-ins that register a component of this family and name."""
     return f"{key[0]} '{key[1]}' is registered by {' and by '.join(map(str, sources))}"
 
 
-def _add_file(manager: _Manager, file: _File, chosen: dict[Key, _Found], clashes: Clashes) -> None:
-    """Add what a single file registers to `chosen`; raise PluginError with every mistake found in it."""
+def _add_file(manager: _Manager, file: _File, chosen: dict[Key, _Registered], clashes: Clashes) -> None:
+    """Add the components of a single file to `chosen`; raise PluginError with all mistakes in the file."""
     broken: list[Broken] = []
     with _isolate(broken, file.source):
-        for one in _ask(manager, _import_file(file), file.source, broken):
-            with _isolate(broken, file.source, thing=one.component):
-                if one.key in chosen or one.key in clashes:
-                    who = clashes.get(one.key) or (chosen[one.key].source,)
-                    raise PluginError(f"{_taken(one.key, who)} already: give this one another `name`")
-                chosen[one.key] = one
+        for registered in _components_of(manager, _import_file(file), file.source, broken):
+            with _isolate(broken, file.source, culprit=registered.component):
+                if registered.key in chosen or registered.key in clashes:
+                    owners = clashes.get(registered.key) or (chosen[registered.key].source,)
+                    raise PluginError(f"{_registered_by(registered.key, owners)} already: give this one another `name`")
+                chosen[registered.key] = registered
     if broken:
-        lines = (f"{one.file or file.path}: {one.error}" for one in broken)
+        lines = (f"{fault.file or file.path}: {fault.error}" for fault in broken)
         raise PluginError("\n".join(lines).replace(str(file.path), file.given))
 
 
 def _import_file(file: _File) -> ModuleType:
-    """Return the module of a single-file plug-in, imported once for each content."""
+    """Return the module of a single-file plug-in, which is imported once for each content."""
     name = file.source.module
     if name in sys.modules:
         return sys.modules[name]
     module = ModuleType(name)
     module.__file__ = str(file.path)
-    with _forgetting(name), importing(dict(file.helpers)):
-        sys.modules[name] = module  # dataclasses and pickle look it up there
-        # not by the loader: its bytecode cache misses an edit within the same second that keeps the size
+    with _undoing_failed_import(name), importing(dict(file.helpers)):
+        sys.modules[name] = module  # Dataclasses and pickle look the module up there.
+        # Python's own loader is not used: its bytecode cache misses an edit within one second that keeps the size.
         exec(compile(file.content, str(file.path), "exec", dont_inherit=True), vars(module))  # noqa: S102
     return module
 
 
 class _Manager(pluggy.PluginManager):
-    """pluggy, but a hook function that it would ignore or refuse is set aside with the reason."""
+    """A plug-in manager that collects the hook functions that pluggy would ignore or refuse, with the reason."""
 
     def __init__(self) -> None:
         super().__init__(GROUP)
@@ -278,7 +293,7 @@ class _Manager(pluggy.PluginManager):
         self.faults: list[tuple[str, object]] = []
 
     def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
-        """Return the options of a usable hook function, None for anything else."""
+        """Return the options of a valid hook function, or None for anything else."""
         options = super().parse_hookimpl_opts(plugin, name)
         function = getattr(plugin, name, None) if options or name.startswith(PREFIX) else None
         if inspect.isroutine(function):
@@ -291,9 +306,9 @@ class _Manager(pluggy.PluginManager):
 
 
 def _check_hook(plugin: object, name: str, function: Any, options: pluggy.HookimplOpts | None) -> None:
-    """Raise PluginError where pluggy would ignore or refuse a function that looks like a hook."""
+    """Raise PluginError if pluggy would ignore or refuse a function that looks like a hook."""
     if options is None and isinstance(plugin, ModuleType) and function.__module__ != plugin.__name__:
-        return  # somebody else's function, imported
+        return  # a function imported from another module
     hook = (options and options.get("specname")) or name
     if hook not in HOOKS:
         if options and options.get("optionalhook"):
@@ -309,8 +324,8 @@ def _check_hook(plugin: object, name: str, function: Any, options: pluggy.Hookim
         raise PluginError(f"a hook takes no arguments, this one takes {', '.join(arguments)}")
 
 
-def _ask(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken]) -> list[_Found]:
-    """Return the components that a plug-in registers; what is wrong with it joins `broken`."""
+def _components_of(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken]) -> list[_Registered]:
+    """Return the components that a plug-in registers; add its mistakes to `broken`."""
     manager.faults = []
     manager.register(plugin)
     hooks = [
@@ -320,46 +335,60 @@ def _ask(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken
         if implementation.plugin is plugin
     ]
     offers: list[tuple[str, object]] = []
-    broken += [Broken(source.label, fault, begin_of(one) or source.file) for fault, one in manager.faults]
+    broken += [
+        Broken(source.label, fault, definition_place(function) or source.file) for fault, function in manager.faults
+    ]
     for family, function in hooks:
         with _isolate(broken, source, PREFIX + family, function):
-            offers += [(family, offer) for offer in _call(function)]
+            offers += [(family, offer) for offer in _offers_of(function)]
     if not hooks and not manager.faults:
-        offers = [] if source.distribution else [(one.family, one) for one in _finished(plugin)]
+        offers = [] if source.distribution else [(offer.family, offer) for offer in _finished_components(plugin)]
         if not offers:
             nor = "" if source.distribution else " and no finished component"
             raise PluginError(f"registers nothing: it has no hook{nor}")
-    found: list[_Found] = []
+    components: list[_Registered] = []
     for family, offer in offers:
         with _isolate(broken, source, PREFIX + family if hooks else "", offer):
             component = admitted(family, offer)
             file = getattr(sys.modules.get(component.__module__), "__file__", None) or source.file
             PLUGIN_MODULES.add(component.__module__.partition(".")[0])
-            found.append(_Found(component, replace(source, module=component.__module__, file=file)))
-    return found
+            components.append(_Registered(component, replace(source, module=component.__module__, file=file)))
+    return components
 
 
-def _call(function: Callable[[], Any]) -> list[object]:
-    """Return what a hook returns, refused unless it is a list or the like."""
+def _offers_of(function: Callable[[], Any]) -> list[object]:
+    """Return the objects that a hook returns, as a list; refuse a class, a string, a mapping and a non-iterable."""
     result = function()
     if isinstance(result, type | str | Mapping) or not isinstance(result, Iterable):
-        what = f"the class {result.__name__}" if isinstance(result, type) else repr(result)
-        raise PluginError(f"returned {what}, expected a list of classes")
+        returned = f"the class {result.__name__}" if isinstance(result, type) else repr(result)
+        raise PluginError(f"returned {returned}, expected a list of classes")
     return list(result)
 
 
-def _finished(module: ModuleType) -> list[type[Component]]:
-    """Return the finished components that a file defines, once each."""
-    classes = dict.fromkeys(one for one in vars(module).values() if isinstance(one, type))
-    own = (one for one in classes if issubclass(one, Component) and "name" in vars(one))
-    return [one for one in own if one.__module__ == module.__name__]
+def _finished_components(module: ModuleType) -> list[type[Component]]:
+    """Return the finished components that a module defines, each of them once."""
+    classes = dict.fromkeys(value for value in vars(module).values() if isinstance(value, type))
+    components = (cls for cls in classes if issubclass(cls, Component) and "name" in vars(cls))
+    return [component for component in components if component.__module__ == module.__name__]
 
 
 @contextlib.contextmanager
-def _isolate(broken: list[Broken], source: Provenance, what: str = "", thing: Any = None) -> Iterator[None]:
-    """Run other people's code: an error joins `broken`, with its place or that of `thing`, and ends there."""
+def _isolate(broken: list[Broken], source: Provenance, part: str = "", culprit: Any = None) -> Iterator[None]:
+    """Run plug-in code inside this context; an error is added to `broken`, with its place, and goes no further.
+
+    Parameters
+    ----------
+    broken
+        List to which an error is added.
+    source
+        Provenance of the plug-in.
+    part
+        Name of its part that is run, for the text of the error.
+    culprit
+        Class or function to blame where the error itself has no place in the plug-in.
+    """
     try:
         yield
-    except (Exception, SystemExit) as error:  # noqa: BLE001  nothing a plug-in does may stop the others
-        place = place_of(error, source.file) or begin_of(thing) or source.file
-        broken.append(Broken(source.label, ": ".join(filter(None, (what, described(error)))), place))
+    except (Exception, SystemExit) as error:  # noqa: BLE001  no error of a plug-in may stop the others
+        place = place_of(error, source.file) or definition_place(culprit) or source.file
+        broken.append(Broken(source.label, ": ".join(filter(None, (part, error_text(error)))), place))

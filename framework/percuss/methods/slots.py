@@ -1,6 +1,6 @@
-"""Functions that kernels may call: slots, which the solver fills, and what contacts at the same end do to a gap.
+"""Functions that kernels may call: slots, which the solver fills, and gaps coupled by contacts at the same end.
 
-A slot is a function without a body of its own; the compiler of the solver binds it to the kernel that a method brings.
+A slot is a function without a body of its own; the compiler of the solver replaces it by the kernel of a method.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def coupled_push(trial: Trial, multiplier: Floats, p: int) -> float:
-    """Return the gap acceleration of point p that all contacts at its ends bring, its own included.
+    """Return the gap acceleration of point p that all contacts at its ends cause, its own included.
 
-    It is ``sum over q of S_pq lambda_q``, with the `multiplier` of the law's own points as they are at the moment, and
-    those of other laws as they were last found in this step.
+    It is ``sum over q of S_pq lambda_q``, with the present `multiplier` of the law's own points and, for points of
+    other laws, the multipliers computed last in this step.
     """
     push = trial.delassus[p] * multiplier[p] + trial.pushed_by_others[p]
     for k in range(trial.first_neighbour[p], trial.first_neighbour[p + 1]):
@@ -24,32 +24,32 @@ def coupled_push(trial: Trial, multiplier: Floats, p: int) -> float:
 
 
 def coupled_gap(trial: Trial, multiplier: Floats, p: int) -> float:
-    """Return the predicted gap of point p with what all contacts at its ends press."""
+    """Return the predicted gap of point p, including the forces of all contacts at its ends."""
     return trial.predicted_gap[p] + trial.gap_response * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
 
 
 def coupled_rate(trial: Trial, multiplier: Floats, p: int) -> float:
-    """Return the predicted gap rate of point p with what all contacts at its ends press."""
+    """Return the predicted gap rate of point p, including the forces of all contacts at its ends."""
     return trial.predicted_rate[p] + trial.rate_response * coupled_push(trial, multiplier, p)  # type: ignore[no-any-return]
 
 
 def unbound() -> NoReturn:
-    """Raise, as the body of a slot."""
+    """Raise NotImplementedError; the body of a slot that no kernel is bound to."""
     raise NotImplementedError("a slot is called before a kernel is bound to it")
 
 
 def stress(parameters: Floats, strain: float) -> float:
-    """Slot: the stress at `strain`; bound to the body's material."""
+    """Return the stress at `strain`; a slot for the kernel of the body's material."""
     unbound()
 
 
 def energy_density(parameters: Floats, before: float, after: float) -> float:
-    """Slot: the staggered strain-energy density; bound to the body's material."""
+    """Return the staggered strain-energy density; a slot for the kernel of the body's material."""
     unbound()
 
 
 def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Slot: set `a` to the accelerations in a stage of the step; the compiled loop fills it."""
+    """Set `a` to the accelerations in a stage of the step; a slot that the time loop fills."""
     unbound()
 
 
@@ -61,7 +61,7 @@ def internal_force(
     displacement: Floats,
     force: Floats,
 ) -> None:
-    """Slot: set `force` to the internal force of a run of elements; bound to the body's element."""
+    """Set `force` to the internal force of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
 
 
@@ -74,9 +74,9 @@ def energy(
     velocity: Floats,
     dt: float,
 ) -> float:
-    """Slot: the staggered strain energy of a run of elements; bound to the body's element."""
+    """Return the staggered strain energy of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
 
 
-# a sum over elements: its terms may be added in any order
+# This is a sum over elements, so the compiler may add its terms in any order, which is faster.
 energy.reduction = True  # type: ignore[attr-defined]

@@ -1,1 +1,1 @@
-"""What percuss shows: tables in the terminal, figures, and the page of a study."""
+"""The output of percuss: tables on a terminal, figures, and the HTML page of a study."""

@@ -1,4 +1,4 @@
-"""The picture of several runs of one case: contact forces over each other, or beside each other."""
+"""Figure of several runs of one case: their contact forces in one panel, or in a small panel for each run."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from percuss.reporting.figures import (
     INK,
     OVERLAY,
     drawing,
+    fix_layout,
     header,
     legend,
     number,
     one_line,
     powers,
-    say,
-    settle,
     stopped_at,
     thinned,
     wrapped,
     write,
+    write_reason,
 )
-from percuss.reporting.run_figure import colours, truths
+from percuss.reporting.run_figure import colours, draw_references
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,25 +35,25 @@ if TYPE_CHECKING:
 
 
 def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> None:
-    """Write the contact forces of several runs of one case over each other; over six, beside each other.
+    """Write a figure of the contact forces of several runs of one case, overlaid or, for more than six runs, in panels.
 
     Parameters
     ----------
     rows
-        Mappings with ``label``, ``result`` (a Result, or None where there is none) and, for the latter, ``reason``.
+        Mappings with ``label``, ``result`` (a Result or None) and, where there is no result, ``reason``.
     path
-        As of `plot_result`.
+        File, as for `plot_result`.
     """
     write(path, lambda: comparison_figure(rows))
 
 
 def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return the contact forces of several runs of one case as a matplotlib Figure.
+    """Return a figure of the contact forces of several runs of one case.
 
     Parameters
     ----------
     rows
-        As of `percuss.reporting.comparison_figure.plot_comparison`.
+        Rows as for `percuss.reporting.comparison_figure.plot_comparison`.
     """
     runs = [(one_line(row["label"]), row["result"]) for row in rows if row.get("result") is not None]
     lost = [
@@ -75,26 +75,29 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
         header(figure, runs[0][1].title if runs else "", [note], [], lost)
         panels = figure.subplots(down, 3 if apart else 1, sharex=True, sharey=apart, squeeze=False).flat
         if not runs:
-            say(panels[0], "None of the runs has a result.")
+            write_reason(panels[0], "None of the runs has a result.")
         elif apart:
-            _multiples(list(panels), runs)
+            _small_panels(list(panels), runs)
         else:
             entries: dict[str, Any] = {}
             for axes, name in zip(panels, names or [""], strict=False):
-                entries |= _overlay(axes, runs, name, alone=len(names) < 2)
+                entries |= _overlay_runs(axes, runs, name, alone=len(names) < 2)
             if entries:
                 legend(panels[0], entries, room=150)
-                panels[-1].set(xlabel="time", xlim=(0, _end(runs)))
-        settle(figure)
+                panels[-1].set(xlabel="time", xlim=(0, _end_time(runs)))
+        fix_layout(figure)
     return figure
 
 
-def _labelled(label: str, result: Result) -> str:
+def _run_label(label: str, result: Result) -> str:
     return label if result.status == "done" else f"{label}: {result.status} at {number(stopped_at(result))}"
 
 
-def _overlay(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone: bool) -> dict[str, Any]:
-    """Draw one contact's force in every run, later runs thinner so that equal ones can be seen."""
+def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone: bool) -> dict[str, Any]:
+    """Draw the force of one contact in every run, and return the legend entries.
+
+    Later runs have thinner lines, so that equal forces can be seen below each other.
+    """
     entries: dict[str, Any] = {}
     for k, (label, result) in enumerate(runs):
         if name not in result.coordinates["contact"]:
@@ -102,33 +105,40 @@ def _overlay(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, alone
         force = result.arrays["contact_force"][:, result.coordinates["contact"].index(name)]
         line = axes.plot(*thinned(result.arrays["time"], force), color=COLOURS[k], linestyle=DASHES[k])
         line[0].set_linewidth(2.5 - 0.25 * k)
-        words = _labelled(label, result)
+        words = _run_label(label, result)
         entries[words if words not in entries else f"{words} ({k + 1})"] = line[0]
         _mark_stop(axes, result)
     if not entries:
-        say(axes, "These runs have no contact.")
+        write_reason(axes, "These runs have no contact.")
         return entries
-    _bound(axes, [result for _, result in runs])
+    _limit_forces(axes, [result for _, result in runs])
     axes.set_ylabel("contact force" if alone else f"force at {name}", parse_math=False)
     powers(axes)
-    return entries | truths(axes, _witness(runs), [name])
+    return entries | draw_references(axes, _run_with_exact(runs), [name])
 
 
-def _end(runs: Sequence[tuple[str, Result]]) -> float:
+def _end_time(runs: Sequence[tuple[str, Result]]) -> float:
     return max(max(stopped_at(result), float(result.summary["dt"])) for _, result in runs)
 
 
-def _witness(runs: Sequence[tuple[str, Result]]) -> Result:
-    """Return the run that knows the exact histories, else the first."""
-    knowing = [result for _, result in runs if getattr(result, "exact_histories", None)]
-    return (knowing or [runs[0][1]])[0]
+def _run_with_exact(runs: Sequence[tuple[str, Result]]) -> Result:
+    """Return the first run that has exact histories, or the first run if none has."""
+    with_exact = [result for _, result in runs if getattr(result, "exact_histories", None)]
+    return (with_exact or [runs[0][1]])[0]
 
 
-def _bound(axes: Axes, results: Sequence[Result]) -> None:
-    """Keep a run that ran away from flattening the others."""
-    sound = [r.arrays["contact_force"] for r in results if r.status != "unstable" and r.coordinates["contact"]]
-    if sound and len(sound) < len(results):
-        top, bottom = max(float(f.max()) for f in sound), min(float(f.min()) for f in sound)
+def _limit_forces(axes: Axes, results: Sequence[Result]) -> None:
+    """Limit the force axis to the forces of stable runs, so that an unstable run does not flatten the others."""
+    stable_forces = [
+        result.arrays["contact_force"]
+        for result in results
+        if result.status != "unstable" and result.coordinates["contact"]
+    ]
+    if stable_forces and len(stable_forces) < len(results):
+        top, bottom = (
+            max(float(force.max()) for force in stable_forces),
+            min(float(force.min()) for force in stable_forces),
+        )
         room = 0.25 * ((top - bottom) or 1.0)
         axes.set_ylim(bottom - room, top + room)
 
@@ -138,9 +148,9 @@ def _mark_stop(axes: Axes, result: Result) -> None:
         axes.axvline(stopped_at(result), color=ALARM, linewidth=1.0, linestyle=(0, (1, 2)))
 
 
-def _multiples(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> None:
-    """Draw a small panel for each run, the others behind it in grey."""
-    known: dict[str, Any] = {}
+def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> None:
+    """Draw a small panel for each run, with the other runs behind it in grey."""
+    entries: dict[str, Any] = {}
     for k, (axes, (label, result)) in enumerate(zip(panels, runs, strict=False)):
         for _, other in runs:
             for force in other.arrays["contact_force"].T:
@@ -148,9 +158,9 @@ def _multiples(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> No
         names = result.coordinates["contact"]
         for force, colour in zip(result.arrays["contact_force"].T, colours(len(names)), strict=True):
             axes.plot(*thinned(result.arrays["time"], force), color=colour, linewidth=1.3)
-        known |= truths(axes, _witness(runs), names)
+        entries |= draw_references(axes, _run_with_exact(runs), names)
         _mark_stop(axes, result)
-        words = "\n".join(wrapped(_labelled(label, result), 44, 2))
+        words = "\n".join(wrapped(_run_label(label, result), 44, 2))
         shade = INK if result.status == "done" else ALARM
         axes.set_title(words, loc="left", size=10, color=shade, parse_math=False)
         powers(axes)
@@ -161,7 +171,7 @@ def _multiples(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) -> No
             axes.tick_params(labelbottom=True)
     for axes in panels[len(runs) :]:
         axes.set_axis_off()
-    panels[0].set_xlim(0, _end(runs))
-    _bound(panels[0], [result for _, result in runs])
-    if known:
-        legend(panels[0], known, room=46, up=1.03 + 0.1 * (1 + panels[0].get_title("left").count("\n")))
+    panels[0].set_xlim(0, _end_time(runs))
+    _limit_forces(panels[0], [result for _, result in runs])
+    if entries:
+        legend(panels[0], entries, room=46, up=1.03 + 0.1 * (1 + panels[0].get_title("left").count("\n")))

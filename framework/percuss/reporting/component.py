@@ -1,4 +1,4 @@
-"""Say what a component is: summary, formula, options, facts, references, a snippet for a case, and where it is from."""
+"""Description of a component: summary, formula, options, facts, references, a snippet for a case, and its origin."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Docs", "component_data", "component_text", "components_named", "docs", "registry_data"]
 
 FORMULA = "Formula:"
-# facts that are told apart from the others
+# These facts have entries of their own in the description.
 ELSEWHERE = (
     "family",
     "name",
@@ -33,7 +33,7 @@ ELSEWHERE = (
 
 
 class Docs(NamedTuple):
-    """A component's docstring in parts: its first paragraph, the one that begins with "Formula:", and the rest."""
+    """The parts of a component's docstring: its first paragraph, the one that begins with "Formula:", and the rest."""
 
     first: str
     formula: str
@@ -41,10 +41,10 @@ class Docs(NamedTuple):
 
 
 def docs(component: type[Component]) -> Docs:
-    """Return the docstring of a component in parts, the marks of code left out."""
+    """Return the parts of a component's docstring, without the double backquotes around code."""
     first, *others = inspect.cleandoc(component.__doc__ or "").replace("``", "").split("\n\n")
-    formula = next((one for one in others if one.startswith(FORMULA)), "")
-    rest = "\n\n".join(one for one in others if one is not formula)
+    formula = next((paragraph for paragraph in others if paragraph.startswith(FORMULA)), "")
+    rest = "\n\n".join(paragraph for paragraph in others if paragraph is not formula)
     return Docs(first, formula.removeprefix(FORMULA).strip(), rest)
 
 
@@ -54,17 +54,17 @@ def components_named(registry: Registry, name: str) -> list[tuple[str, str]]:
     Raises
     ------
     InputError
-        If there is none.
+        If there is no such component.
     """
-    found = [key for key in registry.components if key[1] == name]
-    if not found:
-        known = {key[1] for key in registry.components}
-        raise InputError([Problem("percuss plugins", "", f"unknown component '{name}'", suggestion(name, known))])
-    return found
+    keys = [key for key in registry.components if key[1] == name]
+    if not keys:
+        names = {key[1] for key in registry.components}
+        raise InputError([Problem("percuss plugins", "", f"unknown component '{name}'", suggestion(name, names))])
+    return keys
 
 
 def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]:
-    """Return all that is known of a component, in the terms of JSON."""
+    """Return the full description of a component in the types of JSON."""
     from percuss.jsonable import plain
 
     component = registry.get(family, name)
@@ -78,7 +78,7 @@ def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]
             "about": about.first,
             "formula": about.formula,
             "details": about.rest,
-            "options": [_option(one) for one in options_of(component).values()],
+            "options": [_option(option) for option in options_of(component).values()],
             "schema": schema_of(component),
             "facts": _facts(component),
             "references": list(component.references),
@@ -94,7 +94,7 @@ def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]
 
 
 def _option(option: Option) -> dict[str, Any]:
-    """Return an option in the terms of JSON, what it expects in words."""
+    """Return an option in the types of JSON, with the expected values in words."""
     infinite = ", may be .inf" if fact(option.annotation, AllowInf) is not None else ""
     return {
         "key": option.key,
@@ -107,57 +107,57 @@ def _option(option: Option) -> dict[str, Any]:
 
 
 def _facts(component: type[Component]) -> dict[str, Any]:
-    """Return the class facts that the contract of the family knows and the component declares or inherits."""
-    known = [*FAMILIES[component.family].__annotations__, *Component.__annotations__]
-    return {one: getattr(component, one) for one in known if one not in ELSEWHERE and hasattr(component, one)}
+    """Return the class facts that the family's contract names and the component declares or inherits, by name."""
+    names = [*FAMILIES[component.family].__annotations__, *Component.__annotations__]
+    return {name: getattr(component, name) for name in names if name not in ELSEWHERE and hasattr(component, name)}
 
 
 def component_text(registry: Registry, family: str, name: str) -> str:
-    """Return the same in words."""
+    """Return the full description of a component as text."""
     data, component = component_data(registry, family, name), registry.get(family, name)
     lines = [f"{name} ({family}): {data['summary']}", "", data["about"]]
-    lines += ["", "Formula", *_indented(data["formula"])] if data["formula"] else []
+    lines += ["", "Formula", *_indented_lines(data["formula"])] if data["formula"] else []
     lines += ["", data["details"]] if data["details"] else []
     lines += ["", "Options"]
-    for one in data["options"]:
-        default = "required" if one["required"] else f"default {flow(one['default'])}"
-        default = default if one["required"] or one["default"] is not None else "not given by default"
-        lines.append(f"  {one['key']} [{one['unit']}]: {one['what'] or 'not documented'}")
-        lines.append(f"      {one['expects']}; {default}")
+    for option in data["options"]:
+        default = "required" if option["required"] else f"default {flow(option['default'])}"
+        default = default if option["required"] or option["default"] is not None else "not given by default"
+        lines.append(f"  {option['key']} [{option['unit']}]: {option['what'] or 'not documented'}")
+        lines.append(f"      {option['expects']}; {default}")
     lines += ["  none"] if not data["options"] else []
     facts = {key: value for key, value in data["facts"].items() if value not in ("", [], {}, None)}
     lines += ["", "Facts"] if facts else []
     for key, value in facts.items():
         if isinstance(value, Mapping):
-            lines += [f"  {key}", *(f"    {one}: {why}" for one, why in value.items())]
+            lines += [f"  {key}", *(f"    {entry}: {words}" for entry, words in value.items())]
         else:
             lines.append(f"  {key}: {', '.join(map(str, value)) if isinstance(value, list) else value}")
     lines += ["", "References", *(f"  {reference}" for reference in data["references"])] if data["references"] else []
-    lines += ["", _WHERE.get(family, "In a case"), *_indented(data["snippet"])]
+    lines += ["", _USE_HEADINGS.get(family, "In a case"), *_indented_lines(data["snippet"])]
     origin = f"{data['distribution']} {data['version']}" if data["distribution"] else f"a file, {data['version']}"
     origin += f", written for contract {component.contract_version}" if component.contract_version else ""
     lines += ["", f"From {origin}, module {data['module']}, {data['file']}"]
     return "\n".join(lines)
 
 
-def _indented(text: str) -> list[str]:
+def _indented_lines(text: str) -> list[str]:
     return [f"  {line}" for line in text.splitlines()]
 
 
-_WHERE = {"solutions": "On the command line", "measures": "In a study"}
+_USE_HEADINGS = {"solutions": "On the command line", "measures": "In a study"}
 
 
 def snippet(component: type[Component], file: str) -> list[str]:
-    """Return lines to paste into a case: the component with its first example that sets something.
+    """Return lines to paste into a case: the component with its first example that sets an option.
 
     Parameters
     ----------
     component
-        What is to be used.
+        The component.
     file
-        Of a single-file plug-in, which the case must name; else empty.
+        Path of a single-file plug-in, which the case must name; empty for a component of a package.
     """
-    example = dict(next((one for one in component.examples if one), {}))
+    example = dict(next((given for given in component.examples if given), {}))
     named = f"{{name: {component.name}, {flow(example)[1:]}" if example else component.name
     alone = component.shorthand and list(example) == [component.shorthand]
     options = flow(example[component.shorthand]) if alone else flow(example)
@@ -169,7 +169,7 @@ def snippet(component: type[Component], file: str) -> list[str]:
         "materials": ["bodies:", "  short:", f"    material: {named}"],
         "elements": ["bodies:", "  short:", f"    element: {named}"],
         "shapes": ["bodies:", "  short:", f"    {component.name}: {options}", *body],
-        "loads": ["loads:", f"  push: {{{component.name}: {options}{_on(component)}}}"],
+        "loads": ["loads:", f"  push: {{{component.name}: {options}{_region(component)}}}"],
         "measures": ["measure:", f"  - {component.name}"],
         "solutions": [
             "percuss run CASE --exact-only",
@@ -177,17 +177,17 @@ def snippet(component: type[Component], file: str) -> list[str]:
         ],
     }
     lines = families[component.family]
-    if file and component.family in _WHERE:
+    if file and component.family in _USE_HEADINGS:
         return [*lines, f"# with --plugin {Path(file).name}"]
     return [f"plugins: [{flow(Path(file).name)}]", *lines] if file else lines
 
 
-def _on(component: type[Component]) -> str:
+def _region(component: type[Component]) -> str:
     return "" if getattr(component, "everywhere", False) else ", on: short.left"
 
 
 def registry_data(registry: Registry) -> dict[str, Any]:
-    """Return every component and every failure, in the terms of JSON."""
+    """Return all components and all plug-ins that are not usable, in the types of JSON."""
     return {
         "percuss": percuss.__version__,
         "contract": percuss.CONTRACT,
@@ -205,5 +205,5 @@ def registry_data(registry: Registry) -> dict[str, Any]:
             }
             for (family, name), component in registry.components.items()
         ],
-        "broken": [{"source": b.source, "error": b.error, "file": b.file} for b in registry.broken],
+        "broken": [{"source": plugin.source, "error": plugin.error, "file": plugin.file} for plugin in registry.broken],
     }

@@ -1,4 +1,4 @@
-"""Errors against the mesh, drawn for each pair of methods."""
+"""Figure of the errors over mesh refinement for each pair of methods."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORDS = {
 
 
 def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
-    """Return errors against the mesh on logarithmic axes, one panel an error, one line a method of `orders`."""
+    """Return a figure of errors over mesh refinement on logarithmic axes, with a panel per error and a line per fit."""
     from percuss.reporting.figures import COLOURS, DASHES, drawing
 
     colours = (*COLOURS, "#000000", "#8c8c8c")
@@ -32,13 +32,17 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
         figure.suptitle(title, x=0.02, ha="left", weight="bold", size=15, parse_math=False)
         panels = figure.subplots(2, 2, sharex=True)
         for axes, name in zip(panels.flat, ERRORS, strict=True):
-            for k, one in enumerate(fitted):
-                points = [(r, e) for r, e in zip(one["refine"], one[name], strict=True) if e is not None and e > 0]
+            for k, fit in enumerate(fitted):
+                points = [
+                    (refine, error)
+                    for refine, error in zip(fit["refine"], fit[name], strict=True)
+                    if error is not None and error > 0
+                ]
                 style = {"color": colours[k % len(colours)], "linestyle": DASHES[k % len(DASHES)], "marker": "o"}
                 x, y = zip(*points, strict=True) if points else ((), ())
-                axes.plot(x, y, markersize=4, label=_label(one), **style)
+                axes.plot(x, y, markersize=4, label=_label(fit), **style)
             axes.set(xscale="log", yscale="log", ylabel="relative error")
-            axes.set_xticks(sorted({r for one in fitted for r in one["refine"]}), minor=False)
+            axes.set_xticks(sorted({refine for fit in fitted for refine in fit["refine"]}), minor=False)
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_title(WORDS[name], loc="left", size=11)
@@ -50,16 +54,16 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
         return figure
 
 
-def _label(one: dict[str, Any]) -> str:
-    """Return a method, what else is varied, and its observed orders in the order of the panels."""
-    others = [f"{path.split('.')[-1]}={value}" for path, value in one.items() if "." in path]
-    found = [one[f"{name}_order"] for name in ERRORS]
-    told = "  |  ".join("-" if order is None else f"{order:.2f}" for order in found)
-    return f"{' '.join([one['integrator'], '+', one['contact'], *others])}:  {told}"
+def _label(fit: dict[str, Any]) -> str:
+    """Return the label of a line: pair of methods, other varied values, and observed orders by panel."""
+    others = [f"{path.split('.')[-1]}={value}" for path, value in fit.items() if "." in path]
+    orders = [fit[f"{name}_order"] for name in ERRORS]
+    order_texts = "  |  ".join("-" if order is None else f"{order:.2f}" for order in orders)
+    return f"{' '.join([fit['integrator'], '+', fit['contact'], *others])}:  {order_texts}"
 
 
 def plot_convergence(fitted: list[dict[str, Any]], title: str, path: str | os.PathLike[str]) -> None:
-    """Write `convergence_figure` as png, svg or pdf by suffix; written beside and then renamed."""
+    """Write `convergence_figure` as a png, svg or pdf file, by suffix, completely or not at all."""
     from percuss.reporting.figures import write
 
     write(path, lambda: convergence_figure(fitted, title))

@@ -1,4 +1,4 @@
-"""Say in words and formulas what a case will do, with the numbers of the case filled in."""
+"""The explanation of a case before its run, in words and formulas that hold the numbers of the case."""
 
 from __future__ import annotations
 
@@ -23,54 +23,54 @@ if TYPE_CHECKING:
     from percuss.solver.entities import ContactPair
     from percuss.solver.model import Model
 
-MOST_LETTERS = 60  # of the value of an option, as a table's
+MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this many letters.
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a case will do: as text, and the same numbers as data."""
+    """The explanation of a case: the text, and its numbers as data."""
 
     text: str
     data: dict[str, Any]
 
 
 def explanation(model: Model) -> Explanation:
-    """Return what the run of a model will do."""
+    """Return the explanation of a model's run: bodies, contacts, loads, step, stability, exact solution and methods."""
     from percuss.jsonable import plain
 
-    known = certificate(recordable(model))
-    measured = _measured(model, known["energy"])
-    contacts = [_contact(model, p, contact_pair) for p, contact_pair in enumerate(model.contact_pairs)]
-    loads = [_load(spec) for spec in model.case.loads.values()]
-    step, exact = _step(model), _exact(model)
-    methods = [_method(component) for component in _components(model)]
+    verdict = certificate(recordable(model))
+    measured = _measured_energy(model, verdict["energy"])
+    contacts = [_contact_data(model, p, contact_pair) for p, contact_pair in enumerate(model.contact_pairs)]
+    loads = [_load_data(spec) for spec in model.case.loads.values()]
+    step, exact = _step_data(model), _exact_solution(model)
+    methods = [_method_data(component) for component in _components(model)]
     case = model.case
     lines = [case.title or "Untitled case"]
     lines += [f"  source: {case.source}"] if case.source else []
-    lines += _bodies(model)
+    lines += _body_lines(model)
     lines += ["Contacts" if contacts else "No contact"]
-    told: set[str] = set()
-    for one in contacts:
-        lines += _contact_lines(model, one, told)
+    explained_laws: set[str] = set()
+    for contact in contacts:
+        lines += _contact_lines(model, contact, explained_laws)
     lines += ["Loads"] if loads else []
-    lines += [f"  {one['text']}" for one in loads]
+    lines += [f"  {load['text']}" for load in loads]
     lines += ["Step", f"  {step['text']}"]
-    if known["dt_critical_free"] is not None:
-        critical = "is unknown" if known["dt_critical"] is None else f"{known['dt_critical']:.9g}"
+    if verdict["dt_critical_free"] is not None:
+        critical = "is unknown" if verdict["dt_critical"] is None else f"{verdict['dt_critical']:.9g}"
         lines.append(
-            f"  the bodies without contact allow {known['dt_critical_free']:.9g}, the worst combination of closed "
+            f"  the bodies without contact allow {verdict['dt_critical_free']:.9g}, the worst combination of closed "
             f"contacts {critical}"
         )
-    lines += _certificate_lines(model, known, measured)
+    lines += _certificate_lines(model, verdict, measured)
     lines += ["Exact solution"]
     lines += (
         [f"  {exact['name']} will tell the true error of the run"] if exact["name"] else [f"  none: {exact['why']}"]
     )
     lines += ["Methods"]
-    for one in methods:
-        lines += _method_lines(one)
-        lines += _stages(model) if one["family"] == "integrators" else []
-    notes = [*case.notes, *known["ignores"]]
+    for method in methods:
+        lines += _method_lines(method)
+        lines += _stage_lines(model) if method["family"] == "integrators" else []
+    notes = [*case.notes, *verdict["ignores"]]
     lines += [f"note: {note}" for note in notes]
     data = {
         "title": case.title,
@@ -78,10 +78,10 @@ def explanation(model: Model) -> Explanation:
         "steps": model.steps,
         "courant": model.courant,
         "step": step,
-        "certificate": known,
-        "contacts": {one["name"]: one["resolved"] | {"law": one["law"]} for one in contacts},
-        "rows": {one["name"]: one for one in contacts},
-        "chosen": {one["name"]: one["chosen"] for one in contacts},
+        "certificate": verdict,
+        "contacts": {contact["name"]: contact["resolved"] | {"law": contact["law"]} for contact in contacts},
+        "rows": {contact["name"]: contact for contact in contacts},
+        "chosen": {contact["name"]: contact["chosen"] for contact in contacts},
         "loads": loads,
         "exact": exact,
         "methods": methods,
@@ -92,30 +92,35 @@ def explanation(model: Model) -> Explanation:
     return Explanation("\n".join(lines), plain(data))
 
 
-def _given(component: Component) -> dict[str, str]:
-    """Return the options of a component that are not their defaults, as a case would write them."""
-    values = {one.key: (getattr(component, one.field), one.default) for one in options_of(type(component)).values()}
-    return {key: _short(value) for key, (value, default) in values.items() if value is not default and value != default}
+def _non_default_options(component: Component) -> dict[str, str]:
+    """Return the options of a component that differ from their defaults, as a case would write them."""
+    values = {
+        option.key: (getattr(component, option.field), option.default)
+        for option in options_of(type(component)).values()
+    }
+    return {
+        key: _short_text(value) for key, (value, default) in values.items() if value is not default and value != default
+    }
 
 
-def _short(value: Any) -> str:
+def _short_text(value: Any) -> str:
     text = f"{value:.9g}" if isinstance(value, float) else found(getattr(value, "path", value))
     return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS]}..."
 
 
-def _listed(values: Mapping[str, Any]) -> str:
+def _assignments(values: Mapping[str, Any]) -> str:
     return ", ".join(f"{key} = {value}" for key, value in values.items())
 
 
-def _numbers(values: Mapping[str, float]) -> dict[str, str]:
+def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
     return {key: f"{value:.6g}" for key, value in values.items()}
 
 
-def _stages(model: Model) -> list[str]:
-    """Return what is told of an integrator that is no leap-frog scheme."""
+def _stage_lines(model: Model) -> list[str]:
+    """Return the lines about the stages of a multi-stage scheme; none for a leap-frog scheme."""
     if model.stages is None:
         return []
-    times = ", ".join(f"{one:.6g}" for one in model.stages.times)
+    times = ", ".join(f"{time:.6g}" for time in model.stages.times)
     end = "is judged there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
     return [
         f"    no leap-frog scheme: accelerations, contact included, at {times} of each step; a law judged at the end "
@@ -128,7 +133,7 @@ def _stages(model: Model) -> list[str]:
 # ---------------------------------------------------------------------------------------------- bodies, step
 
 
-def _bodies(model: Model) -> list[str]:
+def _body_lines(model: Model) -> list[str]:
     lines = [f"Bodies ({model.n_nodes} nodes in {model.dim} dimension{'s' if model.dim > 1 else ''})"]
     for body in model.bodies.values():
         material = body.spec.material
@@ -139,7 +144,7 @@ def _bodies(model: Model) -> list[str]:
         moves = f", velocity {found(body.spec.velocity)}" if np.any(body.velocity) else ""
         lines.append(
             f"  {body.name}: {body.spec.shape.name} of {h.size} elements, {size}, {material.name} "
-            f"({_listed(_given(material))}), area {body.spec.area:.6g}{moves}"
+            f"({_assignments(_non_default_options(material))}), area {body.spec.area:.6g}{moves}"
             + (f", fixed at {', '.join(body.spec.fixed)}" if body.spec.fixed else "")
         )
         lines.append(
@@ -154,10 +159,10 @@ def _bodies(model: Model) -> list[str]:
     return lines
 
 
-def _step(model: Model) -> dict[str, Any]:
-    """Return the step, and where it comes from."""
+def _step_data(model: Model) -> dict[str, Any]:
+    """Return the time step, the element with the highest frequency, and the origin of the step in words."""
     time = model.case.time
-    body = max(model.bodies.values(), key=lambda one: float(one.frequency.max()))
+    body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
     element = int(np.argmax(body.frequency))
     smallest = 2.0 / model.omega
     where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.omega else f"element {element}"
@@ -183,27 +188,28 @@ def _step(model: Model) -> dict[str, Any]:
     }
 
 
-def _certificate_lines(model: Model, known: Mapping[str, Any], measured: Mapping[str, str]) -> list[str]:
-    lines = ["Stability of the closed linear step", f"  {known['stable']}: {known['why']}"]
-    if known["stable"] == "no":
-        warned = model.case.time.on_unstable == "warn"
-        lines.append("  the run goes on all the same (on_unstable: warn)" if warned else "  the run is not started")
-        lines.append(f"  to be stable, {known['cure']}")
-    lines += ["Energy over opening and closing", f"  {known['energy']}: {known['energy_why']}"]
+def _certificate_lines(model: Model, verdict: Mapping[str, Any], measured: Mapping[str, str]) -> list[str]:
+    lines = ["Stability of the closed linear step", f"  {verdict['stable']}: {verdict['why']}"]
+    if verdict["stable"] == "no":
+        warns = model.case.time.on_unstable == "warn"
+        lines.append("  the run goes on all the same (on_unstable: warn)" if warns else "  the run is not started")
+        lines.append(f"  to be stable, {verdict['cure']}")
+    lines += ["Energy over opening and closing", f"  {verdict['energy']}: {verdict['energy_why']}"]
     return lines + [f"  measured, {law}: {words}" for law, words in measured.items()]
 
 
-def _measured(model: Model, energy: str) -> dict[str, str]:
-    """Return, by law, what was measured with the integrator, where `energy` is no guarantee that none is gained."""
-    if energy == "never grows" or model.why_not_linear:  # it was measured with linear bodies
+def _measured_energy(model: Model, energy: str) -> dict[str, str]:
+    """Return by contact law the measured energy behaviour with the integrator, unless energy is known never to grow."""
+    # The measurements were made with linear bodies, so they do not hold for other bodies.
+    if energy == "never grows" or model.why_not_linear:
         return {}
     integrator = model.case.method.integrator.name
     laws = [entry["law"] for entry in model.laws]
     return {law.name: law.measured[integrator] for law in laws if integrator in law.measured}
 
 
-def _exact(model: Model) -> dict[str, str]:
-    """Return which exact solution will judge the run, or why none will."""
+def _exact_solution(model: Model) -> dict[str, str]:
+    """Return the name of the exact solution that covers the run, or the reasons why none does."""
     registry = model.case.registry
     reasons = []
     for name in registry.names("solutions"):
@@ -218,8 +224,8 @@ def _exact(model: Model) -> dict[str, str]:
 # -------------------------------------------------------------------------------------------------- contacts
 
 
-def _contact(model: Model, number: int, contact_pair: ContactPair) -> dict[str, Any]:
-    """Return what is known of a contact: its sides, the numbers its law is handed, and the row that follows."""
+def _contact_data(model: Model, number: int, contact_pair: ContactPair) -> dict[str, Any]:
+    """Return the data of a contact: its sides, gap and law, the numbers given to the law, and its linear law if any."""
     spec = model.case.contacts[contact_pair.name]
     s = float(model.delassus(0.5 * model.dt)[number])
     points = model.points([number], model.dt)
@@ -229,7 +235,7 @@ def _contact(model: Model, number: int, contact_pair: ContactPair) -> dict[str, 
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": contact_pair.gap,
         "law": contact_pair.law.name,
-        "given": _given(contact_pair.law),
+        "given": _non_default_options(contact_pair.law),
         "resolved": resolved,
         "chosen": dict(contact_pair.law.chosen(points, model.dt)),
         "point": {
@@ -238,89 +244,92 @@ def _contact(model: Model, number: int, contact_pair: ContactPair) -> dict[str, 
             "rho A h / 2": contact_pair.mass,
             "s": s,
         },
-        "row": _row(model, number, s),
+        "row": _linear_law_data(model, number, s),
     }
 
 
-def _row(model: Model, number: int, s: float) -> dict[str, Any] | None:
-    """Return the row of a contact as the integrator judges it, None where its law has a kernel of its own."""
-    entry = next(one for one in model.laws if number in one["where"])
+def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | None:
+    """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
+    entry = next(law for law in model.laws if number in law["where"])
     if not isinstance(entry["bound"], LinearLaw):
         return None
     rows = broadcast(entry["bound"], entry["points"], entry["law"].name)
     delassus = entry["points"].delassus
-    one = law_records(rows, model.tables[-1], delassus, entry["law"].name)[entry["where"].index(number)]
-    w = float(one["response"])
+    record = law_records(rows, model.tables[-1], delassus, entry["law"].name)[entry["where"].index(number)]
+    w = float(record["response"])
     return {
         "at": rows["at"],
-        "judged": "predicted" if one["sees_predicted_gap"] else "current",
-        "sees_acceleration": bool(one["sees_acceleration"]),
-        "sigma": float(one["sigma"]),
-        "gap": float(one["weight_gap"]),
-        "rate": float(one["weight_rate"]),
-        "acceleration": float(one["weight_acceleration"]),
+        "judged": "predicted" if record["sees_predicted_gap"] else "current",
+        "sees_acceleration": bool(record["sees_acceleration"]),
+        "sigma": float(record["sigma"]),
+        "gap": float(record["weight_gap"]),
+        "rate": float(record["weight_rate"]),
+        "acceleration": float(record["weight_acceleration"]),
         "active": rows["active"],
         "sign": rows["sign"],
         "w": w,
-        "stiffness": 1.0 / (float(one["sigma"]) + w * s),
+        "stiffness": 1.0 / (float(record["sigma"]) + w * s),
     }
 
 
-def _contact_lines(model: Model, one: Mapping[str, Any], told: set[str]) -> list[str]:
-    """Return what is known of a contact in words; the formula of its law where it is not among those `told`."""
-    gap = "touching" if one["gap"] == 0 else f"gap {one['gap']:.9g}"
-    law = next(entry["law"] for entry in model.laws if entry["law"].name == one["law"])
-    lines = [f"  {one['name']}: {' and '.join(one['sides'])}, {gap}; {law.name}: {law.summary}"]
-    if law.name not in told:
+def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set[str]) -> list[str]:
+    """Return the lines about a contact, with the formula of its law unless the law is in `explained_laws`.
+
+    The law is added to `explained_laws`.
+    """
+    gap = "touching" if contact["gap"] == 0 else f"gap {contact['gap']:.9g}"
+    law = next(entry["law"] for entry in model.laws if entry["law"].name == contact["law"])
+    lines = [f"  {contact['name']}: {' and '.join(contact['sides'])}, {gap}; {law.name}: {law.summary}"]
+    if law.name not in explained_laws:
         lines += [f"    {line}" for line in docs(type(law)).formula.splitlines()]
-        told.add(law.name)
-    lines.append(f"    given: {_listed(one['given']) or 'nothing, all by default'}")
-    lines += [f"    {option} {words}" for option, words in one["chosen"].items()]
-    point = _numbers(one["point"])
+        explained_laws.add(law.name)
+    lines.append(f"    given: {_assignments(contact['given']) or 'nothing, all by default'}")
+    lines += [f"    {option} {words}" for option, words in contact["chosen"].items()]
+    point = _numbers_as_text(contact["point"])
     lines.append(
         f"    with EA/h = {point['EA/h']} and rho A h / 2 = {point['rho A h / 2']} of the softer side, "
         f"omega = 2c/h = {point['2c/h']}, s = N^T M^-1 N = {point['s']}, dt = {model.dt:.6g}"
     )
-    lines += [f"    {_listed(_numbers(one['resolved']))}"] if one["resolved"] else []
-    if one["row"] is None:
+    lines += [f"    {_assignments(_numbers_as_text(contact['resolved']))}"] if contact["resolved"] else []
+    if contact["row"] is None:
         return [*lines, f"    {law.name} is no row of the contact equation: its own kernel gives the force"]
-    lines += [f"    {line}" for line in _row_lines(one["row"])]
-    if one["row"]["acceleration"] and not one["row"]["sees_acceleration"]:
+    lines += [f"    {line}" for line in _linear_law_lines(contact["row"])]
+    if contact["row"]["acceleration"] and not contact["row"]["sees_acceleration"]:
         lines.append(f"    g'' counts as 0: {law.needs_only_response_of['acceleration']}")
     return lines
 
 
-def _row_lines(row: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the row with its numbers, and what a single closed contact makes of it."""
-    terms = [(row["gap"], "g"), (row["rate"], "g'"), (row["acceleration"], "g''")]
+def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a linear law with its numbers in words, and the multiplier that follows if only this contact is closed."""
+    terms = [(law["gap"], "g"), (law["rate"], "g'"), (law["acceleration"], "g''")]
     right = " ".join(f"- {'' if weight == 1.0 else f'{weight:.6g} '}{name}" for weight, name in terms if weight)
     right = right.replace("- ", "-", 1) or "0"
     state = {
         ("end", "predicted"): "the gap at the end of the step",
         ("explicit", "predicted"): "the predicted gap",
-    }.get((row["at"], row["judged"]), "the current gap")
-    seen = "" if row["sees_acceleration"] or not row["acceleration"] else ", g'' counts as 0"
-    left = f"{row['sigma']:.6g} lambda" if row["sigma"] else "0"
-    when = "while g < 0" if row["active"] == "gap < 0" else "at all times"
+    }.get((law["at"], law["judged"]), "the current gap")
+    remark = "" if law["sees_acceleration"] or not law["acceleration"] else ", g'' counts as 0"
+    left = f"{law['sigma']:.6g} lambda" if law["sigma"] else "0"
+    when = "while g < 0" if law["active"] == "gap < 0" else "at all times"
     sign = "lambda may be of either sign"
-    if row["sign"] != "free":
+    if law["sign"] != "free":
         relation, sign = f"{left} >= {right}", "lambda >= 0, and one of the two is an equation"
     else:
         relation = f"{left} = {right}"
-    yield f"{relation} {when}, where g is {state}{seen}; {sign}"
-    if seen:
+    yield f"{relation} {when}, where g is {state}{remark}; {sign}"
+    if remark:
         right = " ".join(right.split(" ")[:-3]) if right.count(" ") > 2 else right.split(" - ")[0]
     yield (
-        f"closed alone: lambda = ({right}) / (sigma + w s) = {row['stiffness']:.6g} ({right}), "
-        f"sigma = {row['sigma']:.6g}, w = {row['w']:.6g}"
+        f"closed alone: lambda = ({right}) / (sigma + w s) = {law['stiffness']:.6g} ({right}), "
+        f"sigma = {law['sigma']:.6g}, w = {law['w']:.6g}"
     )
 
 
 # ------------------------------------------------------------------------------------------- loads, methods
 
 
-def _load(spec: LoadSpec) -> dict[str, Any]:
-    where = ", ".join(str(address) for address in spec.on) or "every body"
+def _load_data(spec: LoadSpec) -> dict[str, Any]:
+    targets = ", ".join(str(address) for address in spec.on) or "every body"
     when = "".join(
         f" {word} {instant:.6g}"
         for word, instant in (("from", spec.start), ("until", spec.stop))
@@ -328,37 +337,37 @@ def _load(spec: LoadSpec) -> dict[str, Any]:
     )
     clock = "; its time counts from there" if math.isfinite(spec.start) and spec.start > 0 else ""
     along = f"along {list(spec.direction)}" if spec.direction is not None else "along the body"
-    given = {
-        one.key: _short(getattr(spec.load, one.field))
-        for one in options_of(type(spec.load)).values()
-        if getattr(spec.load, one.field) is not None
+    options = {
+        option.key: _short_text(getattr(spec.load, option.field))
+        for option in options_of(type(spec.load)).values()
+        if getattr(spec.load, option.field) is not None
     }
     formula = docs(type(spec.load)).formula
-    text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {where} {along}{when}{clock}; {_listed(given)}"
+    text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {targets} {along}{when}{clock}; {_assignments(options)}"
     return {
         "name": spec.name,
         "load": spec.load.name,
         "as": spec.acts_as,
         "on": [str(address) for address in spec.on],
-        "options": given,
+        "options": options,
         "formula": formula,
         "text": f"{text}\n    {' '.join(formula.split())}" if formula else text,
     }
 
 
 def _components(model: Model) -> list[Component]:
-    """Return one of each component that the run uses, the exact solution included."""
+    """Return one instance of each component that the run uses, including the exact solution."""
     case = model.case
-    found_: list[Component] = [case.method.integrator, *(contact_pair.law for contact_pair in model.contact_pairs)]
-    found_ += [load.load for load in case.loads.values()]
-    found_ += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
-    found_.append(case.method.mass)
-    exact = _exact(model)["name"]
-    found_ += [case.registry.get("solutions", exact)()] if exact else []
-    return list({type(one): one for one in found_}.values())
+    components: list[Component] = [case.method.integrator, *(contact_pair.law for contact_pair in model.contact_pairs)]
+    components += [load.load for load in case.loads.values()]
+    components += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
+    components.append(case.method.mass)
+    exact = _exact_solution(model)["name"]
+    components += [case.registry.get("solutions", exact)()] if exact else []
+    return list({type(component): component for component in components}.values())
 
 
-def _method(component: Component) -> dict[str, Any]:
+def _method_data(component: Component) -> dict[str, Any]:
     facts = {fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)}
     return {
         "family": component.family,
@@ -370,12 +379,12 @@ def _method(component: Component) -> dict[str, Any]:
     }
 
 
-def _method_lines(one: Mapping[str, Any]) -> list[str]:
-    lines = [f"  {one['name']} ({one['family']}): {one['summary']}"]
-    # those of laws and loads stand where they act
-    lines += [f"    {line}" for line in one["formula"].splitlines() if one["family"] not in {"contacts", "loads"}]
-    told = [f"order {one['facts']['order']}"] if "order" in one["facts"] else []
-    conserves = " and ".join(one["facts"].get("conserves", ()))
-    told += [f"conserves {conserves} without contact"] if conserves else []
-    lines += [f"    {'; '.join(told)}"] if told else []
-    return lines + [f"    see {reference}" for reference in one["references"]]
+def _method_lines(method: Mapping[str, Any]) -> list[str]:
+    lines = [f"  {method['name']} ({method['family']}): {method['summary']}"]
+    # The formulas of contact laws and loads stand with the contacts and loads themselves.
+    lines += [f"    {line}" for line in method["formula"].splitlines() if method["family"] not in {"contacts", "loads"}]
+    properties = [f"order {method['facts']['order']}"] if "order" in method["facts"] else []
+    conserves = " and ".join(method["facts"].get("conserves", ()))
+    properties += [f"conserves {conserves} without contact"] if conserves else []
+    lines += [f"    {'; '.join(properties)}"] if properties else []
+    return lines + [f"    see {reference}" for reference in method["references"]]

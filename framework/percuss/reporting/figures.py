@@ -1,4 +1,4 @@
-"""What all pictures share: paper, palette, words, and how a figure becomes a file; matplotlib waits for a drawing."""
+"""Common parts of all figures: style, colours, texts and files; matplotlib is imported only when a figure is drawn."""
 
 from __future__ import annotations
 
@@ -29,58 +29,59 @@ INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
 GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "sigma": "σ", "theta": "θ"}
 RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
-OVERLAY = 6  # so many lines can still be told apart in one panel
+OVERLAY = 6  # More lines than this cannot be distinguished in one panel.
 
 
 def one_line(text: object) -> str:
-    """Return a text without line breaks and runs of spaces."""
+    """Return a text with each line break or run of spaces replaced by one space."""
     return " ".join(str(text).split())
 
 
 def wrapped(text: str, width: int, most: int) -> list[str]:
-    """Return a text as at most `most` lines of `width` letters."""
+    """Return a text as at most `most` lines of at most `width` letters."""
     return textwrap.wrap(one_line(text), width, max_lines=most, placeholder=" …")
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """Return a value as it is read, or ``unknown``."""
+    """Return a value as text, a number with `digits` digits, None as ``unknown``."""
     if value is None:
         return "unknown"
     return f"{value:.{digits}g}" if isinstance(value, (int, float)) else one_line(value)
 
 
-def details(result: Result) -> list[str]:
-    """Return the lines below a title: methods as they came out, then the steps."""
+def subtitle_lines(result: Result) -> list[str]:
+    """Return the two lines below a title: the methods with the parameters used, and the steps with the status."""
     resolved, summary = result.provenance.get("resolved", {}), result.summary
     laws: dict[str, list[str]] = {}
     for contact, parameters in (resolved.get("contacts") or {}).items():
         law = one_line(parameters.get("law", resolved.get("contact")))
-        given = {k: v for k, v in parameters.items() if k != "law" and v is not None}
-        values = ", ".join(f"{_symbol(k)} = {number(v)}" for k, v in given.items())
+        options = {name: value for name, value in parameters.items() if name != "law" and value is not None}
+        values = ", ".join(f"{_symbol(name)} = {number(value)}" for name, value in options.items())
         laws.setdefault(f"{law} ({values})" if values else law, []).append(contact)
-    said = [law if len(laws) == 1 else f"{', '.join(which)}: {law}" for law, which in laws.items()]
-    methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *said]
+    laws_in_words = [law if len(laws) == 1 else f"{', '.join(contacts)}: {law}" for law, contacts in laws.items()]
+    methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *laws_in_words]
     steps = [result.status, "consistent units"]
-    if summary["dt"] is not None:  # an exact solution has no steps
+    # An exact solution has no steps.
+    if summary["dt"] is not None:
         dt = f"Δt = {number(summary['dt'])}"
         steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", *steps]
-    return ["  ·  ".join(methods if said else [*methods, "no contact"]), "  ·  ".join(steps)]
+    return ["  ·  ".join(methods if laws_in_words else [*methods, "no contact"]), "  ·  ".join(steps)]
 
 
 def _symbol(name: str) -> str:
-    """Return the sign of a parameter named after one, as ``epsilon_s``."""
-    head, bar, tail = name.partition("_")
-    return GREEK[head] + SMALL.get(tail, bar + tail) if head in GREEK else name
+    """Return a parameter's name with Greek letters and subscripts where it is spelled so, as in ``epsilon_s``."""
+    head, underscore, tail = name.partition("_")
+    return GREEK[head] + SMALL.get(tail, underscore + tail) if head in GREEK else name
 
 
 def stopped_at(result: Result) -> float:
-    """Return the time up to which a run came."""
+    """Return the time at which a run ended or stopped."""
     steps, dt = result.summary["steps"], result.summary["dt"]
     return float(result.summary["end"] if dt is None else steps * dt)
 
 
-def alarm(result: Result) -> list[str]:
-    """Return what must be said first of a run that did not end well: nothing, or one or two sentences."""
+def warning_lines(result: Result) -> list[str]:
+    """Return the warnings that must head a run that is not complete or not valid; none for a valid run."""
     if result.status == "done":
         return [f"NOT A VALID RESULT: {words}" for words in open_accounts(result.summary)]
     summary, stop = result.summary, result.summary.get("stop") or {}
@@ -94,7 +95,10 @@ def alarm(result: Result) -> list[str]:
 
 
 def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str], foot: Sequence[str] = ()) -> None:
-    """Write title, methods and alarm above a figure's panels and the foot below; these get what is left."""
+    """Write title, small lines and loud warnings above a figure's panels and foot lines below them.
+
+    The panels are laid out in the room between.
+    """
     from matplotlib.patches import Rectangle
 
     height, left = figure.get_figheight(), 0.2 / figure.get_figwidth()
@@ -122,8 +126,11 @@ def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str]
     figure.set_layout_engine("constrained", rect=rect, hspace=0.03, wspace=0.03)
 
 
-def settle(figure: Figure) -> Figure:
-    """Lay a figure out for good; rounded, for the solver behind the layout differs in the last bits from run to run."""
+def fix_layout(figure: Figure) -> Figure:
+    """Fix the layout of a figure and return the figure.
+
+    Positions are rounded, because the solver of the layout differs in the last bits from run to run.
+    """
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axes in figure.axes:
@@ -133,8 +140,8 @@ def settle(figure: Figure) -> Figure:
     return figure
 
 
-def say(axes: Axes, text: str) -> None:
-    """Leave a panel empty but for the reason."""
+def write_reason(axes: Axes, text: str) -> None:
+    """Write into an empty panel the reason why it shows nothing."""
     axes.set(xticks=[], yticks=[], xlabel="", ylabel="", facecolor="#f6f6f6")
     axes.spines[:].set_visible(False)
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT, parse_math=False)
@@ -143,14 +150,15 @@ def say(axes: Axes, text: str) -> None:
 def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float = 1.0) -> None:
     """Put a legend above a panel, where it hides no data, in as many columns as `room` letters allow.
 
-    The labels are the user's text, never mathematics.
+    The labels are texts of the user and are never read as mathematical text.
     """
-    labels = [f" {one_line(label)}" for label in entries]  # matplotlib drops a label that begins with _
+    # The space keeps matplotlib from dropping a label that begins with an underscore.
+    labels = [f" {one_line(label)}" for label in entries]
     for rows in range(1, len(labels) + 1):
         columns = [labels[k : k + rows] for k in range(0, len(labels), rows)]
         if sum(max(map(len, column)) + 9 for column in columns) <= room:
             break
-    made = axes.legend(
+    box = axes.legend(
         list(entries.values()),
         labels,
         loc="lower left",
@@ -158,35 +166,38 @@ def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float 
         ncols=len(columns),
         borderaxespad=0.2,
     )
-    for text in made.get_texts():
+    for text in box.get_texts():
         text.set_parse_math(False)
 
 
 def powers(*panels: Axes) -> None:
-    """Write powers of ten as plain letters, laid out ten times as fast as mathematics, clear of what is above."""
+    """Write the powers of ten of axes as plain text, to the left of the axis where they hide nothing above the panel.
+
+    Plain text is laid out ten times as fast as mathematical text.
+    """
     from matplotlib.ticker import ScalarFormatter
 
     class Powers(ScalarFormatter):
         def get_offset(self) -> str:
-            return re.sub(r"1e([-\u2212]?\d+)", lambda found: "×10" + found[1].translate(RAISED), super().get_offset())
+            return re.sub(r"1e([-\u2212]?\d+)", lambda match: "×10" + match[1].translate(RAISED), super().get_offset())
 
     for axes in panels:
         axes.xaxis.set_major_formatter(Powers(useMathText=False))
         axes.yaxis.set_major_formatter(Powers(useMathText=False))
         axes.yaxis.get_offset_text().set(ha="right", x=-0.01)
-        axes.yaxis.OFFSETTEXTPAD = 8  # above a tick at the very top
+        axes.yaxis.OFFSETTEXTPAD = 8  # The text must stay clear of a tick at the very top.
 
 
 SUFFIXES = (".png", ".svg", ".pdf")
-# Okabe and Ito's colours in an order whose neighbours also differ in grey, each with a dash of its own
+# The colours of Okabe and Ito, ordered so that neighbours differ in grey too; each has its own line style.
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
 DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (2.5, 1)), (0, (9, 2, 3, 2)), (0, (1, 1)))
-MORE_COLOURS = ("#000000", "#8C8C8C")  # for a seventh and an eighth line
+MORE_COLOURS = ("#000000", "#8C8C8C")  # These are for a seventh and an eighth line.
 MORE_DASHES: tuple[Any, ...] = ((0, (14, 2)), (0, (1, 3)))
-MOST_POINTS = 10_000  # a longer line is thinned to its extremes: no picture is as fine as that
+MOST_POINTS = 10_000  # A line with more points is thinned to its extremes, as no figure can resolve them.
 PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
 STYLE = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture on every machine
+    "font.family": "DejaVu Sans",  # This font comes with matplotlib, so figures are the same on every machine.
     "font.size": 10.5,
     "axes.edgecolor": SOFT,
     "axes.grid": True,
@@ -206,12 +217,12 @@ STYLE = {
 
 
 def check_suffix(path: str | os.PathLike[str]) -> None:
-    """Refuse a picture that cannot be drawn, before anything is run for it.
+    """Refuse the path of a figure that cannot be drawn, before a run is made for it.
 
     Raises
     ------
     InputError
-        If `path` ends in something else than .png, .svg or .pdf.
+        If `path` does not end in .png, .svg or .pdf.
     PercussError
         If matplotlib is not installed.
     """
@@ -238,7 +249,13 @@ def picture(figure: Figure, kind: str) -> bytes:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Draw in this module's style, whatever the user's own is; leave matplotlib's settings as they were."""
+    """Draw in the style of this module, and leave the user's settings of matplotlib as they were.
+
+    Raises
+    ------
+    PercussError
+        If matplotlib is not installed.
+    """
     try:
         from matplotlib import style
     except ImportError as error:
@@ -249,7 +266,7 @@ def drawing() -> Iterator[None]:
 
 
 def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
-    """Write the figure that `draw` returns, by suffix as png, svg or pdf: beside `path`, then renamed."""
+    """Write the figure that `draw` returns as a png, svg or pdf file, by suffix, completely or not at all."""
     check_suffix(path)
     suffix = Path(path).suffix
     content = picture(draw(), suffix.lower()[1:])
@@ -257,8 +274,8 @@ def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
         beside.write_bytes(content)
 
 
-def shown_until(result: Result) -> float:
-    """Return the end of the time axis: as planned, unless the run stopped far before that."""
+def axis_end(result: Result) -> float:
+    """Return the end of the time axis: the planned end, or 1.3 times the time of the stop if that is less."""
     stopped = stopped_at(result)
     if result.summary["dt"] is None:
         return stopped
@@ -266,9 +283,9 @@ def shown_until(result: Result) -> float:
     return float(max(min(planned, 1.3 * stopped), result.summary["dt"]))
 
 
-def not_computed(axes: Axes, result: Result, *, word: bool = True, upwards: bool = False) -> None:
-    """Hatch the time after a run's stop."""
-    stopped, until = stopped_at(result), shown_until(result)
+def hatch_after_stop(axes: Axes, result: Result, *, word: bool = True, upwards: bool = False) -> None:
+    """Hatch the part of the time axis after the stop of a run that is not done."""
+    stopped, until = stopped_at(result), axis_end(result)
     if result.status == "done" or stopped >= until:
         return
     span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)
@@ -277,14 +294,14 @@ def not_computed(axes: Axes, result: Result, *, word: bool = True, upwards: bool
     if not word:
         return
     middle = 0.5 * (stopped + until)
-    where = (0.5, middle) if upwards else (middle, 0.5)
+    anchor = (0.5, middle) if upwards else (middle, 0.5)
     frame = axes.get_yaxis_transform() if upwards else axes.get_xaxis_transform()
     style: dict[str, Any] = {"rotation": 0 if upwards else 90, "ha": "center", "va": "center", "color": ALARM}
-    axes.text(*where, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
+    axes.text(*anchor, f"{result.status}: not computed", transform=frame, bbox=PAPER, **style)
 
 
 def thinned(time: Any, values: Any, most: int = MOST_POINTS) -> tuple[Any, Any]:
-    """Return a line as it is, or the smallest and the largest value of each of many stretches, in order."""
+    """Return a line, reduced to the minimum and maximum of each of its sections if it has more than `most` points."""
     if time.size <= most:
         return time, values
     starts = np.linspace(0, time.size, most // 2 + 1).astype(np.int64)

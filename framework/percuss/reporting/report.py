@@ -1,4 +1,4 @@
-"""What a run shows in a notebook."""
+"""The HTML representation of a run in a notebook."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from percuss.reporting.figures import (
     FAINT,
     INK,
     SOFT,
-    alarm,
-    details,
     number,
     one_line,
     picture,
+    subtitle_lines,
+    warning_lines,
 )
 from percuss.reporting.run_figure import force_figure
 from percuss.results.ledger import ledger_words
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
 
 
-# every colour is said: a dark notebook shows the same light card
+# Every colour is set explicitly, so that a dark notebook shows the same light card.
 CARD = (
     f"background:#ffffff;color:{INK};border:1px solid {FAINT};border-radius:6px;padding:12px 16px;"
     "max-width:780px;font-family:sans-serif;font-size:13px;line-height:1.45"
@@ -36,29 +36,29 @@ BAND = f"background:{ALARM};color:#ffffff;font-weight:bold;border-radius:3px;pad
 
 
 def notebook_html(result: Result) -> str:
-    """Return a run as HTML: what was run, what came out, and its contact forces as a picture.
+    """Return a run as HTML: its settings, its energy and momentum balance, its contacts and a picture of their forces.
 
     Parameters
     ----------
     result
-        What to show.
+        The run.
 
     Returns
     -------
     str
-        HTML that looks the same in light and dark notebooks; without matplotlib, without the picture.
+        HTML that looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
     title = escape(one_line(result.title or "Untitled case"))
     head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
-    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in alarm(result))
+    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warning_lines(result))
     return f'<div style="{CARD}">{head}{bad}{_facts(result)}{_contacts(result)}{_picture(result)}</div>'
 
 
 def _facts(result: Result) -> str:
-    """Return the table of what was run and how well its accounts close."""
+    """Return the HTML table of a run's status, methods, steps, energy ledger and momentum balance."""
     summary, energy = result.summary, result.summary["energy"]
     share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"
-    methods, steps = details(result)
+    methods, steps = subtitle_lines(result)
     momentum = summary["momentum"]
     unbalanced = momentum.get("balanced") is False
     rows = {
@@ -73,7 +73,7 @@ def _facts(result: Result) -> str:
 
 
 def _contacts(result: Result) -> str:
-    """Return the table of the contacts."""
+    """Return the HTML table of the contacts, or an empty text for a run without contacts."""
     contacts = result.summary["contacts"]
     if not contacts:
         return ""
@@ -89,7 +89,7 @@ def _contacts(result: Result) -> str:
 
 
 def _picture(result: Result) -> str:
-    """Return the force picture inside an img: what is in there cannot touch the styles of the page."""
+    """Return the picture of the contact forces as an img element, so that it cannot change the styles of the page."""
     try:
         content = picture(force_figure(result), "png")
     except PercussError as error:

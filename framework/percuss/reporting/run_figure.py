@@ -1,4 +1,4 @@
-"""The picture of a run: forces, energies, and stress in space and time."""
+"""Figure of a run: contact forces, energies, and stress in space and time."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from percuss.reporting.figures import (
     OVERLAY,
     PAPER,
     SOFT,
-    alarm,
-    details,
+    axis_end,
     drawing,
+    fix_layout,
+    hatch_after_stop,
     header,
     legend,
-    not_computed,
     number,
     one_line,
     powers,
-    say,
-    settle,
-    shown_until,
     stopped_at,
+    subtitle_lines,
     thinned,
+    warning_lines,
     write,
+    write_reason,
 )
 from percuss.reporting.space_time import space_time
 from percuss.results.ledger import ledger_words
@@ -43,26 +43,27 @@ if TYPE_CHECKING:
 
 
 def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
-    """Write the picture of a run: contact forces, energy accounts, stress in space and time.
+    """Write the figure of a run: contact forces, energy ledger, stress in space and time.
 
     Parameters
     ----------
     result
-        What to draw. Where it has an attribute ``exact_histories`` that is not None, a mapping of a contact's name
-        to (times, forces), those are laid over.
+        The run. Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to
+        (times, forces), these exact forces are drawn over those of the run.
     path
-        File ending in .png, .svg or .pdf; written beside and then renamed. Errors are those of `check_suffix`.
+        File ending in .png, .svg or .pdf, which is written completely or not at all. Errors are those of
+        `check_suffix`.
     """
     write(path, lambda: figure_of(result))
 
 
 def figure_of(result: Result) -> Figure:
-    """Return the picture of a run as a matplotlib Figure of no window: forces, energies, stress."""
+    """Return the figure of a run without a window: contact forces, energies and stress."""
     with drawing():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(12.8, 7.4), facecolor="white")
-        header(figure, result.title, details(result), alarm(result))
+        header(figure, result.title, subtitle_lines(result), warning_lines(result))
         grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0 if result.field_arrays else 0.4))
         force = figure.add_subplot(grid[0, 0])
         energy = figure.add_subplot(grid[1, 0])
@@ -70,31 +71,31 @@ def figure_of(result: Result) -> Figure:
         force.set_xlabel("")
         _energies(energy, result)
         for axes, word in ((force, True), (energy, False)):
-            axes.set_xlim(0, shown_until(result))
-            not_computed(axes, result, word=word)
+            axes.set_xlim(0, axis_end(result))
+            hatch_after_stop(axes, result, word=word)
         space_time(figure.add_subplot(grid[:, 1]), result)
-        return settle(figure)
+        return fix_layout(figure)
 
 
 def force_figure(result: Result) -> Figure:
-    """Return the contact forces of a run alone, as a notebook shows them."""
+    """Return the figure of the contact forces of a run, as a notebook shows it."""
     with drawing():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(7.6, 3.0), facecolor="white", layout="constrained")
         axes = figure.add_subplot()
         forces(axes, result)
-        axes.set_xlim(0, shown_until(result))
-        not_computed(axes, result)
-        return settle(figure)
+        axes.set_xlim(0, axis_end(result))
+        hatch_after_stop(axes, result)
+        return fix_layout(figure)
 
 
 def forces(axes: Axes, result: Result) -> None:
-    """Draw every contact's force, what the case expects and what is exact."""
+    """Draw the force of every contact with the values that the case expects and the exact histories."""
     names, time = result.coordinates["contact"], result.arrays["time"]
     axes.set(xlabel="time", ylabel="contact force")
     if not names:
-        say(axes, "This case has no contact.")
+        write_reason(axes, "This case has no contact.")
         return
     handles = {}
     for k, (name, colour) in enumerate(zip(names, colours(len(names)), strict=True)):
@@ -105,18 +106,19 @@ def forces(axes: Axes, result: Result) -> None:
         _contact_scale(axes, names)
         handles = {}
     powers(axes)
-    handles |= truths(axes, result, names)
+    handles |= draw_references(axes, result, names)
     if handles:
         legend(axes, handles)
 
 
 def colours(count: int) -> list[Any]:
-    """Return a colour for each of `count` lines: told apart by name, or where there are many by order."""
+    """Return a colour for each of `count` lines: distinct colours for a few lines, a colour scale for many."""
     if count <= OVERLAY:
         return list(COLOURS[:count])
     import matplotlib as mpl
 
-    return list(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, count)))  # its light end is lost on white
+    # The light end of the scale would not be visible on white paper.
+    return list(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, count)))
 
 
 def _contact_scale(axes: Axes, names: Sequence[str]) -> None:
@@ -131,9 +133,9 @@ def _contact_scale(axes: Axes, names: Sequence[str]) -> None:
     bar.ax.set_yticklabels([one_line(names[k])[:24] for k in shown], parse_math=False, size=9)
 
 
-def truths(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
-    """Draw the exact histories and the expected values of contacts; return their entries of a legend."""
-    known: dict[str, Any] = {}
+def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
+    """Draw the exact histories and the expected values of contacts, and return their legend entries."""
+    entries: dict[str, Any] = {}
     exact = getattr(result, "exact_histories", None) or {}
     for name in names:
         if name in exact:
@@ -141,26 +143,28 @@ def truths(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
             covered = np.isfinite(force)
             words = "exact" if covered.all() or not covered.any() else f"exact, up to {time[covered][-1]:.4g}"
             time, force = time[covered], force[covered]
-            (known[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
+            (entries[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
     for item in result.provenance["case"].get("expect") or ():
-        whose = item.get("contact") or (result.coordinates["contact"] or [""])[0]
-        if item.get("quantity") != "contact_force" or whose not in names:
+        contact = item.get("contact") or (result.coordinates["contact"] or [""])[0]
+        if item.get("quantity") != "contact_force" or contact not in names:
             continue
         for statistic, mark in {"mean": "|", "max": "v", "min": "^"}.items():
             if item.get(statistic) is None:
                 continue
             value, within = float(item[statistic]), item.get("within", 0.0)
             share = isinstance(within, str) and within.endswith("%")
-            off = abs(value) * float(within[:-1]) / 100.0 if share else float(within)
-            span = list(item.get("during") or (0.0, stopped_at(result)))
-            axes.fill_between(span, value - off, value + off, color=INK, alpha=0.22, linewidth=0, zorder=2.5)
-            line = axes.plot(span, [value, value], color=INK, linewidth=0.9, marker=mark, zorder=3)
-            known[f"expected {statistic}"] = line[0]
-    return known
+            tolerance = abs(value) * float(within[:-1]) / 100.0 if share else float(within)
+            interval = list(item.get("during") or (0.0, stopped_at(result)))
+            axes.fill_between(
+                interval, value - tolerance, value + tolerance, color=INK, alpha=0.22, linewidth=0, zorder=2.5
+            )
+            line = axes.plot(interval, [value, value], color=INK, linewidth=0.9, marker=mark, zorder=3)
+            entries[f"expected {statistic}"] = line[0]
+    return entries
 
 
 def _energies(axes: Axes, result: Result) -> None:
-    """Draw the accounts of the energy and say how well they close."""
+    """Draw the energies and works of a run, and write how well the energy ledger closes."""
     parts = {k: result.arrays[k] for k in ("kinetic_energy", "elastic_energy", "external_work", "contact_work")}
     total = parts["kinetic_energy"] + parts["elastic_energy"]
     lines: dict[str, tuple[Any, str, Any, float]] = {
@@ -176,7 +180,7 @@ def _energies(axes: Axes, result: Result) -> None:
         line = axes.plot(*thinned(result.arrays["time_half"], values), color=colour, linestyle=dash, linewidth=width)
         handles += line
     handles[2].set_zorder(1.9)
-    axes.margins(y=0.18)  # leaves the corner to the words
+    axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
     axes.set(xlabel="time", ylabel="energy")
     powers(axes)
     ledger = result.summary["energy"]

@@ -1,4 +1,4 @@
-"""Results, comparisons, checks and plug-ins as tables on a terminal."""
+"""Printing of results, comparisons, checks and plug-ins as tables on a terminal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import percuss
 from percuss.methods.admission import OLDEST
 from percuss.reporting.convergence_figure import WORDS
 from percuss.results.ledger import ledger_words
-from percuss.studies.comparison import ERRORS, Row, metrics
+from percuss.studies.comparison import ERRORS, Run, metrics
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
@@ -28,62 +28,68 @@ def _number(value: Any, digits: int = 6) -> str:
 
 def _console() -> Console:
     console = Console(highlight=False)
-    # piped output is read by programs and pasted into notes: wide enough that no name is cut
+    # Piped output is read by programs and pasted into notes, so it is made wide enough that no name is cut.
     return console if console.is_terminal else Console(highlight=False, width=400)
 
 
 def tell_result(result: Result) -> None:
-    """Print what a run gave."""
-    s = result.summary
+    """Print a run: status, step, notes, contacts, true errors, energy ledger and momentum balance."""
+    summary = result.summary
     resolved = result.provenance["resolved"]
     console = _console()
-    console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {s['status']}")
+    console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {summary['status']}")
     step = (
         ""
-        if s["dt"] is None
+        if summary["dt"] is None
         else (
-            f"{s['steps']} steps of {s['dt']:.6g} (Courant number {s['courant']:.4g}), "
-            f"{'compiled' if s['compiled'] else 'plain Python'}, marched in {s['seconds']['march']:.3g} s"
+            f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
+            f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
         )
     )
     console.print(f"{resolved['integrator']}{', ' if step else ''}{step}")
-    for note in s["notes"]:
+    for note in summary["notes"]:
         console.print(f"  note: {escape(note)}")
-    for why in s["compiled_why"]:
-        console.print(f"  not compiled: {escape(why)}")
-    if s["status"] == "unstable" and s["steps"] == 0:
+    for reason in summary["compiled_why"]:
+        console.print(f"  not compiled: {escape(reason)}")
+    if summary["status"] == "unstable" and summary["steps"] == 0:
         return
     table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
-    for name, c in s["contacts"].items():
+    for name, contact in summary["contacts"].items():
         law = resolved["contacts"][name]
-        options = ", ".join(f"{k} {_number(law[k], 4)}" for k in resolved.get("headline", {}).get(name, ()) if k in law)
+        options = ", ".join(
+            f"{key} {_number(law[key], 4)}" for key in resolved.get("headline", {}).get(name, ()) if key in law
+        )
         table.add_row(
             escape(name),
             f"{law['law']}{f' ({options})' if options else ''}",
-            *(_number(c[k]) for k in ("impulse", "peak_force", "first_closed", "last_open", "closed_time")),
-            _number(c["penetration"]["largest"], 3),
+            *(_number(contact[key]) for key in ("impulse", "peak_force", "first_closed", "last_open", "closed_time")),
+            _number(contact["penetration"]["largest"], 3),
         )
-    if s["contacts"]:
+    if summary["contacts"]:
         console.print(table)
-    _tell_errors(console, s)
-    e = s["energy"]
+    _print_errors(console, summary)
+    energy = summary["energy"]
     console.print(
-        f"energy {_number(e['initial'])} at first, {_number(e['final'])} at last, {_number(e['max'])} at most; "
-        f"external work {_number(e['external_work'])}, contact work {_number(e['contact_work'], 4)}; "
-        f"{ledger_words(e, format(e['ledger_error'], '.1e'), 'closed')}"
+        f"energy {_number(energy['initial'])} at first, {_number(energy['final'])} at last, "
+        f"{_number(energy['max'])} at most; "
+        f"external work {_number(energy['external_work'])}, contact work {_number(energy['contact_work'], 4)}; "
+        f"{ledger_words(energy, format(energy['ledger_error'], '.1e'), 'closed')}"
     )
-    m = s["momentum"]
-    balance = "do NOT balance: off by" if m.get("balanced") is False else "balance to"
-    console.print(f"momentum and impulses {balance} {m['error']:.1e}")
+    momentum = summary["momentum"]
+    balance = "do NOT balance: off by" if momentum.get("balanced") is False else "balance to"
+    console.print(f"momentum and impulses {balance} {momentum['error']:.1e}")
 
 
-def _tell_errors(console: Console, s: dict[str, Any]) -> None:
-    """Print the true errors of a run, or why there are none; those of a part of it as such."""
-    covered = s.get("exact_covered")
+def _print_errors(console: Console, summary: dict[str, Any]) -> None:
+    """Print the errors of a run against the exact solution, or the reason why there is no exact solution.
+
+    Where the exact solution ends before the run, the errors are printed with the time up to which they hold.
+    """
+    covered = summary.get("exact_covered")
     until = f" up to {_number(covered['until'])}, where the exact solution ends" if covered is not None else ""
-    for known in (s["exact"], covered):
-        for name, error in known["contacts"].items() if known is not None else ():
-            told = ", ".join(
+    for comparison in (summary["exact"], covered):
+        for name, error in comparison["contacts"].items() if comparison is not None else ():
+            measures = ", ".join(
                 f"{word} {_number(error[key], 3)}"
                 for word, key in (
                     ("L1", "force_error_l1"),
@@ -93,103 +99,118 @@ def _tell_errors(console: Console, s: dict[str, Any]) -> None:
                     ("overshoot", "overshoot"),
                 )
             )
-            console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {told}")
-    if s["exact"] is not None and s["exact"].get("fragile") is not None:
-        hangs = (
-            "hangs on round-off: a nudge of 1e-12 changes it" if s["exact"]["fragile"] else "stands a nudge of 1e-12"
+            console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {measures}")
+    if summary["exact"] is not None and summary["exact"].get("fragile") is not None:
+        sensitivity = (
+            "hangs on round-off: a nudge of 1e-12 changes it"
+            if summary["exact"]["fragile"]
+            else "stands a nudge of 1e-12"
         )
-        console.print(f"the contact force {hangs}")
-    if s["exact_reason"]:
-        console.print(f"exact solution: {escape(s['exact_reason'])}")
+        console.print(f"the contact force {sensitivity}")
+    if summary["exact_reason"]:
+        console.print(f"exact solution: {escape(summary['exact_reason'])}")
 
 
-def tell_rows(title: str, rows: list[Row]) -> None:
-    """Print a comparison: a line a row, and below it why rows have no numbers."""
+def tell_rows(title: str, rows: list[Run]) -> None:
+    """Print the table of a comparison, one line per run, and below it the reason of each run that is not done."""
     console = _console()
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
     heads = ["integrator", "contact", *varied, "status", "force L1", "force L2", "impulse", "displ."]
     heads += ["peak force", "penetration", "energy kept", "largest energy", "steps", "s"]
-    table = Table(*(escape(h) for h in heads), title=escape(title), caption="force, impulse, displ.: true errors")
+    table = Table(*(escape(head) for head in heads), title=escape(title), caption="force, impulse, displ.: true errors")
     for row in rows:
-        m = metrics(row) if row.status in {"done", "interrupted"} else {}
+        values = metrics(row) if row.status in {"done", "interrupted"} else {}
         keys = (*ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps", "seconds")
-        cells = [_number(m.get(k), 3 if k in {*ERRORS, "seconds", "penetration"} else 5) for k in keys]
-        table.add_row(row.integrator, row.contact, *(_number(row.varied.get(p)) for p in varied), row.status, *cells)
+        cells = [_number(values.get(key), 3 if key in {*ERRORS, "seconds", "penetration"} else 5) for key in keys]
+        table.add_row(
+            row.integrator, row.contact, *(_number(row.varied.get(path)) for path in varied), row.status, *cells
+        )
     console.print(table)
     for row in rows:
         if row.reason:
-            said = f" (says {row.said_by})" if row.said_by else ""
-            console.print(f"[bold]{escape(row.label)}[/bold] {row.status}{escape(said)}: {escape(row.reason)}")
+            source = f" (says {row.said_by})" if row.said_by else ""
+            console.print(f"[bold]{escape(row.label)}[/bold] {row.status}{escape(source)}: {escape(row.reason)}")
 
 
 def tell_orders(orders: list[dict[str, Any]]) -> None:
-    """Print the observed order of each error for each method."""
+    """Print the observed order of convergence of each error for each pair of methods."""
     console = _console()
-    others = list(dict.fromkeys(path for one in orders for path in one if "." in path))
+    others = list(dict.fromkeys(path for fit in orders for path in fit if "." in path))
     heads = ["integrator", "contact", *others, "refine", *WORDS.values()]
-    table = Table(*(escape(h) for h in heads), title="observed orders of convergence")
-    for one in orders:
-        cells = [_number(one[f"{name}_order"], 3) for name in WORDS]
-        refined = ", ".join(str(value) for value in one["refine"])
-        table.add_row(one["integrator"], one["contact"], *(_number(one.get(p)) for p in others), refined, *cells)
+    table = Table(*(escape(head) for head in heads), title="observed orders of convergence")
+    for fit in orders:
+        cells = [_number(fit[f"{name}_order"], 3) for name in WORDS]
+        refined = ", ".join(str(value) for value in fit["refine"])
+        table.add_row(fit["integrator"], fit["contact"], *(_number(fit.get(path)) for path in others), refined, *cells)
     console.print(table)
 
 
 def tell_stability(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print critical Courant numbers, a line a combination and a column a way to judge."""
+    """Print critical Courant numbers, one line per combination of varied values and one column per criterion."""
     console = _console()
-    ways = list(dict.fromkeys(row["by"] for row in rows))
+    criteria = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
-    told = [key for key in ("margin", "theta") if any(key in row for row in rows)]
-    table = Table(*(escape(p) for p in paths), *(f"C critical, {way}" for way in ways), *told, title=escape(title))
+    extra_columns = [key for key in ("margin", "theta") if any(key in row for row in rows)]
+    table = Table(
+        *(escape(path) for path in paths),
+        *(f"C critical, {criterion}" for criterion in criteria),
+        *extra_columns,
+        title=escape(title),
+    )
     lines: dict[tuple[Any, ...], dict[str, Any]] = {}
     for row in rows:
-        lines.setdefault(tuple(row[p] for p in paths), {})[row["by"]] = row
-    for values, by in lines.items():
-        known = {key: next((row[key] for row in by.values() if row.get(key) is not None), None) for key in told}
-        cells = [_number(by[way]["courant_critical"]) if way in by else "-" for way in ways]
-        table.add_row(*(_number(v) for v in values), *cells, *(_number(known[key]) for key in told))
+        lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
+    for values, row_of_criterion in lines.items():
+        extras = {
+            key: next((row[key] for row in row_of_criterion.values() if row.get(key) is not None), None)
+            for key in extra_columns
+        }
+        cells = [
+            _number(row_of_criterion[criterion]["courant_critical"]) if criterion in row_of_criterion else "-"
+            for criterion in criteria
+        ]
+        table.add_row(*(_number(value) for value in values), *cells, *(_number(extras[key]) for key in extra_columns))
     console.print(table)
     for reason in dict.fromkeys(f"{row['by']}: {row['reason']}" for row in rows if row["reason"]):
         console.print(escape(reason))
 
 
-def tell_waves(title: str, found: Waves) -> None:
-    """Print reflection and transmission at some frequencies."""
+def tell_waves(title: str, waves: Waves) -> None:
+    """Print the reflection and transmission of waves at about twenty frequencies."""
     console = _console()
     table = Table(
         "omega h/c", "reflected", "transmitted", "by formula", "energy that leaves again", title=escape(title)
     )
-    rows = found.rows()
+    rows = waves.rows()
     for row in rows[:: max(1, len(rows) // 20)]:
         keys = ("frequency", "reflection", "transmission", "formula", "energy_kept")
         table.add_row(*(_number(row[key], 5) for key in keys))
     console.print(table)
-    if found.reason:
-        console.print(escape(found.reason))
+    if waves.reason:
+        console.print(escape(waves.reason))
 
 
-def tell_checks(told: list[dict[str, Any]]) -> None:
-    """Print what cases expected and what came out."""
+def tell_checks(cases: list[dict[str, Any]]) -> None:
+    """Print the checks of each case with the measured and the expected value, and the number of cases that passed."""
     console = _console()
-    for one in told:
-        mark = "[green]passed[/green]" if one["passed"] else "[red]FAILED[/red]"
-        console.print(f"{mark} [bold]{escape(one['case'])}[/bold] {escape(one['title'])}")
-        if one["error"]:
-            console.print(f"  {escape(one['error'])}")
-        for c in one["checks"]:
-            sign = "ok" if c["passed"] else "FAIL"
-            found = _number(c["measured"]) if not c["why"] else escape(c["why"])
+    for case in cases:
+        mark = "[green]passed[/green]" if case["passed"] else "[red]FAILED[/red]"
+        console.print(f"{mark} [bold]{escape(case['case'])}[/bold] {escape(case['title'])}")
+        if case["error"]:
+            console.print(f"  {escape(case['error'])}")
+        for check in case["checks"]:
+            sign = "ok" if check["passed"] else "FAIL"
+            measured = _number(check["measured"]) if not check["why"] else escape(check["why"])
             console.print(
-                f"  {sign:4} {escape(c['what'])}: {found}, expected {c['expected']:.6g} within {c['within']:.3g} "
-                f"({escape(c['source'])})"
+                f"  {sign:4} {escape(check['what'])}: {measured}, "
+                f"expected {check['expected']:.6g} within {check['within']:.3g} ({escape(check['source'])})"
             )
-    good = sum(one["passed"] for one in told)
-    console.print(f"{good} of {len(told)} cases passed")
+    passed = sum(case["passed"] for case in cases)
+    console.print(f"{passed} of {len(cases)} cases passed")
 
 
 def tell_registry(registry: Registry) -> None:
-    """Print every component with its source, and the plug-ins that failed."""
+    """Print every registered component with its origin, and the plug-ins that are not usable with the reason."""
     console = _console()
     table = Table("family", "name", "what it is", "from", "file")
     for (family, name), component in registry.components.items():

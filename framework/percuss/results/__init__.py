@@ -1,1 +1,1 @@
-"""The energy ledger, true errors, results, and the run that makes them."""
+"""Runs of a case and their results: histories, energy ledger, true errors, and storage as NetCDF-4."""

@@ -1,11 +1,11 @@
-"""What the contacts of a run did to its energy, held against what its pair of methods guarantees.
+"""Energy growth of a run caused by its contacts, compared with the guarantee of its pair of methods.
 
 By the energy identity (see `percuss.results.ledger`) kinetic plus elastic energy less external work changes by the
-contact work alone. The loop adds to it what closed contacts store (see
-`percuss.solver.compiled.contact_equation.stored`) and follows the sum over every step. Per point, where the force
-follows from the gap at the end of the step as ``lambda = kappa <-g_{n+1}>``, the sum changes in a step by ``-kappa/4
-(<-g_{n+1}> - <-g_{n-1}>)^2`` where the gap was closed before, and by less where it was open: it never grows. Where
-lambda follows from the current gap it is constant while the contact stays closed.
+contact work alone. The loop adds the energy stored in closed contacts (see
+`percuss.solver.compiled.contact_equation.stored_energy`) and follows the sum over every step. For a contact point whose
+force follows from the gap at the end of the step, ``lambda = kappa <-g_{n+1}>``, the sum changes in a step by
+``-kappa/4 (<-g_{n+1}> - <-g_{n-1}>)^2`` if the gap was closed before, and by less if it was open: it never grows. Where
+lambda follows from the current gap, the sum is constant while the contact stays closed.
 """
 
 from __future__ import annotations
@@ -20,31 +20,32 @@ if TYPE_CHECKING:
 
     from percuss.solver.march import March, Outcome
 
-ALLOWED = 1e-12  # of the largest energy or work
-# A gap is the sum of two displacements and a distance, each kept to half a rounding unit, and work takes the difference
-# of two gaps: errors of up to three units a step, and one of the sums. They are taken as if all were of one sign.
-UNITS = 4.0
+ALLOWED = 1e-12  # allowed growth over the largest energy or work, beside round-off
+# Error of a step in rounding units. A gap is the sum of two displacements and a distance, each rounded to half a unit,
+# and work takes the difference of two gaps: up to three units, and one more from the sums over the steps. The bound
+# assumes that all these errors have the same sign.
+ROUND_OFF_UNITS = 4.0
 
 
 def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any], scale: float) -> dict[str, Any]:
-    """Return by how much the energy of a run grew, and whether that is within what its pair guarantees.
+    """Return the energy growth of a run and whether it is within the guarantee of its pair of methods.
 
     Parameters
     ----------
     march, outcome
-        The run, and what it left behind.
+        The run and its outcome.
     certificate
-        Its certificate.
+        Certificate of the run.
     scale
         Largest energy or work of the run.
 
     Returns
     -------
     dict
-        ``guarantee`` (of the certificate), ``quantity`` (what is measured), ``largest`` (rise above the smallest value
-        so far, over `scale`), ``step`` and ``time`` of it, ``between_switchings`` (largest sum of changes in steps in
-        which no contact judged at its current gap opens or closes, over `scale`), ``allowed`` and ``kept``, both None
-        where nothing is guaranteed.
+        ``guarantee`` (of the certificate), ``quantity`` (the measured energy in words), ``largest`` (largest rise above
+        the smallest value so far, over `scale`), ``step`` and ``time`` of it, ``between_switchings`` (largest sum of
+        changes over steps in which no contact whose law uses the current gap opens or closes, over `scale`),
+        ``allowed`` and ``kept``, both None where nothing is guaranteed.
     """
     total = outcome.totals[0]
     guarantee = certificate["energy"]
@@ -53,9 +54,9 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
         return float(value) / scale if scale > 0 else 0.0
 
     rise, drift = share(total.rise), share(total.largest_drift)
-    judged = {NEVER_GROWS: rise, BETWEEN: drift}.get(guarantee)
-    # in long runs the round-off of the steps adds up
-    allowed = ALLOWED + UNITS * ROUNDING * share(total.round_off)
+    measured = {NEVER_GROWS: rise, BETWEEN: drift}.get(guarantee)
+    # The round-off of the steps adds up in long runs.
+    allowed = ALLOWED + ROUND_OFF_UNITS * ROUNDING * share(total.round_off)
     step = int(total.rise_step) if total.rise > 0 else None
     return {
         "guarantee": guarantee,
@@ -66,13 +67,16 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
         "step": step,
         "time": (step + march.stepper.energy_at) * march.model.dt if step is not None else None,
         "between_switchings": drift,
-        "allowed": allowed if judged is not None else None,
-        "kept": bool(judged <= allowed) if judged is not None else None,
+        "allowed": allowed if measured is not None else None,
+        "kept": bool(measured <= allowed) if measured is not None else None,
     }
 
 
 def quantity(points: Any, *, linear: bool = True) -> str:
-    """Return in words what is measured at these points; of linear bodies contact work is energy less other work."""
+    """Return in words the energy that is measured for the given contact points.
+
+    For linear bodies contact work equals kinetic plus elastic energy less external work, and is named by these.
+    """
     parts = ["kinetic + elastic" if linear else "contact work"]
     if ((points.stores == BY_END) & (points.kappa > 0)).any():
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
@@ -81,20 +85,20 @@ def quantity(points: Any, *, linear: bool = True) -> str:
     return " + ".join(parts) + (" - work" if linear else "")
 
 
-def growth_notes(march: March, outcome: Outcome, found: Mapping[str, Any]) -> list[str]:
-    """Return the note that names a growth beyond what is guaranteed."""
-    if found["kept"] is not False:
+def growth_notes(march: March, outcome: Outcome, growth: Mapping[str, Any]) -> list[str]:
+    """Return a note on energy growth beyond the guarantee, or an empty list if there is none."""
+    if growth["kept"] is not False:
         return []
     laws = " and ".join(dict.fromkeys(contact_pair.law.name for contact_pair in march.model.contact_pairs))
     pair = f"{march.model.case.method.integrator.name} with {laws}"
-    if found["guarantee"] == NEVER_GROWS:
+    if growth["guarantee"] == NEVER_GROWS:
         return [
-            f"energy grew by {found['largest']:.3g} of the largest energy at step {found['step']}, time "
-            f"{found['time']:.6g}, beyond what {pair} allows ({NEVER_GROWS})"
+            f"energy grew by {growth['largest']:.3g} of the largest energy at step {growth['step']}, time "
+            f"{growth['time']:.6g}, beyond what {pair} allows ({NEVER_GROWS})"
         ]
     step = int(outcome.totals[0].drift_step)
     return [
-        f"energy changed by {found['between_switchings']:.3g} of the largest energy up to step {step}, time "
+        f"energy changed by {growth['between_switchings']:.3g} of the largest energy up to step {step}, time "
         f"{(step + 0.5) * march.model.dt:.6g}, in steps in which no contact opened or closed, beyond what {pair} "
         f"allows ({BETWEEN})"
     ]

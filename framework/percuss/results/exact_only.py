@@ -1,4 +1,4 @@
-"""The exact solution of a case as a result of its own: no method, no step, no elements."""
+"""The exact solution of a case as a result of its own, without methods, time step or elements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from percuss.errors import InputError, Problem
 from percuss.jsonable import plain
 from percuss.results import true_error
 from percuss.results.exact import exact_solution
-from percuss.results.provenance import machine, plugins_used
+from percuss.results.provenance import geometry, machine, plugins_used
 from percuss.results.result import Result
 from percuss.solver.model import Model
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Exact
 
 SAMPLES = 2001
-FIELD_POINTS = 200  # a bar
+FIELD_POINTS = 200  # points of the stress field per bar
 
 
 def load_for_exact(
     path: str | Path, overrides: Mapping[str, Any] | None = None, *, plugins: Sequence[str | Path] = ()
 ) -> Case:
-    """Return a case of which neither elements nor a time step need be given; see `percuss.load`."""
+    """Return a case whose file may leave out the elements and the time step; see `percuss.load`."""
     from percuss.case.case import load, registry_of
     from percuss.case.source import Source
 
@@ -38,18 +38,18 @@ def load_for_exact(
     registry = registry_of(source, tuple(Path(file) for file in plugins))
     names = bodies if isinstance(bodies, Mapping) else ()
     for name, shape in itertools.product(names, registry.names("shapes")):
-        given = source.get(("bodies", name, shape))
-        missing = dict(registry.get("shapes", shape).without_mesh)  # type: ignore[attr-defined]
-        if isinstance(given, Mapping) and not set(missing) <= set(given):
-            source = source.replaced(("bodies", name, shape), {**missing, **given})
-    given = source.get(("time",))
-    if isinstance(given, Mapping) and not {"courant", "step"} & set(given):
-        source = source.replaced(("time",), {**given, "courant": 1})
+        section = source.get(("bodies", name, shape))
+        mesh_defaults = dict(registry.get("shapes", shape).without_mesh)  # type: ignore[attr-defined]
+        if isinstance(section, Mapping) and not set(mesh_defaults) <= set(section):
+            source = source.replaced(("bodies", name, shape), {**mesh_defaults, **section})
+    section = source.get(("time",))
+    if isinstance(section, Mapping) and not {"courant", "step"} & set(section):
+        source = source.replaced(("time",), {**section, "courant": 1})
     return load(source, overrides, plugins=plugins)
 
 
 def run_exact(case: Case) -> Result:
-    """Return the exact solution of a case as a `Result`, with the same contacts and energy in its summary.
+    """Return the exact solution of a case as a `Result` with the same summary entries for contacts and energy as a run.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def run_exact(case: Case) -> Result:
             "largest": float(arrays["energy_growth"].max(initial=0.0)),
             **dict.fromkeys(("step", "time", "between_switchings", "allowed", "kept")),
         },
-        **true_error.verdict(
+        **true_error.summary_entries(
             {"solution": name, "reached": solution.reached, "fronts": solution.fronts, "contacts": {}}, reason
         ),
         "compiled": True,
@@ -93,7 +93,13 @@ def run_exact(case: Case) -> Result:
     }
     laws = {contact: {"law": "exact"} for contact in names}
     resolved = {"integrator": name, "contact": "exact", "mass": "exact", "contacts": laws}
-    provenance = {**machine(), "case": case.data, "resolved": resolved, "plugins": plugins_used(case)}
+    provenance = {
+        **machine(),
+        "case": case.data,
+        "resolved": resolved,
+        "geometry": geometry(model),
+        "plugins": plugins_used(case),
+    }
     coordinates = {"contact": names, "probe": probes}
     result = Result(arrays, coordinates, _field(model, solution), plain(summary), plain(provenance))
     result.solution = solution
@@ -101,10 +107,16 @@ def run_exact(case: Case) -> Result:
 
 
 def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return the histories that a run would record, sampled, and the names of the probes."""
+    """Return samples of the exact solution as the histories that a run would record, and the names of the probes."""
     t = np.linspace(0.0, solution.reached, SAMPLES)
-    given = model.case.record.probes
-    ends = list(dict.fromkeys([a for c in model.case.contacts.values() for a in c.sides] if given is None else given))
+    probes = model.case.record.probes
+    ends = list(
+        dict.fromkeys(
+            [address for contact in model.case.contacts.values() for address in contact.sides]
+            if probes is None
+            else probes
+        )
+    )
     motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
     for k, address in enumerate(ends):
         body = model.bodies[address.body]
@@ -112,9 +124,11 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[st
         for quantity, values in motion.items():
             along = getattr(solution, quantity)(body.name, np.full(t.shape, x), t)
             values[:, k] = along[:, None] * body.mesh.direction
-    energies = np.array([solution.energy(float(s)) for s in t])
-    worked = model.nodal_forces or model.body_forces or any(hold.load is not None for hold in model.constraints)
-    work = np.array([solution.work(float(s)) for s in t]) if worked else np.zeros(t.size)
+    energies = np.array([solution.energy(float(instant)) for instant in t])
+    has_external_work = (
+        model.nodal_forces or model.body_forces or any(constraint.load is not None for constraint in model.constraints)
+    )
+    work = np.array([solution.work(float(instant)) for instant in t]) if has_external_work else np.zeros(t.size)
     total = energies.sum(axis=1)
     closure = total - total[0] - work
     largest = np.maximum.accumulate(np.maximum(np.abs(total), np.abs(work)))
@@ -168,11 +182,11 @@ def _energy(solution: Exact, arrays: dict[str, Any]) -> dict[str, Any]:
 
 
 def _momentum(model: Model, solution: Exact) -> dict[str, Any]:
-    """Return momentum along the first body's direction, and the impulse of all that acts from outside."""
+    """Return the momentum along the axis of the first body, the impulse of external forces, and the balance error."""
     axis = next(iter(model.bodies.values())).mesh.direction
     before, after = solution.momentum(0.0), solution.momentum(solution.reached)
     impulse = solution.impulse(solution.reached)
-    scale = max(abs(before), abs(after), abs(impulse), _impulses(model, solution))
+    scale = max(abs(before), abs(after), abs(impulse), _momentum_scale(model, solution))
     return {
         "initial": (before * axis).tolist(),
         "final": (after * axis).tolist(),
@@ -181,10 +195,10 @@ def _momentum(model: Model, solution: Exact) -> dict[str, Any]:
     }
 
 
-def _impulses(model: Model, solution: Exact) -> float:
-    """Return the size of the momenta and impulses that took part, each bar and each of its ends by itself.
+def _momentum_scale(model: Model, solution: Exact) -> float:
+    """Return the scale of momentum: magnitudes of momenta or impulses, the larger, summed over all ends of the bars.
 
-    Of opposite signs they cancel: what is left of two equal bars that meet, or of a load and its support, is round-off.
+    Signed values cancel: only round-off is left of two equal bars that meet, or of a load and its support.
     """
     t = np.linspace(0.0, solution.reached, SAMPLES)
     moving = pressing = 0.0
@@ -197,11 +211,11 @@ def _impulses(model: Model, solution: Exact) -> float:
 
 
 def _field(model: Model, solution: Exact) -> dict[str, Any]:
-    """Return the stress field as the snapshots of a run would have it."""
-    taken = model.case.record.fields
-    if not taken:
+    """Return the stress field at the times of the snapshots that a run would take."""
+    snapshots = model.case.record.fields
+    if not snapshots:
         return {}
-    t = np.linspace(0.0, solution.reached, taken)
+    t = np.linspace(0.0, solution.reached, snapshots)
     bodies: list[str] = []
     positions, stresses = [], []
     for name, body in model.bodies.items():

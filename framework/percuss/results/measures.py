@@ -1,4 +1,4 @@
-"""Measure what a run gave: one way to say a quantity, for expectations and whatever else compares runs."""
+"""Numbers measured on a result, by the same definition of a quantity for expectations of cases and for studies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HALF_STEP = (*RECORDED, "energy")
 
 
 class CannotMeasure(PercussError):
-    """A quantity that this result does not have."""
+    """Error: the result does not have the quantity."""
 
     exit_code = 1
 
@@ -39,24 +39,24 @@ def measure(
     Parameters
     ----------
     result
-        The run.
+        Result of a run.
     quantity
         A history (``contact_force``, ``gap``, ``displacement``, ``energy``, ...), a number of a contact
         (``impulse``, ``peak_force``, ...) or a dotted path into the summary.
     contact, probe, component
-        Whose.
+        Contact, or probe and component, of the quantity.
     during, at
-        Interval of time, both ends included, or the time of a value (interpolated).
+        Time interval, both ends included, or time of a value (interpolated).
     statistic
         ``mean``, ``max``, ``min``, ``final``, ``integral`` or ``value``.
 
     Raises
     ------
     CannotMeasure
-        If the result does not have it.
+        If the result does not have the quantity.
     """
-    known = QUANTITIES.get(quantity)
-    if known is None or known.kind == "scalar":
+    definition = QUANTITIES.get(quantity)
+    if definition is None or definition.kind == "scalar":
         return _scalar(result, quantity, contact)
     time, values = _history(result, quantity, contact, probe, component)
     if statistic == "value":
@@ -70,7 +70,7 @@ def measure(
     if not inside.any():
         raise CannotMeasure(f"{quantity} has no record between {during}")
     if statistic == "integral":
-        if quantity in {"contact_force", "contact_force_end"}:  # each force acts for a whole step
+        if quantity in {"contact_force", "contact_force_end"}:  # each force acts over a whole step
             return float(values[inside & (time < time[-1])].sum() * (time[1] - time[0])) if time.size > 1 else 0.0
         return float(np.trapezoid(values[inside], time[inside]))
     reduce: dict[str, Any] = {"mean": np.mean, "max": np.max, "min": np.min}
@@ -88,13 +88,13 @@ def _history(
         raise CannotMeasure(f"this run has no {quantity}")
     values = arrays[quantity]
     if QUANTITIES[quantity].of == "contact":
-        return time, values[:, _place(result, "contact", contact)]
+        return time, values[:, _axis_index(result, "contact", contact)]
     if QUANTITIES[quantity].of == "probe":
-        return time, values[:, _place(result, "probe", probe), component]
+        return time, values[:, _axis_index(result, "probe", probe), component]
     return time, values
 
 
-def _place(result: Result, axis: str, name: str | None) -> int:
+def _axis_index(result: Result, axis: str, name: str | None) -> int:
     names = result.coordinates[axis]
     if name is None and len(names) == 1:
         return 0
@@ -107,7 +107,7 @@ def _scalar(result: Result, quantity: str, contact: str | None) -> float:
     value: Any = result.summary
     path = quantity.split(".")
     if quantity in QUANTITIES:
-        name = result.coordinates["contact"][_place(result, "contact", contact)]
+        name = result.coordinates["contact"][_axis_index(result, "contact", contact)]
         path = ["contacts", name, *(["penetration", "largest"] if quantity == "penetration" else [quantity])]
     for key in path:
         if value is None and path[0] == "exact":

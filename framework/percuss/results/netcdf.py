@@ -1,4 +1,4 @@
-"""Results as NetCDF-4 files, every value, name and attribute covered by a checksum."""
+"""Results as NetCDF-4 files in which a checksum covers every value, name and attribute."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from percuss.files import replacing
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = "percuss-result-2"  # the first one had no checksums
-AGAIN = "Make the run again, or take a copy of the file that is whole."
-DIGEST = "sha256"  # attribute with the checksum of all else in the file
+FORMAT = "percuss-result-2"  # format 1 had no checksums
+ADVICE = "Make the run again, or take a copy of the file that is whole."
+DIGEST = "sha256"  # attribute with the checksum of everything else in the file
 
 
 def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Dataset | None) -> None:
-    """Write histories, and fields in a group of their own: beside `path` first, then renamed.
+    """Write histories, and fields in a group of their own, to a temporary file beside `path`, then rename it.
 
     Raises
     ------
@@ -31,17 +31,17 @@ def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Datase
     """
     import xarray as xr
 
-    whole = histories.assign_attrs({DIGEST: _digest(histories, xr.Dataset() if fields is None else fields)})
-    with replacing(path, ".nc") as beside:
-        whole.to_netcdf(beside, engine="netcdf4", format="NETCDF4", encoding=_checksums(whole))
+    with_digest = histories.assign_attrs({DIGEST: _digest(histories, xr.Dataset() if fields is None else fields)})
+    with replacing(path, ".nc") as temporary:
+        with_digest.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encodings(with_digest))
         if fields is not None:
             fields.to_netcdf(
-                beside, engine="netcdf4", format="NETCDF4", mode="a", group="fields", encoding=_checksums(fields)
+                temporary, engine="netcdf4", format="NETCDF4", mode="a", group="fields", encoding=_encodings(fields)
             )
 
 
 def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
-    """Read histories, and fields if there are any, of a result.
+    """Return the histories of a result file, and its fields or None.
 
     Raises
     ------
@@ -54,22 +54,22 @@ def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
         raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
     try:
         with xr.open_dataset(path, engine="netcdf4") as dataset:
-            kind = dataset.attrs.get("format")
-    except Exception as error:  # whatever the libraries say of bytes that are no NetCDF
+            file_format = dataset.attrs.get("format")
+    except Exception as error:  # the libraries raise errors of many types for a file that is not NetCDF
         raise InputError([Problem(str(path), "", "expected a NetCDF-4 file, found something else")]) from error
-    if kind != FORMAT:
-        earlier = isinstance(kind, str) and kind.startswith("percuss-result-")
-        found, advice = (f"the format {kind}", AGAIN) if earlier else ("another NetCDF file", "")
-        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found {found}", advice)])
+    if file_format != FORMAT:
+        is_older_format = isinstance(file_format, str) and file_format.startswith("percuss-result-")
+        actual, advice = (f"the format {file_format}", ADVICE) if is_older_format else ("another NetCDF file", "")
+        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found {actual}", advice)])
     try:
-        return _checked(path)
+        return _read_verified(path)
     except Exception as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError([Problem(str(path), "", f"the file is damaged: {reason}", AGAIN)]) from error
+        raise InputError([Problem(str(path), "", f"the file is damaged: {reason}", ADVICE)]) from error
 
 
-def _checked(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
-    """Return the contents of a file of the right format; raise whatever shows that the file is damaged."""
+def _read_verified(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
+    """Return the contents of a file of the right format; raise an error of any type if the file is damaged."""
     import netCDF4
     import xarray as xr
 
@@ -88,11 +88,11 @@ def _checked(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | Non
     return histories, fields if has_fields else None
 
 
-def _checksums(dataset: xr.Dataset) -> dict[Any, dict[str, Any]]:
-    """Return how the variables of a dataset are stored: those of numbers with a checksum for each chunk.
+def _encodings(dataset: xr.Dataset) -> dict[Any, dict[str, Any]]:
+    """Return the encoding of the variables of a dataset: numeric ones have a checksum for each chunk.
 
-    HDF5 keeps text elsewhere than in the chunks, and has none for variables without an axis or an entry: these are
-    covered by the checksum of the whole file alone.
+    HDF5 stores text outside the chunks, and has no chunks for variables without an axis or an entry: these are covered
+    by the checksum of the whole file alone.
     """
     return {
         name: {"fletcher32": True}
@@ -102,21 +102,23 @@ def _checksums(dataset: xr.Dataset) -> dict[Any, dict[str, Any]]:
 
 
 def _digest(*datasets: xr.Dataset) -> str:
-    """Return a checksum of all values, names and attributes of datasets, the same before writing and after reading."""
+    """Return a checksum of all values, names and attributes of datasets, equal before writing and after reading."""
     digest = hashlib.sha256()
     for dataset in datasets:
-        told: list[Any] = [sorted((str(name), str(value)) for name, value in dataset.attrs.items() if name != DIGEST)]
+        content: list[Any] = [
+            sorted((str(name), str(value)) for name, value in dataset.attrs.items() if name != DIGEST)
+        ]
         for name, variable in sorted(dataset.variables.items(), key=lambda item: str(item[0])):
             attributes = sorted((str(key), str(value)) for key, value in variable.attrs.items())
             values = variable.to_numpy()
             numeric = values.dtype.kind in "iuf"
-            told += [str(name), list(variable.dims), list(values.shape), attributes]
-            told.append([] if numeric else [str(value) for value in values.ravel()])
+            content += [str(name), list(variable.dims), list(values.shape), attributes]
+            content.append([] if numeric else [str(value) for value in values.ravel()])
             if numeric:
-                # one pattern of bits for all that is no number, and one order of bytes
-                exact = values.astype("<f8" if values.dtype.kind == "f" else "<i8")
-                if exact.dtype.kind == "f":
-                    exact = np.where(np.isnan(exact), np.nan, exact)
-                digest.update(exact.tobytes())
-        digest.update(json.dumps(told).encode())
+                # nan has many bit patterns, and numbers have the byte order of the machine
+                portable = values.astype("<f8" if values.dtype.kind == "f" else "<i8")
+                if portable.dtype.kind == "f":
+                    portable = np.where(np.isnan(portable), np.nan, portable)
+                digest.update(portable.tobytes())
+        digest.update(json.dumps(content).encode())
     return digest.hexdigest()

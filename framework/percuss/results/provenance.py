@@ -1,4 +1,4 @@
-"""What a result depends on besides its case: versions, plug-ins and machine."""
+"""Provenance of a result besides its case: versions, plug-ins and machine."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.solver.model import Model
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions in use; to look them up takes longer than a short run."""
+    """Return the versions in use; they are cached because a look-up takes longer than a short run."""
     from importlib.metadata import version
 
     names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
@@ -26,11 +27,11 @@ def versions() -> dict[str, str]:
 
 @cache
 def processor_model() -> str:
-    """Return the model of the processor as the system calls it; ``unknown`` where it does not tell."""
+    """Return the processor model as named by the system, or ``unknown`` if it names none."""
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        named = (line.partition(":") for line in lines if line.startswith(("model name", "Model", "cpu model")))
-        for _, _, name in named:
+        named_lines = (line.partition(":") for line in lines if line.startswith(("model name", "Model", "cpu model")))
+        for _, _, name in named_lines:
             if name.strip():
                 return " ".join(name.split())
     if sys.platform == "darwin":
@@ -41,7 +42,7 @@ def processor_model() -> str:
 
 
 def machine() -> dict[str, Any]:
-    """Return what a result depends on besides the case: versions and machine."""
+    """Return versions, machine and current time for the provenance of a result."""
     return {
         "versions": dict(versions()),
         "machine": {
@@ -54,19 +55,39 @@ def machine() -> dict[str, Any]:
     }
 
 
+def geometry(model: Model) -> dict[str, Any]:
+    """Return the places that a picture of a result needs.
+
+    Returns
+    -------
+    dict
+        ``bodies``: first and last node of each body, (2, dim); ``contacts``: body and node of each side of a contact,
+        at t = 0.
+    """
+    return {
+        "bodies": {name: body.mesh.nodes[[0, -1]].tolist() for name, body in model.bodies.items()},
+        "contacts": {
+            contact_pair.name: [[model.body_of(node).name, model.nodes[node].tolist()] for node in contact_pair.nodes]
+            for contact_pair in model.contact_pairs
+        },
+    }
+
+
 def plugins_used(case: Case) -> dict[str, dict[str, str]]:
-    """Return, for every component of a case, the distribution, version and file it comes from."""
+    """Return distribution, version and file of every component of a case, by family and name."""
     method = case.method
-    parts: list[Any] = [method.integrator, method.contact, method.mass]
-    parts += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
-    parts += [contact.law for contact in case.contacts.values()]
-    parts += [load.load for load in case.loads.values()]
-    out = {}
-    for part in parts:
-        source = case.registry.sources[part.family, part.name]
-        out[f"{part.family}/{part.name}"] = {
+    components: list[Any] = [method.integrator, method.contact, method.mass]
+    components += [
+        component for body in case.bodies.values() for component in (body.shape, body.material, body.element)
+    ]
+    components += [contact.law for contact in case.contacts.values()]
+    components += [load.load for load in case.loads.values()]
+    origins = {}
+    for component in components:
+        source = case.registry.sources[component.family, component.name]
+        origins[f"{component.family}/{component.name}"] = {
             "distribution": source.distribution,
             "version": source.version,
             "file": source.file,
         }
-    return dict(sorted(out.items()))
+    return dict(sorted(origins.items()))

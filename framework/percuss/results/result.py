@@ -1,4 +1,4 @@
-"""The outcome of a run: histories, fields, summary and provenance, saved to and opened from NetCDF-4."""
+"""Result of a run: histories, fields, summary and provenance, saved to and opened from NetCDF-4."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LONG_NAMES = {
     "energy_growth": "growth of contact work with contact energy since the first step over the largest energy so far",
     "stress": "stress in the element",
 }
-IN_STAGES = {  # what these are of a run in stages
+LONG_NAMES_MULTISTAGE = {  # in place of those above for a multi-stage scheme
     "contact_force": "mean contact force from t_n to t_n+1, compression positive",
     "contact_force_exact": "exact contact force, averaged from t_n to t_n+1",
     "velocity": "velocity at t_n",
@@ -57,22 +57,20 @@ HALF_STEP = (
 
 
 class Result:
-    """What a run gave.
+    """Result of a run.
 
     Attributes
     ----------
     arrays
         Histories as plain arrays by name; `histories` is the same as an xarray Dataset.
     field_arrays
-        ``time``, ``body``, ``position`` and ``stress`` of the space-time record; empty if none was asked for.
+        ``time``, ``body``, ``position`` and ``stress`` of the stress field over time; empty if the case records none.
     summary
-        Plain dict of what is worth comparing.
+        Plain dict of the entries by which runs are compared.
     provenance
         Versions, case, resolved parameters, machine.
     coordinates
         Names along the axes ``contact`` and ``probe``.
-    expect
-        Expected values that came with the case, as plain mappings.
     """
 
     def __init__(
@@ -102,12 +100,12 @@ class Result:
 
     @property
     def exact(self) -> Exact | None:
-        """The exact solution of the case, evaluated at any place and any time up to its `reached`; None without one.
+        """The exact solution of the case, for any position and any time up to its `reached`; None if there is none.
 
-        Of a result read from a file it is worked out anew from the case in the provenance.
+        For a result read from a file it is computed again from the case in the provenance.
         """
-        known, covered = self.summary["exact"], self.summary.get("exact_covered")
-        until = known["reached"] if known else covered["until"] if covered else None
+        errors, partial_errors = self.summary["exact"], self.summary.get("exact_covered")
+        until = errors["reached"] if errors else partial_errors["until"] if partial_errors else None
         if self.solution is None and until is not None:
             from percuss.case.case import load
             from percuss.results.exact import exact_solution
@@ -118,20 +116,20 @@ class Result:
 
     @property
     def exact_histories(self) -> dict[str, tuple[Any, Any]] | None:
-        """Times and exact forces of each contact, as the pictures lay them over; None where there are none."""
+        """Times and exact forces of each contact, as figures plot them over those of the run, or None."""
         if "contact_force_exact" not in self.arrays:
             return None
         forces = self.arrays["contact_force_exact"]
         return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
 
-    def _at_the_end(self) -> bool:
-        """Whether energies stand at t_{n+1}, as those of a scheme in stages do."""
+    def _energies_at_step_end(self) -> bool:
+        """Return whether the energies are those at t_{n+1}, as in a multi-stage scheme."""
         dt = self.summary["dt"]
         return dt is not None and bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * dt)
 
     @cached_property
     def histories(self) -> xr.Dataset:
-        """Histories on one axis ``time``; energies carry the coordinate ``time_half(time)``."""
+        """Histories on the axis ``time``; energies carry the coordinate ``time_half(time)``."""
         import xarray as xr
 
         dims = {
@@ -140,10 +138,12 @@ class Result:
             ),
             **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
         }
-        # a scheme that is no leap-frog has its energies, and the force of a step, where the coordinate says
-        whole = IN_STAGES if self.arrays["time_half"].size and self._at_the_end() else {}
+        # A multi-stage scheme has its energies, and the force of a step, at other times than a leap-frog scheme.
+        multistage_names = (
+            LONG_NAMES_MULTISTAGE if self.arrays["time_half"].size and self._energies_at_step_end() else {}
+        )
         data = {
-            name: (dims.get(name, ("time",)), values, {"long_name": whole.get(name, LONG_NAMES[name])})
+            name: (dims.get(name, ("time",)), values, {"long_name": multistage_names.get(name, LONG_NAMES[name])})
             for name, values in self.arrays.items()
             if name in LONG_NAMES
         }
@@ -159,13 +159,13 @@ class Result:
             },
             attrs=self._attributes(),
         )
-        for name in set(HALF_STEP) & set(data):  # a file written earlier may lack some
+        for name in set(HALF_STEP) & set(data):  # a file of an earlier version may lack some
             out[name].attrs["at"] = "time_half"
         return out
 
     @cached_property
     def fields(self) -> xr.Dataset:
-        """Stress along the bodies over time, (time, element); empty unless `record.fields` asked for it."""
+        """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
         import xarray as xr
 
         if not self.field_arrays:
@@ -195,7 +195,7 @@ class Result:
         }
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the result as NetCDF-4: beside `path` first, then renamed.
+        """Write the result as NetCDF-4 to a temporary file beside `path`, then rename it.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Result:
         write(path, self.histories, self.fields if self.field_arrays else None)
 
     def _repr_html_(self) -> str:
-        """Show a small table and the force picture in a notebook."""
+        """Return a small table and the force figure as HTML for a notebook."""
         from percuss.reporting.report import notebook_html
 
         return notebook_html(self)
@@ -218,7 +218,7 @@ class Result:
 
 
 def open_result(path: str | os.PathLike[str]) -> Result:
-    """Read a result written by `Result.save`.
+    """Return a result written by `Result.save`.
 
     Raises
     ------

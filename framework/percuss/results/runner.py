@@ -1,4 +1,4 @@
-"""Run a case: model, march, accounts, result."""
+"""Run of a case: model, time loop, accounts and result."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
 
 
-REPEATS, REPEATING = 5, 0.3  # how often a march is made of which the time is asked, within so many seconds
-MARCHING = threading.Lock()  # of a process: one march is timed at a time
+REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
+MARCH_LOCK = threading.Lock()  # a process times one march at a time
 
 
 def run(
@@ -46,12 +46,12 @@ def run(
     overrides
         Dotted path to value; the same paths and checks as ``--set``.
     compiled
-        Whether to compile the time loop; without, the same loop runs as plain Python.
+        Whether to compile the time loop; otherwise the same loop runs as plain Python.
     nudge
-        Whether to run a twin whose first body is a hair thicker, to see if the answer hangs on round-off
+        Whether to run a twin whose first body is slightly thicker, to see if the result depends on round-off
         (``summary["exact"]["fragile"]``).
     progress
-        Called with (steps done, steps in all) now and then.
+        Called at intervals with (steps done, steps in all).
 
     Returns
     -------
@@ -74,18 +74,18 @@ def run(
 
 
 def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) -> Result:
-    """Run a case as a row of a study: its march is repeated, and the least of the times counts.
+    """Run a case for a study: its march is repeated, and the smallest of the times counts.
 
-    No other thread of this process marches meanwhile: one that did would lengthen the time.
+    No other thread of this process marches meanwhile, as that would lengthen the time.
 
     Parameters
     ----------
     case
         The case.
     nudge
-        As of `run`.
+        As in `run`.
     repeats
-        How often to march; None: until `REPEATS` marches are made or `REPEATING` seconds have passed.
+        Number of marches; None: until `REPEATS` marches are made or `REPEAT_SECONDS` have passed.
     """
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True)
 
@@ -103,28 +103,28 @@ def _run(
     march = March(recordable(verdict.settled(case)), compiled=compiled)
     seconds = march.seconds
     seconds["build"] = watch.lap()
-    known = verdict.certificate(march.model)
+    certificate = verdict.certificate(march.model)
     seconds["certificate"] = watch.lap()
-    if known["stable"] == "no" and case.time.on_unstable == "stop":
-        outcome = march.refuse(cause.not_started(march.model, known))
+    if certificate["stable"] == "no" and case.time.on_unstable == "stop":
+        outcome = march.refuse(cause.not_started(march.model, certificate))
     else:
-        marginal = known["stable"] == "marginal"
-        march.compile()  # compiles before the march of this process begins, for which other threads wait
-        with MARCHING if timed else nullcontext():
+        marginal = certificate["stable"] == "marginal"
+        march.compile()  # before the lock is taken, so that no other thread waits for the compilation
+        with MARCH_LOCK if timed else nullcontext():
             outcome = march.run(progress, marginal=marginal)
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, marginal=marginal)
     watch.lap()
-    with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop tells what overflowed
-        result = result_of(march, outcome, known)
+    with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop reports an overflow
+        result = result_of(march, outcome, certificate)
     if nudge and result.summary["exact"] is not None and outcome.status != "unstable":
         try:
-            with MARCHING if timed else nullcontext():  # it is not timed, and must not disturb one that is
+            with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
                 twin = run(true_error.nudged(case, march.model.courant), compiled=compiled)
-        except RunError as error:  # a hair's breadth decides whether it blows up
+        except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
         result.summary["exact"]["fragile"] = true_error.is_fragile(
-            *(made.arrays["contact_force"] for made in (result, twin))
+            *(compared.arrays["contact_force"] for compared in (result, twin))
         )
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
     if outcome.status == "unstable":
@@ -133,22 +133,22 @@ def _run(
 
 
 def _repeat(march: March, outcome: Outcome, repeats: int | None, *, marginal: bool) -> None:
-    """March again from the beginning, and keep the least time; Ctrl-C meanwhile is told as if it were of the run."""
-    most = REPEATS if repeats is None else repeats
+    """Repeat the march from its beginning and keep the smallest time; Ctrl-C meanwhile interrupts the whole run."""
+    limit = REPEATS if repeats is None else repeats
     spent = outcome.seconds["march"]
-    for _ in range(most - 1):
-        if repeats is None and spent > REPEATING:
+    for _ in range(limit - 1):
+        if repeats is None and spent > REPEAT_SECONDS:
             return
-        again = March(march.model, kernels=march.kernels).run(marginal=marginal)
-        if again.status == "interrupted":
+        repeated = March(march.model, kernels=march.kernels).run(marginal=marginal)
+        if repeated.status == "interrupted":
             outcome.status = "interrupted"
             return
-        spent += again.seconds["march"]
-        outcome.seconds["march"] = min(outcome.seconds["march"], again.seconds["march"])
+        spent += repeated.seconds["march"]
+        outcome.seconds["march"] = min(outcome.seconds["march"], repeated.seconds["march"])
 
 
 def stop_message(stop: Mapping[str, Any]) -> str:
-    """Return the words for a run that was stopped: what, step, time, node and likely cause."""
+    """Return the message for a stopped run: reason, step, time, node and likely cause."""
     when = f"stopped at step {stop['step']}, time {stop['time']:.9g}"
     return (
         f"{'not started' if stop['what'] == NOT_STARTED else when}, node {stop['node']} "

@@ -1,4 +1,4 @@
-"""The true error of a run: its histories held against the exact solution of its case, where there is one."""
+"""True errors of a run: its histories compared with the exact solution of its case, where there is one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Exact, ExactContact, Floats
     from percuss.solver.model import Model
 
-NOTHING = 1e-18
+NEGLIGIBLE = 1e-18
 ERRORS = (
     *("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"),
     *("closing_error", "opening_error"),
@@ -22,22 +22,22 @@ NUDGE = 1e-12
 FRAGILE = 1e-4
 
 
-def verdict(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
-    """Return what a summary says about the exact solution.
+def summary_entries(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
+    """Return the entries of a summary about the exact solution and the true errors.
 
     Parameters
     ----------
     errors
-        What was found by holding a run against its solution, with the time ``reached``; None where there is none.
+        True errors of a run, with the time ``reached`` by its exact solution; None if there is no exact solution.
     reason
-        Why there is none, or why it ends before the run does; empty where it covers the whole run.
+        Why there is none, or why it ends before the run does; empty if it covers the whole run.
 
     Returns
     -------
     dict
-        ``exact``: the errors of the whole run, None where they are not known; ``exact_reason``: why not; and
-        ``exact_covered``: what is known up to the time ``until``, where the solution ends before the run does. Two runs
-        that are known for a part of their time are not to be compared by it: what compares runs reads ``exact``.
+        ``exact``: the errors of the whole run, None if they are not known; ``exact_reason``: why not; and
+        ``exact_covered``: the errors up to the time ``until``, if the exact solution ends there, before the run. Runs
+        must not be compared by errors of a part of their time: comparisons of runs read ``exact``.
     """
     if errors is None or not reason:
         return {"exact": errors, "exact_reason": reason or None, "exact_covered": None}
@@ -48,32 +48,32 @@ def verdict(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
 def contact_errors(
     contact: ExactContact, time: Floats, force: Floats, exact: Floats, dt: float, reached: float, *, every: int
 ) -> dict[str, Any]:
-    """Return the errors of one contact's force history.
+    """Return the errors of the force history of one contact.
 
     Parameters
     ----------
     contact
-        The exact contact.
+        Exact solution of the contact.
     time, force
-        The run's records, at the middle of the step whose impulse each is.
+        Middle of the step over which each recorded force acts, and that force.
     exact
-        The exact force averaged over that step.
+        Exact force averaged over that step.
     dt
         Time step.
     reached
         Time up to which the exact solution holds.
     every
-        Steps between two records; errors of the force need every step, and are None without.
+        Steps between two records; errors of the force need a record of every step, and are None otherwise.
 
     Returns
     -------
     dict
-        Errors of the force in L1 and L2, of the impulse, `noise`, `overshoot`; `closing_error` and `opening_error`, by
-        how much the middle of the first and of the last step that presses is late, which is known to half a step; and
-        the intervals in which the exact contact is `closed`.
+        Errors of the force in L1 and L2, of the impulse, `noise`, `overshoot`; `closing_error` and `opening_error`, the
+        delay of the middle of the first and of the last step with a contact force, known to half a step; and the
+        intervals in which the exact contact is `closed`.
     """
-    known = np.isfinite(exact)
-    time, force, exact = time[known], force[known], exact[known]
+    has_exact = np.isfinite(exact)
+    time, force, exact = time[has_exact], force[has_exact], exact[has_exact]
     difference = force - exact
     scale_1, scale_2 = float(np.abs(exact).sum()), float(np.sqrt((exact**2).sum()))
     variation = float(np.abs(np.diff(exact, prepend=0.0)).sum())
@@ -81,54 +81,56 @@ def contact_errors(
     if every == 1 and time.size:
         summed = np.cumsum(force) * dt
         true = contact.impulse(time + 0.5 * dt)
-        impulse = _over(float(np.abs(summed - true).max()), float(np.abs(true).max()))
+        impulse = _ratio(float(np.abs(summed - true).max()), float(np.abs(true).max()))
     closed = [interval for interval in contact.closed if interval[0] < reached]
-    pressed = np.flatnonzero(force > ROUND_OFF * force.max(initial=0.0))
-    found = {
-        "force_error_l1": _over(float(np.abs(difference).sum()), scale_1),
-        "force_error_l2": _over(float(np.sqrt((difference**2).sum())), scale_2),
+    pressing_steps = np.flatnonzero(force > ROUND_OFF * force.max(initial=0.0))
+    errors = {
+        "force_error_l1": _ratio(float(np.abs(difference).sum()), scale_1),
+        "force_error_l2": _ratio(float(np.sqrt((difference**2).sum())), scale_2),
         "impulse_error": impulse,
-        "noise": _over(float(np.abs(np.diff(force, prepend=0.0)).sum()), variation),
-        "overshoot": _over(float(force.max(initial=0.0)), float(exact.max(initial=0.0)), minus=1.0),
-        "closing_error": float(time[pressed[0]] - closed[0][0]) if closed and pressed.size else None,
-        "opening_error": _opening_error(time, pressed, closed, reached),
+        "noise": _ratio(float(np.abs(np.diff(force, prepend=0.0)).sum()), variation),
+        "overshoot": _ratio(float(force.max(initial=0.0)), float(exact.max(initial=0.0)), minus=1.0),
+        "closing_error": float(time[pressing_steps[0]] - closed[0][0]) if closed and pressing_steps.size else None,
+        "opening_error": _opening_error(time, pressing_steps, closed, reached),
         "closed": [list(interval) for interval in closed[:100]],
     }
-    # what lies between sparse records is not known: these would be errors of the records
-    return found | dict.fromkeys(ERRORS) if every > 1 or not time.size else found
+    # Forces between sparse records are unknown: these numbers would be errors of the recording.
+    return errors | dict.fromkeys(ERRORS) if every > 1 or not time.size else errors
 
 
-def _over(value: float, scale: float, minus: float = 0.0) -> float | None:
-    """Return value over scale; None where the exact quantity is zero, unless the value is too."""
+def _ratio(value: float, scale: float, minus: float = 0.0) -> float | None:
+    """Return value over scale, less `minus`; None if the exact quantity is zero, but 0 if the value is zero too."""
     if scale > 0.0:
         return value / scale - minus
     return 0.0 if value == 0.0 else None
 
 
-def _opening_error(time: Floats, pressed: Any, closed: list[tuple[float, float]], reached: float) -> float | None:
-    """Return by how much the last step that presses is late; None where run or exact contact are closed at the end.
+def _opening_error(
+    time: Floats, pressing_steps: Any, closed: list[tuple[float, float]], reached: float
+) -> float | None:
+    """Return the delay of the last step with a contact force; None if run or exact contact are closed at the end.
 
-    Both its ends count: of steps that overlap an interval the last has its middle before or behind the interval's end
-    by half a step at most, as the first has at the start.
+    Of the steps that overlap an interval, the last has its middle at most half a step before or after the end of the
+    interval, as the first has at its start.
     """
-    if not closed or not pressed.size or pressed[-1] == time.size - 1:
+    if not closed or not pressing_steps.size or pressing_steps[-1] == time.size - 1:
         return None
     if closed[-1][1] >= reached * (1.0 - ROUND_OFF):
         return None
-    return float(time[pressed[-1]] - closed[-1][1])
+    return float(time[pressing_steps[-1]] - closed[-1][1])
 
 
 def displacement_error(model: Model, solution: Exact, displacement: Floats, time: float) -> float | None:
-    """Return the error of the displacement along the bars at `time`, in L2 over all bars, relative.
+    """Return the relative error of the displacement along the bars at `time`, in L2 over all bars, or None.
 
     Parameters
     ----------
     model, solution
         The case and its exact solution.
     displacement : (nodes, dim) array
-        Of the run at `time`.
+        Displacement of the run at `time`.
     time
-        At most what the solution reached.
+        Time of the comparison; the error is None beyond the time that the exact solution reached.
     """
     if time > solution.reached * (1.0 + 1e-12):
         return None
@@ -139,22 +141,22 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
         weight[:-1] += 0.5 * body.mesh.lengths
         weight[1:] += 0.5 * body.mesh.lengths
         true = solution.displacement(body.name, along, np.full(along.shape, time))
-        found = displacement[body.start : body.stop] @ body.mesh.direction
-        error += float(weight @ (found - true) ** 2)
+        computed = displacement[body.start : body.stop] @ body.mesh.direction
+        error += float(weight @ (computed - true) ** 2)
         size += float(weight @ true**2)
-    if size < NOTHING * error:  # a bar back where it began: an error relative to round-off says nothing
+    if size < NEGLIGIBLE * error:  # bars back at their start: an error relative to round-off means nothing
         return None
-    return _over(float(np.sqrt(error)), float(np.sqrt(size)))
+    return _ratio(float(np.sqrt(error)), float(np.sqrt(size)))
 
 
 def nudged(case: Case, courant: float) -> Case:
-    """Return the case with its first body a hair thicker, `NUDGE` of its area, at the Courant number of the run."""
+    """Return the case with the area of its first body increased by the share `NUDGE`, at the run's Courant number."""
     name, body = next(iter(case.bodies.items()))
-    chosen = {"time.courant": courant} if case.time.courant == "auto" else {}
-    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE), **chosen})
+    fixed_courant = {"time.courant": courant} if case.time.courant == "auto" else {}
+    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE), **fixed_courant})
 
 
-def is_fragile(forces: Floats, others: Floats) -> bool:
-    """Return whether the forces of a run and its nudged twin differ by more than `FRAGILE`, relative, in L2."""
+def is_fragile(forces: Floats, twin_forces: Floats) -> bool:
+    """Return whether the forces of a run and its nudged twin differ by more than `FRAGILE`, relative in L2."""
     size = float(np.linalg.norm(forces))
-    return bool(forces.shape != others.shape or np.linalg.norm(forces - others) > FRAGILE * size)
+    return bool(forces.shape != twin_forces.shape or np.linalg.norm(forces - twin_forces) > FRAGILE * size)

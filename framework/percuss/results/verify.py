@@ -1,4 +1,4 @@
-"""Verifying a case by what it expects of itself."""
+"""Verification of a case by the expected values that it contains."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from percuss.results.measures import CannotMeasure, measure
 
 @dataclass(frozen=True)
 class Check:
-    """One expectation held against a result.
+    """Comparison of one expected value with a result.
 
     Attributes
     ----------
     expectation
-        What was expected.
+        Expected value, with its quantity and tolerance.
     measured
-        What was found; nan where it could not be measured.
+        Measured value; nan if it could not be measured.
     allowed
         Largest difference allowed, in the quantity's own unit.
     why
@@ -35,48 +35,54 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether the difference is within what is allowed."""
+        """Whether the difference is at most the allowed difference."""
         return abs(self.measured - self.expectation.value) <= self.allowed
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the check in the terms of JSON."""
-        e = self.expectation
+        """Return the check as plain data for JSON."""
+        expectation = self.expectation
         return {
-            "what": describe(e),
-            "expected": e.value,
+            "what": describe(expectation),
+            "expected": expectation.value,
             "within": self.allowed,
             "measured": self.measured if math.isfinite(self.measured) else None,
             "passed": self.passed,
-            "source": e.source,
+            "source": expectation.source,
             "why": self.why,
         }
 
 
-def describe(e: Expectation) -> str:
-    """Return an expectation's quantity in words."""
-    whose = e.contact or (str(e.probe) if e.probe else "")
-    when = f" during {e.during[0]:g} to {e.during[1]:g}" if e.during else f" at {e.at:g}" if e.at is not None else ""
-    statistic = "" if e.statistic == "value" else f"{e.statistic} of "
-    return f"{statistic}{e.quantity}{' of ' + whose if whose else ''}{when}"
+def describe(expectation: Expectation) -> str:
+    """Return the quantity of an expectation in words."""
+    owner = expectation.contact or (str(expectation.probe) if expectation.probe else "")
+    when = (
+        f" during {expectation.during[0]:g} to {expectation.during[1]:g}"
+        if expectation.during
+        else f" at {expectation.at:g}"
+        if expectation.at is not None
+        else ""
+    )
+    statistic = "" if expectation.statistic == "value" else f"{expectation.statistic} of "
+    return f"{statistic}{expectation.quantity}{' of ' + owner if owner else ''}{when}"
 
 
 def verify(case: Case, result: Result) -> list[Check]:
-    """Hold what a case expects against the result of its run."""
+    """Return a check of each expected value of a case against the result of its run."""
     checks = []
-    for e in case.expect:
-        allowed = e.within * abs(e.value) if e.relative else e.within
+    for expectation in case.expect:
+        allowed = expectation.within * abs(expectation.value) if expectation.relative else expectation.within
         try:
             measured = measure(
                 result,
-                e.quantity,
-                contact=e.contact,
-                probe=str(e.probe) if e.probe else None,
-                component=e.component,
-                during=e.during,
-                at=e.at,
-                statistic=e.statistic,
+                expectation.quantity,
+                contact=expectation.contact,
+                probe=str(expectation.probe) if expectation.probe else None,
+                component=expectation.component,
+                during=expectation.during,
+                at=expectation.at,
+                statistic=expectation.statistic,
             )
-            checks.append(Check(e, measured, allowed))
-        except CannotMeasure as why:
-            checks.append(Check(e, math.nan, allowed, str(why)))
+            checks.append(Check(expectation, measured, allowed))
+        except CannotMeasure as error:
+            checks.append(Check(expectation, math.nan, allowed, str(error)))
     return checks

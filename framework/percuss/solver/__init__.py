@@ -1,1 +1,1 @@
-"""From a checked case to arrays, and from arrays to time steps."""
+"""The solver: arrays of a checked case, and time steps on them."""

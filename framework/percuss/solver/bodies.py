@@ -1,7 +1,7 @@
-"""What the elements of a body themselves say, asked one at a time: the stress in them, and their stiffness about rest.
+"""Stress and stiffness of single elements, from plain Python calls of the kernels of a body.
 
-The kernels of a body are called as plain Python, with the slot of the material replaced by one that notes what it
-returns. So the stress is that of the force, whatever strain the element measures and whatever its material makes of it.
+The material kernel is replaced by one that records the stress it returns. The stress is therefore the one behind the
+element's force, whatever strain the element measures and whatever the element does with the stress.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from percuss.solver.entities import Body
     from percuss.solver.model import Model
 
-PROBING_STRAIN = 1e-7  # small against every strain at which a material or an element is no longer as it is at rest
-SAME_STIFFNESS = 1e-4  # relative difference up to which a stiffness about rest is the one declared
+PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
+SAME_STIFFNESS = 1e-4  # largest relative difference between declared stiffness and stiffness about rest
 PROBED_ELEMENTS = 8
 
 
 class ElementProbe:
-    """The elements of one body, each asked by itself for its force and its stress.
+    """Force and stress of single elements of one body.
 
     Parameters
     ----------
     element, material
-        The methods that fill the body.
+        The methods of the body.
     mesh
-        The body, as `Element.bind` is handed it.
+        The body as `Element.bind` receives it.
     """
 
     def __init__(self, element: Element, material: Material, mesh: BodyMesh) -> None:
@@ -42,14 +42,14 @@ class ElementProbe:
         self._arrays = element.bind(mesh)
         self._parameters = np.array(material.parameters(), dtype=float)
         self._stresses: list[float] = []
-        law: Callable[[Floats, float], float] = getattr(material.stress, "py_func", material.stress)
+        stress: Callable[[Floats, float], float] = getattr(material.stress, "py_func", material.stress)
 
-        def noted(parameters: Floats, strain: float) -> float:
-            value = law(parameters, strain)
+        def recorded_stress(parameters: Floats, strain: float) -> float:
+            value = stress(parameters, strain)
             self._stresses.append(float(value))
             return value
 
-        self._force = Specialiser({slots.stress: noted}, jit=False).bind(element.internal_force)
+        self._force = Specialiser({slots.stress: recorded_stress}, jit=False).bind(element.internal_force)
 
     def force(self, number: int, displacement: Floats) -> Floats:
         """Return the force of an element on its two nodes, (2 dim,), at their `displacement`, (2 dim,)."""
@@ -58,7 +58,7 @@ class ElementProbe:
         return force
 
     def stress(self, number: int, displacement: Floats) -> float:
-        """Return the stress in an element; nan where the element does not ask its material for any."""
+        """Return the stress in an element; nan if the element does not call the stress kernel of its material."""
         self._stresses.clear()
         self.force(number, displacement)
         return float(np.mean(self._stresses)) if self._stresses else np.nan
@@ -79,29 +79,31 @@ def stress_field(body: Body, elements: Integers, displacement: Floats) -> Floats
     Returns
     -------
     (T, E) array
-        Stress, tension positive [force/length^2]; nan where an element does not ask its material for any.
+        Stress, tension positive [force/length^2]; nan if an element does not call the stress kernel of its material.
     """
     probe = ElementProbe(body.spec.element, body.spec.material, BodyMesh(body.mesh, body.spec.area))
     times, count, _, dim = displacement.shape
-    flat = displacement.reshape(times, count, 2 * dim)
-    out = np.empty((times, count))
+    nodal_states = displacement.reshape(times, count, 2 * dim)
+    field = np.empty((times, count))
     linear = not body.why_not_linear
-    for k, number in enumerate(elements):
-        if linear:  # the stress is a sum over the displacements, so that one call for each is enough
+    for column, number in enumerate(elements):
+        if linear:  # the stress is linear in the displacements: one call for each unit displacement is enough
             size = PROBING_STRAIN * float(body.mesh.lengths[number])
-            shares = [probe.stress(int(number), unit) / size for unit in size * np.eye(2 * dim)]
-            # the influence of the first node is that of the second, taken the other way: so a translation gives none
-            ahead = 0.5 * (np.array(shares[dim:]) - np.array(shares[:dim]))
-            out[:, k] = (flat[:, k, dim:] - flat[:, k, :dim]) @ ahead
+            stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(2 * dim)]
+            # Both nodes have the same influence with opposite signs; using their mean difference makes the stress of a
+            # translation exactly zero.
+            influence = 0.5 * (np.array(stresses[dim:]) - np.array(stresses[:dim]))
+            field[:, column] = (nodal_states[:, column, dim:] - nodal_states[:, column, :dim]) @ influence
         else:
-            out[:, k] = [probe.stress(int(number), state) for state in flat[:, k]]
-    return out
+            field[:, column] = [probe.stress(int(number), state) for state in nodal_states[:, column]]
+    return field
 
 
 def tangent_as_declared(model: Model) -> bool:
-    """Return whether the bodies of a model, stretched or compressed a little from rest, are as stiff as they declare.
+    """Return whether all bodies that are not linear have, about rest, the axial stiffness that they declare.
 
-    Then a small motion about rest is that of a linear body, and a step that is unstable for it is unstable.
+    Elements are stretched and compressed a little. If they are as stiff as declared, a small motion about rest is that
+    of a linear body, and a step that is unstable for the linear body is unstable.
     """
     for body in model.bodies.values():
         if not body.why_not_linear:
@@ -109,11 +111,11 @@ def tangent_as_declared(model: Model) -> bool:
         probe = ElementProbe(body.spec.element, body.spec.material, BodyMesh(body.mesh, body.spec.area))
         numbers = np.unique(np.linspace(0, body.stiffness.size - 1, PROBED_ELEMENTS).round().astype(np.int64))
         for number in numbers:
-            stretch = PROBING_STRAIN * float(body.mesh.lengths[number])
+            length_change = PROBING_STRAIN * float(body.mesh.lengths[number])
             for sign in (1.0, -1.0):
-                ahead = sign * stretch * body.mesh.direction
-                force = probe.force(int(number), np.concatenate([np.zeros(model.dim), ahead]))
-                stiffness = float(force[: model.dim] @ ahead) / stretch**2
+                elongation = sign * length_change * body.mesh.direction
+                force = probe.force(int(number), np.concatenate([np.zeros(model.dim), elongation]))
+                stiffness = float(force[: model.dim] @ elongation) / length_change**2
                 if not abs(stiffness - body.stiffness[number]) <= SAME_STIFFNESS * body.stiffness[number]:
                     return False
     return True

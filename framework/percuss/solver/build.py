@@ -1,4 +1,4 @@
-"""Bind the parts of a run into the loop: compiled as one, or all of it as plain Python."""
+"""Bind the kernels of a run into the time loop, either compiled as a whole or entirely as plain Python."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DISABLED = "compilation is switched off by NUMBA_DISABLE_JIT"
 
 @dataclass(frozen=True)
 class LoopParts:
-    """What a model puts into the slots of the loop.
+    """The kernels and arrays of a model that the time loop is bound to.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class LoopParts:
     groups
         The arrays of each group.
     laws
-        Bound contact laws with a kernel of their own.
+        Bound contact laws with a kernel.
     integrator
-        The integrator of a multi-stage scheme, None for a leap-frog.
+        The integrator of a multi-stage scheme, None for a leap-frog scheme.
     dim
         Dimension of the model.
     constrained
@@ -54,25 +54,25 @@ class LoopParts:
 
 
 class Kernels(NamedTuple):
-    """The bound loop, and why it is not compiled if it is not."""
+    """The bound time loop, and the reasons if it is not compiled."""
 
     advance: Callable[..., int]
     compiled: bool
     reasons: tuple[str, ...] = ()
-    begin: Callable[..., None] | None = None  # of multi-stage schemes
+    begin: Callable[..., None] | None = None  # first accelerations of a multi-stage scheme
 
 
 def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> Kernels:
-    """Return the loop of a model.
+    """Return the bound time loop of a model.
 
     Parameters
     ----------
     parts
-        What fills the slots of the loop.
+        The kernels and arrays of the model.
     compiled
-        Whether to compile it, unless that is switched off altogether.
+        Whether to compile the loop, unless compilation is switched off altogether.
     counting
-        Whether kernels of plug-ins may allocate arrays.
+        Whether kernels of plug-ins may allocate arrays, which needs reference counts.
     """
     reasons = () if compiled else (SWITCHED_OFF,)
     if compiled and jit_disabled():
@@ -82,16 +82,16 @@ def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> 
 
 
 def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: float) -> Kernels:
-    """Return the loop as plain Python, with the names of the kernels that cannot be compiled and the reason of each.
+    """Return the loop as plain Python, with the name of each kernel that cannot be compiled and the reason.
 
     Parameters
     ----------
     error
-        What compiling the whole loop failed with; raised again if every kernel compiles by itself.
+        The error from compiling the whole loop; raised again if every kernel can be compiled by itself.
     parts
-        What fills the slots of the loop.
+        The kernels and arrays of the model.
     u, v : (nodes * dim,)
-        Displacement and velocity to try the kernels with; written over.
+        Displacement and velocity for the trial calls of the kernels; overwritten.
     dt
         Time step.
     """
@@ -101,25 +101,25 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
         try:
             maker.bind(multistage_loop.force_group, entry=True)(group, u, np.zeros(u.size), parts.dim)
             maker.bind(bulk.elastic_group, entry=True)(group, u, v, parts.dim, 1.0)
-        except compile_error() as why:
-            reasons[f"element {element.name} with material {material.name}"] = why
+        except compile_error() as failure:
+            reasons[f"element {element.name} with material {material.name}"] = failure
     for entry in parts.laws:
-        why_not = custom_laws.why_not(entry)
-        if why_not is not None:
-            reasons[f"contact law {entry['law'].name}"] = why_not
+        law_failure = custom_laws.compile_failure(entry)
+        if law_failure is not None:
+            reasons[f"contact law {entry['law'].name}"] = law_failure
     if parts.integrator is not None:
-        unfit = _unfit(parts.integrator, u, v, dt)
-        if unfit is not None:
-            reasons[f"integrator {parts.integrator.name}"] = unfit
+        integrator_failure = _integrator_failure(parts.integrator, u, v, dt)
+        if integrator_failure is not None:
+            reasons[f"integrator {parts.integrator.name}"] = integrator_failure
     if not reasons:
         raise error
-    said = tuple(f"{part} cannot be compiled: {_short(why)}" for part, why in reasons.items())
-    return bind(parts, compiled=False)._replace(reasons=said)
+    sentences = tuple(f"{part} cannot be compiled: {_telling_line(failure)}" for part, failure in reasons.items())
+    return bind(parts, compiled=False)._replace(reasons=sentences)
 
 
-def _unfit(integrator: Integrator, u: Floats, v: Floats, dt: float) -> Exception | None:
-    """Return why the kernel of an integrator cannot be compiled, or None."""
-    filled = {slots.accelerations: integrator_check.known}
+def _integrator_failure(integrator: Integrator, u: Floats, v: Floats, dt: float) -> Exception | None:
+    """Return the compiler's error for the kernel of an integrator, or None if it can be compiled."""
+    filled = {slots.accelerations: integrator_check.constant_accelerations}
     try:
         step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(integrator), entry=True)
         stages = integrator.bind(dt)
@@ -131,7 +131,7 @@ def _unfit(integrator: Integrator, u: Floats, v: Floats, dt: float) -> Exception
 
 
 def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
-    """Return the loop over steps, and what begins it in a multi-stage scheme."""
+    """Return the loop over steps and, for a multi-stage scheme, the function for its first accelerations."""
     update = bulk.advance_bars if parts.dim == 1 else bulk.advance_bodies
     forces: tuple[Any, ...] = update, bulk.bulk_head, bulk.bulk_tail, bulk.bulk_chain
     if parts.integrator is not None:
@@ -139,42 +139,48 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
         forces = loop.force_group, loop.force_head, loop.force_tail, loop.force_chain
     energies = bulk.elastic_group, bulk.elastic_head, bulk.elastic_tail, bulk.elastic_chain
     filled: dict[Any, Any] = {
-        leapfrog_loop.elastic: _chained(maker, parts, energies),
-        leapfrog_loop.own_laws: custom_laws.bind(maker, parts.laws),
+        leapfrog_loop.elastic: _chain_groups(maker, parts, energies),
+        leapfrog_loop.kernel_laws: custom_laws.bind(maker, parts.laws),
     }
     if not parts.constrained:
-        idle = leapfrog_loop.impose_velocity, leapfrog_loop.add_contact_reactions
-        filled |= dict.fromkeys(idle, leapfrog_loop.no_loads)
+        unused = leapfrog_loop.impose_velocity, leapfrog_loop.add_contact_reactions
+        filled |= dict.fromkeys(unused, leapfrog_loop.no_work)
     if not parts.loaded:
-        idle = leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
-        filled |= dict.fromkeys(idle, leapfrog_loop.no_loads)
-    filled[leapfrog_loop.bulk if parts.integrator is None else multistage_loop.forces] = _chained(maker, parts, forces)
-    top = maker.with_slots(filled)
+        unused = leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
+        filled |= dict.fromkeys(unused, leapfrog_loop.no_work)
+    filled[leapfrog_loop.bulk if parts.integrator is None else multistage_loop.forces] = _chain_groups(
+        maker, parts, forces
+    )
+    filled_maker = maker.with_slots(filled)
     if parts.integrator is None:
-        return Kernels(top.bind(leapfrog_loop.advance, entry=True), maker.jit)
-    # called, not copied into every stage: that takes the compiler long, and brings little
-    filled[slots.accelerations] = top.bind(multistage_loop.accelerate, entry=True)
-    step = top.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
-    step.counting = True  # nearly every such kernel allocates
+        return Kernels(filled_maker.bind(leapfrog_loop.advance, entry=True), maker.jit)
+    # One compiled function for all stages: a copy in every stage would compile for long and gain little time.
+    filled[slots.accelerations] = filled_maker.bind(multistage_loop.accelerate, entry=True)
+    step = filled_maker.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
+    step.counting = True  # nearly every kernel of a multi-stage scheme allocates
     step.checked = True
     filled[multistage_loop.take_step] = step.bind(integrator_check.kernel_of(parts.integrator), entry=True)
-    top = top.with_slots(filled)
-    advance = top.bind(multistage_loop.advance, entry=True)
-    return Kernels(advance, maker.jit, begin=top.bind(multistage_loop.begin, entry=True))
+    filled_maker = filled_maker.with_slots(filled)
+    advance = filled_maker.bind(multistage_loop.advance, entry=True)
+    return Kernels(advance, maker.jit, begin=filled_maker.bind(multistage_loop.begin, entry=True))
 
 
-def _chained(maker: Specialiser, parts: LoopParts, templates: tuple[Any, ...]) -> Any:
-    """Return what `templates` (of one group, the slots of first and others, of a pair) make of all groups."""
+def _chain_groups(maker: Specialiser, parts: LoopParts, templates: tuple[Any, ...]) -> Any:
+    """Return one function that calls a kernel for all groups of bodies, each with its own element and material.
+
+    `templates` are the function of one group, the slots for the first group and for the other groups, and the function
+    that calls these two in turn.
+    """
     group, first, others, chain = templates
-    made: Any = None
+    chained: Any = None
     for (element, material), arrays in zip(reversed(parts.kinds), reversed(parts.groups), strict=True):
         head = maker.with_slots(_slots(element, material), about=layout(arrays)).bind(group)
-        made = head if made is None else maker.with_slots({first: head, others: made}).bind(chain)
-    return made
+        chained = head if chained is None else maker.with_slots({first: head, others: chained}).bind(chain)
+    return chained
 
 
 def _slots(element: Any, material: Any) -> dict[Any, Any]:
-    """Return the slots of the bulk update that an element and a material class fill."""
+    """Return the slots of the bulk update and the kernels of an element and a material class that replace them."""
     return {
         slots.stress: material.stress,
         slots.energy_density: material.energy_density,
@@ -183,8 +189,8 @@ def _slots(element: Any, material: Any) -> dict[Any, Any]:
     }
 
 
-def _short(error: Exception) -> str:
-    """Return the telling line of a compiler's message."""
+def _telling_line(error: Exception) -> str:
+    """Return the line of a compiler's message that states the reason."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))]
     return (telling or lines or ["no reason given"])[0]

@@ -1,4 +1,4 @@
-"""What laws and integrator say of the contact points, as the records that the compiled loop reads."""
+"""The contact points as records of the compiled loop, from the contact laws and the integrator."""
 
 from __future__ import annotations
 
@@ -21,139 +21,158 @@ SUMMED = ("multiplier", "active", "impulse", "peak", "deepest", "overlap", "clos
 
 @dataclass(frozen=True)
 class Side:
-    """One side of a contact point: a node, the coefficients of N there, and what M^-1 makes of them."""
+    """One side of a contact point: its node, the coefficients of N there, and those of M^-1 N."""
 
     node: int
     normal: Floats  # (dim,)
     response: Floats  # (dim,)
 
 
-def broadcast(rows: LinearLaw, points: ContactPoints, law: str) -> dict[str, Any]:
-    """Return a law's rows with one value a point, refusing what a law must not say.
+def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> dict[str, Any]:
+    """Return the coefficients of a linear law with one value for each point, or refuse invalid ones.
 
     Raises
     ------
     PluginError
-        If a row is out of bounds or has the wrong shape.
+        If a coefficient is out of bounds or has the wrong shape, or an option is unknown.
     """
     count = len(points.names)
-    out: dict[str, Any] = {}
+    coefficients: dict[str, Any] = {}
     for field in ("sigma", "gap", "rate", "acceleration"):
-        value = np.asarray(getattr(rows, field), dtype=float)
+        value = np.asarray(getattr(linear_law, field), dtype=float)
         if value.shape not in {(), (count,)}:
             raise PluginError(
                 f"contact law {law}: rows.{field} has shape {value.shape}, expected ({count},) or a number"
             )
         if not np.isfinite(value).all():
             raise PluginError(f"contact law {law}: rows.{field} is not finite")
-        out[field] = np.broadcast_to(value, (count,))
-    if (out["sigma"] < 0).any():
+        coefficients[field] = np.broadcast_to(value, (count,))
+    if (coefficients["sigma"] < 0).any():
         raise PluginError(f"contact law {law}: rows.sigma is negative, expected a compliance of at least 0")
-    for field, known in (
+    for field, allowed in (
         ("at", ("explicit", "end")),
         ("active", ("gap < 0", "all")),
         ("sign", ("free", ">= 0")),
     ):
-        if getattr(rows, field) not in known:
-            raise PluginError(f"contact law {law}: rows.{field} is {getattr(rows, field)!r}, expected one of {known}")
-        out[field] = getattr(rows, field)
-    out["during"] = intervals(rows, law)
-    return out
+        if getattr(linear_law, field) not in allowed:
+            raise PluginError(
+                f"contact law {law}: rows.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
+            )
+        coefficients[field] = getattr(linear_law, field)
+    coefficients["during"] = intervals(linear_law, law)
+    return coefficients
 
 
-def intervals(rows: LinearLaw, law: str) -> Floats | None:
-    """Return the (K, 2) intervals of time in which a law acts, None for a law that always does.
+def intervals(linear_law: LinearLaw, law: str) -> Floats | None:
+    """Return the (K, 2) intervals of time in which a linear law is active, None if it always is.
 
     Raises
     ------
     PluginError
-        If they are not pairs of a start and a stop that is not before it.
+        If they are not pairs (start, stop) with stop not before start.
     """
-    if rows.during is None:
+    if linear_law.during is None:
         return None
-    during = np.asarray(rows.during, dtype=float)
+    during = np.asarray(linear_law.during, dtype=float)
     if during.size == 0:
         return np.zeros((0, 2))
     if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
         raise PluginError(
-            f"contact law {law}: rows.during is {rows.during!r}, expected pairs (start, stop), stop not before start"
+            f"contact law {law}: rows.during is {linear_law.during!r}, "
+            "expected pairs (start, stop), stop not before start"
         )
     return during
 
 
-def law_records(rows: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> Any:
-    """Return the (P,) `LAW` records that follow from a law's rows and an integrator's table.
+def law_records(coefficients: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> Any:
+    """Return the (P,) `LAW` records of a linear law with an integrator.
+
+    Parameters
+    ----------
+    coefficients
+        The law's coefficients as `broadcast` returns them.
+    table
+        The states at which the integrator evaluates explicit laws and laws at the end of the step.
+    delassus : (P,) array
+        Diagonal of S [1/mass].
+    law
+        Name of the law.
 
     Raises
     ------
     PluginError
-        If nothing resists the contact: sigma and w are both zero.
+        If sigma and w are both zero, so that no force follows.
     """
-    state: ContactState = getattr(table, rows["at"])
-    response = sum(rows[f] * a for f, a in zip(("gap", "rate", "acceleration"), state.response, strict=True))
-    if ((rows["sigma"] + response * delassus) <= 0).any():
+    state: ContactState = getattr(table, coefficients["at"])
+    response = sum(
+        coefficients[quantity] * unit_response
+        for quantity, unit_response in zip(("gap", "rate", "acceleration"), state.response, strict=True)
+    )
+    if ((coefficients["sigma"] + response * delassus) <= 0).any():
         raise PluginError(
             f"contact law {law}: sigma and the response of the judged state are both zero, so no force follows; "
             "give a compliance, or judge at the end of the step"
         )
-    out = np.zeros(delassus.size, dtype=LAW)
+    records = np.zeros(delassus.size, dtype=LAW)
     for weight in ("gap", "rate", "acceleration"):
-        out[f"weight_{weight}"] = rows[weight]
-    out["sigma"], out["response"] = rows["sigma"], response
+        records[f"weight_{weight}"] = coefficients[weight]
+    records["sigma"], records["response"] = coefficients["sigma"], response
     with np.errstate(divide="ignore"):
-        out["end_stiffness"] = np.where((rows["sigma"] > 0) & (rows["at"] == "explicit"), 1.0 / rows["sigma"], np.nan)
-    out["sees_predicted_gap"] = state.gap == "predicted"
-    out["sees_predicted_rate"] = state.rate == "predicted"
-    out["sees_acceleration"] = state.acceleration == "bulk"
-    out["always"] = rows["active"] == "all"
-    out["never_pulls"] = rows["sign"] == ">= 0"
-    # what a unit multiplier adds to the gap at the end is the same for every leap-frog scheme
-    out["surplus"] = response - rows["gap"] * table.end.response[0]
-    out["stores"] = storage(rows, state)
-    return out
+        records["end_stiffness"] = np.where(
+            (coefficients["sigma"] > 0) & (coefficients["at"] == "explicit"), 1.0 / coefficients["sigma"], np.nan
+        )
+    records["sees_predicted_gap"] = state.gap == "predicted"
+    records["sees_predicted_rate"] = state.rate == "predicted"
+    records["sees_acceleration"] = state.acceleration == "bulk"
+    records["always"] = coefficients["active"] == "all"
+    records["never_pulls"] = coefficients["sign"] == ">= 0"
+    # With every leap-frog scheme a unit multiplier changes the gap at the end of the step by the same amount.
+    records["surplus"] = response - coefficients["gap"] * table.end.response[0]
+    records["stores"] = energy_storage(coefficients, state)
+    return records
 
 
-def storage(rows: dict[str, Any], state: ContactState) -> Any:
-    """Return how the points of a law store energy, (P,): NOTHING, BY_END or BY_CURRENT."""
-    inert = (rows["acceleration"] != 0) & (state.acceleration == "bulk")
-    plain = (rows["rate"] == 0) & (rows["sigma"] > 0)
+def energy_storage(coefficients: dict[str, Any], state: ContactState) -> Any:
+    """Return how the points of a linear law store energy, (P,): NOTHING, BY_END or BY_CURRENT."""
+    has_inertia = (coefficients["acceleration"] != 0) & (state.acceleration == "bulk")
+    elastic = (coefficients["rate"] == 0) & (coefficients["sigma"] > 0)
     if state.gap == "predicted":
-        return np.where(plain & ~inert, BY_END, NOTHING)
-    whole = (state.acceleration == "bulk" and state.response[2] == 1) | (rows["acceleration"] == 0)
-    return np.where(plain & whole & (state.response[0] == 0), BY_CURRENT, NOTHING)
+        return np.where(elastic & ~has_inertia, BY_END, NOTHING)
+    full_response = (state.acceleration == "bulk" and state.response[2] == 1) | (coefficients["acceleration"] == 0)
+    return np.where(elastic & full_response & (state.response[0] == 0), BY_CURRENT, NOTHING)
 
 
-def own_multipliers(count: int) -> Any:
-    """Return (count,) `LAW` records of a law that is no rows: nothing but the mark that its kernel speaks."""
-    out = np.zeros(count, dtype=LAW)
-    out["own"], out["end_stiffness"] = 1, np.nan
-    return out
+def kernel_law_records(count: int) -> Any:
+    """Return (count,) `LAW` records of a law with a kernel, which contain nothing but the mark for it."""
+    records = np.zeros(count, dtype=LAW)
+    records["own"], records["end_stiffness"] = 1, np.nan
+    return records
 
 
 def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[int, float]]]:
-    """Return S = N^T M^-1 N as its diagonal and the rows of the rest.
+    """Return S = N^T M^-1 N as its diagonal and its off-diagonal entries.
 
     Parameters
     ----------
     sides
-        Of each point, its sides.
+        The sides of each point.
 
     Returns
     -------
     diagonal : (P,) array
     others
-        Of each point, the other points it shares a node with, and S there.
+        For each point, a map from every other point that shares a node with it to their entry of S.
     """
     at_node: dict[int, list[tuple[int, Side]]] = {}
-    for p, row in enumerate(sides):
-        for side in row:
+    for p, point_sides in enumerate(sides):
+        for side in point_sides:
             at_node.setdefault(side.node, []).append((p, side))
     entries: list[dict[int, float]] = [{} for _ in sides]
-    for contact_pair in at_node.values():
-        for p, mine in contact_pair:
-            for q, theirs in contact_pair:
-                entries[p][q] = entries[p].get(q, 0.0) + float(mine.normal @ theirs.response)
-    diagonal = np.array([row.pop(p, 0.0) for p, row in enumerate(entries)])
+    for node_sides in at_node.values():
+        for p, first in node_sides:
+            for q, second in node_sides:
+                entries[p][q] = entries[p].get(q, 0.0) + float(first.normal @ second.response)
+    diagonal = np.array([point_sides.pop(p, 0.0) for p, point_sides in enumerate(entries)])
     return diagonal, entries
 
 
@@ -165,13 +184,13 @@ def point_records(
     Parameters
     ----------
     laws : (P,) LAW
-        What the laws say.
+        Records of the laws.
     gaps
         Initial gap of each point.
     sides
-        Its sides.
+        The sides of each point.
     place
-        Node to its first entry among the boundary degrees of freedom.
+        Map from each boundary node to the index of its first boundary degree of freedom.
     """
     diagonal, rows = delassus_rows(sides)
     points = np.recarray(len(sides), dtype=POINT)
@@ -180,8 +199,8 @@ def point_records(
         points[name] = laws[name]
     points["initial_gap"], points["delassus"] = gaps, diagonal
     compliance = points["sigma"] + points["surplus"] * diagonal
-    spring = (points["stores"] == BY_END) & (compliance > 0)
-    points["kappa"] = np.divide(points["weight_gap"], compliance, out=np.zeros_like(diagonal), where=spring)
+    is_spring = (points["stores"] == BY_END) & (compliance > 0)
+    points["kappa"] = np.divide(points["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
     points["first"] = points["last"] = -1
     entries = [
         (place[side.node] + d, normal, response)
@@ -202,16 +221,16 @@ def point_records(
 
 
 def carry_over(before: Any, after: Any) -> None:
-    """Let the sums of points go on after a change of drives, or of the laws that act.
+    """Continue the sums of the points after a change of the active drives or laws.
 
     A node with prescribed velocity does not move under contact forces, so that the effective stiffness of a contact,
     and the energy stored in it, jump when a drive starts or ends. That jump counts as a change of energy like any
-    other: no work goes with it.
+    other, because no work corresponds to it.
 
     Parameters
     ----------
     before, after : (P,) POINT
-        The points up to the change, and the fresh ones behind it.
+        The points before the change, and the new records after it, whose sums are set.
     """
     for name in SUMMED:
         after[name] = before[name]

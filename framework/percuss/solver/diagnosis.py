@@ -1,7 +1,7 @@
-"""A kernel of a plug-in that failed in the middle of a run: its step made again in plain Python, to say where and why.
+"""Diagnosis of a kernel of a plug-in that failed during a run: its step is repeated in plain Python.
 
-Compiled code tells an error by its words alone, and a multiplier that a kernel left unset by a motion that is no
-longer a number. The same step in plain Python, from the state before it, tells law, contact, file and line.
+Compiled code reports an error without its place, and a multiplier left unset only as a motion that is no longer finite.
+The same step in plain Python, started from the state before it, gives law, contact, file and line.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ import numpy as np
 
 from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import line_in_plugin
-from percuss.methods.kernel_trial import kernel_of, seen
+from percuss.methods.kernel_trial import describe_state, kernel_of
 from percuss.solver.build import Kernels, LoopParts, bind
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
     from percuss.solver.model import Model
 
-SENTINEL = -1.2345678901234567e-301  # no kernel arrives at this number by itself
+SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
 
 
 class Marching(Protocol):
-    """The parts of a march (`percuss.solver.march.March`) that are needed to make one of its steps again."""
+    """The attributes of a run (`percuss.solver.march.March`) that are needed to repeat one of its steps."""
 
     model: Model
-    own_laws: list[dict[str, Any]]
+    kernel_laws: list[dict[str, Any]]
     parts: LoopParts
     kernels: Kernels
 
-    def changing(self) -> list[Any]:
+    def changing_arrays(self) -> list[Any]:
         """Return the arrays that a step changes."""
 
-    def advance(self, drive: Any, first: int, count: int) -> int:
-        """March `count` steps."""
+    def advance(self, amplitudes: Any, first: int, count: int) -> int:
+        """Make `count` steps from step `first`."""
 
 
 class NoMultiplier(Exception):
-    """The kernel of a law left a contact without a multiplier.
+    """Error of a law whose kernel left a contact without a multiplier.
 
     Attributes
     ----------
     law, contact
-        Their names.
+        Names of the law and of the contact.
     kind
         ``"unset"``, ``"used before it was set"`` or ``"not a number"``.
     state
-        In words, what the kernel saw of the contact.
+        The state of the contact that the kernel received, in words.
     """
 
     def __init__(self, law: str, contact: str, kind: str, state: str) -> None:
@@ -58,8 +58,8 @@ class NoMultiplier(Exception):
         self.law, self.contact, self.kind, self.state = law, contact, kind, state
 
     @property
-    def what(self) -> str:
-        """What happened."""
+    def description(self) -> str:
+        """The fault of the kernel, in words."""
         verb = {
             "unset": "left the multiplier of contact '{}' unset",
             "used before it was set": "used the multiplier of contact '{}' before it had set it",
@@ -69,19 +69,24 @@ class NoMultiplier(Exception):
 
     @property
     def cause(self) -> str:
-        """Why, and what to do."""
-        cure = "every branch of its kernel has to set every multiplier, 0.0 where nothing presses"
+        """The cause of the fault and its remedy, in words."""
+        remedy = "every branch of its kernel has to set every multiplier, 0.0 where nothing presses"
         if self.kind == "not a number":
-            cure = "its kernel divides by zero, takes the root of a negative number, or the like"
-        return f"the kernel was called with {self.state}: {cure}"
+            remedy = "its kernel divides by zero, takes the root of a negative number, or the like"
+        return f"the kernel was called with {self.state}: {remedy}"
 
 
 class KernelError(Exception):
-    """The kernel of a contact law raised an error; its cause is that error."""
+    """Error of a contact law whose kernel raised an exception, which is the cause of this error."""
 
 
-def probed(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
-    """Return a kernel in plain Python that raises `NoMultiplier` and `KernelError` where `kernel` fails."""
+def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
+    """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` or `KernelError` if it fails.
+
+    A multiplier that is nan after the call is examined in a second call with another initial value: if that value is
+    still there, the kernel did not set the multiplier; if the result is now a number, it was computed from its own
+    initial value.
+    """
 
     def probe(bound: Any, trial: Trial, multiplier: Floats) -> None:
         try:
@@ -98,83 +103,83 @@ def probed(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> 
                 kind = "unset"
             elif not np.isnan(filled[point]):
                 kind = "used before it was set"
-            raise NoMultiplier(law, contacts[point], kind, seen(trial, point))
+            raise NoMultiplier(law, contacts[point], kind, describe_state(trial, point))
 
     return probe
 
 
-def repeat_in_python(march: Marching, drive: Any, step: int) -> BaseException | None:
-    """Make one step of a march in plain Python from its present state; return the error that a kernel raised, or None.
+def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseException | None:
+    """Repeat one step of a run in plain Python from its present state; return the error of a kernel, or None.
 
-    The state is left as it was.
+    The state is restored afterwards.
 
     Parameters
     ----------
     march
-        The run, as it stands before the step.
-    drive
-        Amplitudes of the loads in this step alone.
+        The run, in its state before the step.
+    amplitudes
+        Amplitudes of the loads in this step.
     step
         Number of the step.
     """
     laws = [
-        {**entry, "kernel": probed(kernel_of(entry["law"]), entry["law"].name, entry["points"].names)}
-        for entry in march.own_laws
+        {**entry, "kernel": probing_kernel(kernel_of(entry["law"]), entry["law"].name, entry["points"].names)}
+        for entry in march.kernel_laws
     ]
-    before = [array.copy() for array in march.changing()]
+    saved = [array.copy() for array in march.changing_arrays()]
     compiled = march.kernels
     march.kernels = bind(dataclasses.replace(march.parts, laws=laws), compiled=False)
     try:
         with np.errstate(all="ignore"):
-            march.advance(drive, step, 1)
+            march.advance(amplitudes, step, 1)
     except Exception as error:  # noqa: BLE001  a kernel may raise anything
         return error
     finally:
         march.kernels = compiled
-        for array, value in zip(march.changing(), before, strict=True):
+        for array, value in zip(march.changing_arrays(), saved, strict=True):
             array[:] = value
     return None
 
 
-def without_multiplier(march: Marching, drive: Any, step: int) -> NoMultiplier | None:
-    """Return which contact the kernel of a law left without a multiplier in a step that is made again, or None."""
-    if not march.own_laws:
+def missing_multiplier(march: Marching, amplitudes: Any, step: int) -> NoMultiplier | None:
+    """Return the error of a kernel that leaves a contact without a multiplier in the repeated step, or None."""
+    if not march.kernel_laws:
         return None
-    error = repeat_in_python(march, drive, step)
+    error = repeat_in_python(march, amplitudes, step)
     return error if isinstance(error, NoMultiplier) else None
 
 
-def refuse_writing(error: Exception) -> None:
-    """Refuse kernels that the compiler did not take because they write to arrays that can only be read.
+def refuse_array_writing(error: Exception) -> None:
+    """Raise an error if compilation failed because a kernel writes to a read-only array.
 
     Raises
     ------
     PluginError
-        With the place of the first such line.
+        With file and line of the first such statement.
     """
-    _, found, after = str(error).partition("Cannot modify readonly array")
-    if not found:
+    _, marker, after = str(error).partition("Cannot modify readonly array")
+    if not marker:
         return
-    place = re.search(r"typing of [\w ]+ at (.+?) \((\d+)\)", after)
-    where = f"{place[1]}:{place[2]}: " if place else ""
+    location = re.search(r"typing of [\w ]+ at (.+?) \((\d+)\)", after)
+    prefix = f"{location[1]}:{location[2]}: " if location else ""
     raise PluginError(
-        f"{where}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
+        f"{prefix}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
         "write to the multiplier alone, and keeps nothing between calls"
     )
 
 
-def told(march: Marching, drive: Any, step: int, raised: BaseException) -> PercussError:
-    """Return the error that tells of a kernel that raised one in a step: where, which law, step and time."""
-    error = repeat_in_python(march, drive, step) or raised
+def kernel_failure(march: Marching, amplitudes: Any, step: int, raised: BaseException) -> PercussError:
+    """Return the error for a kernel that raised an exception: its law, file and line, the step and the time."""
+    error = repeat_in_python(march, amplitudes, step) or raised
     law = ""
     if isinstance(error, KernelError):
         law = f"contact law {error}: multipliers: "
         error = error.__cause__ or raised
     if isinstance(error, NoMultiplier):
         error = raised
-    where = line_in_plugin(error)
-    what = f"{type(error).__name__}: {error}"
+    location = line_in_plugin(error)
+    description = f"{type(error).__name__}: {error}"
     if isinstance(error, ValueError) and "read-only" in str(error):
-        what = "it changes what it was handed; it may write to the multiplier alone"
-    when = f"in step {step}, at time {step * march.model.dt:.9g}"
-    return PluginError(f"{where + ': ' if where else ''}{law or 'a kernel: '}{what} ({when})")
+        description = "it changes what it was handed; it may write to the multiplier alone"
+    step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
+    return PluginError(f"{location + ': ' if location else ''}{law or 'a kernel: '}{description} ({step_and_time})")

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Body:
-    """One body: its mesh, masses and place among the nodes of the model."""
+    """One body: its mesh, masses and element properties, and its range of nodes in the model."""
 
     name: str
     number: int
     spec: BodySpec
     mesh: Mesh
-    start: int  # first node
+    start: int  # its first node
     mass: Floats  # (n + 1,)
     stiffness: Floats  # (n,) EA/h
     frequency: Floats  # (n,) 2c/h
@@ -31,26 +31,26 @@ class Body:
 
     @property
     def why_not_linear(self) -> str:
-        """Why forces in the body are not proportional to its displacement; empty for a linear body."""
+        """The reason why internal forces are not proportional to displacements; empty for a linear body."""
         parts = (("material", self.spec.material), ("element", self.spec.element))
-        named = [f"{kind} {part.name}" for kind, part in parts if not part.linear]
-        if not named:
+        nonlinear = [f"{kind} {part.name}" for kind, part in parts if not part.linear]
+        if not nonlinear:
             return ""
-        verb = "does" if len(named) == 1 else "do"
-        return f"body '{self.name}' is not linear: its {' and its '.join(named)} {verb} not declare `linear = True`"
+        verb = "does" if len(nonlinear) == 1 else "do"
+        return f"body '{self.name}' is not linear: its {' and its '.join(nonlinear)} {verb} not declare `linear = True`"
 
     @property
     def stop(self) -> int:
-        """One past the body's last node."""
+        """The number after the body's last node."""
         return self.start + self.mass.size
 
     def end_element(self, node: int) -> int:
-        """Return the element at an end node, counted in the body."""
+        """Return the number within the body of the element at an end node."""
         return 0 if node == self.start else self.stiffness.size - 1
 
 
 def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]:
-    """Return how stiff a contact at each end of a body may be while central difference is stable, r [force/length].
+    """Return the largest contact stiffness r at each end for which central difference is stable [force/length].
 
     For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the
     step is unstable for the body by itself, r is 0.
@@ -58,7 +58,7 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     Parameters
     ----------
     body
-        The body; its supports are left out, which makes r smaller.
+        The body without its supports, which makes r smaller and thus safe.
     dt
         Time step.
     ends
@@ -73,7 +73,7 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     banded[1, 1:] -= body.stiffness
     try:
         factor = cholesky_banded(banded, check_finite=False)
-    except LinAlgError:  # nodal masses that are no lumped ones: the body by itself is unstable at this step
+    except LinAlgError:  # with nodal masses other than lumped ones the free body may be unstable at this step
         return dict.fromkeys(ends, 0.0)
     places = np.array(ends) - body.start
     unit = np.zeros((body.mass.size, len(ends)))
@@ -81,14 +81,19 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     stiffness = np.linalg.inv(cho_solve_banded((factor, False), unit)[places])
     diagonal = np.diag(stiffness)
     if len(ends) == 2:
-        # the matrix [[a, c], [c, b]] is at least (1 - |c| / sqrt(a b)) times its diagonal
+        # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so
+        # that this fraction of the diagonal is a safe lower bound.
         diagonal = diagonal * (1.0 - abs(stiffness[0, 1]) / np.sqrt(stiffness[0, 0] * stiffness[1, 1]))
     return {node: float(r) for node, r in zip(ends, diagonal, strict=True)}
 
 
 @dataclass(frozen=True)
 class ContactPair:
-    """One contact point: its nodes, unit normal (from the first side to the second) and initial gap."""
+    """A contact pair, which is one contact point: its nodes, unit normal and initial gap, its law and scales.
+
+    The normal points from the first side to the second. Stiffness EA/h, frequency 2c/h and mass rho A h / 2 are those
+    of the end elements, as `percuss.methods.interfaces.ContactPoints` defines them.
+    """
 
     name: str
     nodes: tuple[int, ...]
@@ -101,13 +106,13 @@ class ContactPair:
     equal_sides: bool
 
     def rows(self) -> list[tuple[int, Floats]]:
-        """Return N as (node, coefficients) of each side: minus the normal at the first, plus at the second."""
+        """Return the coefficients of N at each side, (node, minus the normal) at the first, plus at the second."""
         return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """A direction in which a node's velocity is prescribed, always (a support) or within a window (a drive)."""
+    """A direction in which the velocity of a node is prescribed, always (support) or during an interval (drive)."""
 
     node: int
     direction: Floats
@@ -115,13 +120,13 @@ class Constraint:
     column: int
 
     def active(self, midpoint: float) -> bool:
-        """Return whether the constraint is in force in the step around `midpoint`."""
+        """Return whether the constraint is active in the step around `midpoint`."""
         return self.load is None or self.load.start < midpoint < self.load.stop
 
 
 @dataclass(frozen=True)
 class NodalForce:
-    """A force on one node: vector at amplitude 1, and the load that gives the amplitude."""
+    """A force on one node: its vector at amplitude 1, and the load whose amplitude it follows."""
 
     node: int
     force: Floats
@@ -131,7 +136,7 @@ class NodalForce:
 
 @dataclass(frozen=True)
 class BodyForce:
-    """An acceleration of a whole body: vector at amplitude 1, and the load that gives the amplitude."""
+    """An acceleration of a whole body: its vector at amplitude 1, and the load whose amplitude it follows."""
 
     body: int
     acceleration: Floats

@@ -1,4 +1,4 @@
-"""What an integrator says of its step, checked: a leap-frog scheme, or stages with a kernel of its own."""
+"""Checks of the definition of an integrator: a leap-frog scheme, or a multi-stage scheme with a kernel."""
 
 from __future__ import annotations
 
@@ -16,45 +16,50 @@ from percuss.solver.compiler.specialise import Specialiser
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
 
-IN_A_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
+# Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
+STATE_IN_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
 ROUND_OFF = 1e-9
 NO_END = "its stages do not say (`end`) at which state a law judged at the end of the step is to be judged"
 
 
 def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
-    """Return the stages of an integrator, None of a leap-frog one, and how contact is judged in each.
+    """Return the stages of an integrator, None for a leap-frog scheme, and the states that its contact laws use.
+
+    There is one table of states for a leap-frog scheme, and one for each stage of a multi-stage scheme.
 
     Raises
     ------
     PluginError
         If `bind` returned anything else, or the stages and the kernel `step` do not fit together.
     """
-    said = integrator.bind(dt)
-    if isinstance(said, LeapFrog):
-        return None, (said,)
-    if not isinstance(said, Stages):
-        raise _wrong(integrator, f"bind returned {type(said).__name__}, expected LeapFrog or Stages")
-    ends = ends_of(said, dt)
-    numbers = np.array([*said.times, *said.numbers, *ends.ravel()], dtype=float)
-    if not said.times or not np.isfinite(numbers).all():
-        raise _wrong(integrator, "Stages need one stage or more, and finite numbers throughout")
-    if ends.shape != (len(said.times), 3) or (ends <= 0).any():
-        raise _wrong(integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all")
-    _try(integrator, said, dt)
-    _try_again(integrator, said, dt)
-    return said, tuple(
-        LeapFrog(IN_A_STAGE, ContactState("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
+    definition = integrator.bind(dt)
+    if isinstance(definition, LeapFrog):
+        return None, (definition,)
+    if not isinstance(definition, Stages):
+        raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected LeapFrog or Stages")
+    ends = ends_of(definition, dt)
+    numbers = np.array([*definition.times, *definition.numbers, *ends.ravel()], dtype=float)
+    if not definition.times or not np.isfinite(numbers).all():
+        raise _plugin_error(integrator, "Stages need one stage or more, and finite numbers throughout")
+    if ends.shape != (len(definition.times), 3) or (ends <= 0).any():
+        raise _plugin_error(
+            integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all"
+        )
+    _check_one_step(integrator, definition, dt)
+    _check_repeated_steps(integrator, definition, dt)
+    return definition, tuple(
+        LeapFrog(STATE_IN_STAGE, ContactState("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
         for _, r_a, s_a in ends
     )
 
 
 def ends_of(stages: Stages, dt: float) -> Floats:
-    """Return r_v, r_a, s_a of each stage, (stages, 3); those of a plain step where a scheme says none."""
+    """Return r_v, r_a, s_a of each stage, (stages, 3); where a scheme gives none, those of a leap-frog step."""
     return np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times), dtype=float)
 
 
 def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[str, Any]]) -> None:
-    """Refuse laws judged at the end of the step where the stages do not say what that is.
+    """Refuse laws at the end of the step with a multi-stage scheme that does not define that state.
 
     Raises
     ------
@@ -67,10 +72,10 @@ def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[st
 
 
 def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: list[dict[str, Any]]) -> None:
-    """Refuse laws whose row has a weight on what the integrator does not show, as it would silently be left out.
+    """Refuse linear laws with a weight on the gap acceleration where the integrator does not provide it.
 
-    A law may name what it needs to see only as far as its own multiplier changes it; then the integrator must let the
-    multiplier change it.
+    Otherwise that weight would have no effect, and no message would say so. A law may declare that it needs the
+    acceleration only as far as its own multiplier changes it; then the integrator has to provide this response.
 
     Raises
     ------
@@ -82,74 +87,80 @@ def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: li
         if not isinstance(bound, LinearLaw) or not np.any(bound.acceleration):
             continue
         for table in tables:
-            shown: ContactState = getattr(table, bound.at)
-            if shown.acceleration != "none":
+            state: ContactState = getattr(table, bound.at)
+            if state.acceleration != "none":
                 continue
-            unseen = f"{integrator.name} shows {law.name} no acceleration of the gap"
+            reason_start = f"{integrator.name} shows {law.name} no acceleration of the gap"
             if "acceleration" not in law.needs_only_response_of:
-                reason = f"{unseen}, on which its row has a weight: without it {law.name} would be another method"
+                reason = f"{reason_start}, on which its row has a weight: without it {law.name} would be another method"
                 raise RefusedPair(integrator.name, law.name, reason, integrator.name)
-            if not shown.response[2]:
-                reason = f"{unseen}, and lets its multiplier change none, so that its weight there would do nothing"
+            if not state.response[2]:
+                reason = (
+                    f"{reason_start}, and lets its multiplier change none, so that its weight there would do nothing"
+                )
                 raise RefusedPair(integrator.name, law.name, reason, integrator.name)
 
 
 def kernel_of(integrator: Integrator) -> Callable[..., None]:
-    """Return the kernel of an integrator that is no leap-frog scheme.
+    """Return the kernel of a multi-stage scheme.
 
     Raises
     ------
     PluginError
-        If it has none.
+        If the integrator has none.
     """
     kernel = getattr(type(integrator), "step", None)
     if kernel is None:
-        raise _wrong(
+        raise _plugin_error(
             integrator,
             "bind returned Stages, and the class has no static method `step(numbers, system, u, v, kept, dt)`",
         )
     return kernel  # type: ignore[no-any-return]
 
 
-def _wrong(integrator: Integrator, what: str) -> PluginError:
-    return PluginError(f"integrator {integrator.name}: {what}")
+def _plugin_error(integrator: Integrator, message: str) -> PluginError:
+    return PluginError(f"integrator {integrator.name}: {message}")
 
 
-def known(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Set `a` to what `system` holds: accelerations that do not depend on the state."""
+def constant_accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set `a` to the accelerations in `system[0]`, which do not depend on the state."""
     a[:] = system[0]
 
 
-def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
-    """Make a step with a point that flies and one that is accelerated from rest, in plain Python.
+def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Check one step of two points in plain Python, one in free flight and one accelerated from rest.
 
     Raises
     ------
     PluginError
-        If v does not change by dt a, or u by dt v: the step is not made in place, or does not take up all of the
-        impulse, and its accounts would be wrong.
+        If v does not change by dt a, or u by dt v: the kernel does not change u and v in place, or does not use all of
+        the impulse, and the sums of work and momentum would be wrong.
     """
-    asked = []
+    stages_used = []
 
     def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-        asked.append(stage)
-        known(system, stage, u, v, a)
+        stages_used.append(stage)
+        constant_accelerations(system, stage, u, v, a)
 
     step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
-    work_of_nodal_forces = np.array([0.0, 1.0])
-    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(work_of_nodal_forces, (integrator.kept, 1))
+    constant = np.array([0.0, 1.0])
+    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(constant, (integrator.kept, 1))
     try:
-        step(stages.numbers, (work_of_nodal_forces,), u, v, kept, dt)
+        step(stages.numbers, (constant,), u, v, kept, dt)
     except Exception as error:
-        where = line_in_plugin(error)
-        text = f"{where + ': ' if where else ''}integrator {integrator.name}: step: {type(error).__name__}: {error}"
+        location = line_in_plugin(error)
+        text = (
+            f"{location + ': ' if location else ''}integrator {integrator.name}: step: {type(error).__name__}: {error}"
+        )
         if isinstance(error, IndexError) and not integrator.kept:
             text += " (`kept` is 0: say how many rows the scheme keeps)"
         raise PluginError(text) from error
-    if set(asked) - set(range(len(stages.times))):
-        raise _wrong(integrator, f"step asks for stage {max(asked)}, and Stages.times has {len(stages.times)}")
+    if set(stages_used) - set(range(len(stages.times))):
+        raise _plugin_error(
+            integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"
+        )
     if abs(u[0] - dt) > ROUND_OFF * dt or np.abs(v - [1.0, dt]).max() > ROUND_OFF * max(1.0, dt):
-        raise _wrong(
+        raise _plugin_error(
             integrator,
             "step must change u and v in place (u += ..., or u[:] = ...), v by dt times an acceleration that is "
             f"constant and u by dt times a velocity that is; found a change of v by {v[1] / dt:.9g} dt a, and of u by "
@@ -157,31 +168,31 @@ def _try(integrator: Integrator, stages: Stages, dt: float) -> None:
         )
 
 
-def _try_again(integrator: Integrator, stages: Stages, dt: float) -> None:
-    """Make steps from some states, and once more from each of them.
+def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Check that a second step from the same state gives the same result, for several states.
 
     Raises
     ------
     PluginError
-        If a step from the same state ends in another one.
+        If the results differ.
     """
-    step = Specialiser({slots.accelerations: known}, jit=False).bind(kernel_of(integrator))
+    step = Specialiser({slots.accelerations: constant_accelerations}, jit=False).bind(kernel_of(integrator))
     rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
 
-    def ends(size: float) -> list[Floats]:
+    def step_results(size: float) -> list[Floats]:
         u, v, a, kept = size * rows[0], size * rows[1], size * rows[2], size * rows[3:]
         step(stages.numbers, (a,), u, v, kept, dt)
         return [u, v, *kept]
 
     sizes = (1e-3, 1.0, 1e3)
     with np.errstate(all="ignore"):
-        first = [ends(size) for size in sizes]
-        second = [ends(size) for size in sizes]
+        first = [step_results(size) for size in sizes]
+        second = [step_results(size) for size in sizes]
     names = ["u", "v", *(f"kept[{k}]" for k in range(integrator.kept))]
-    for one, other in zip(first, second, strict=True):
-        for name, before, after in zip(names, one, other, strict=True):
+    for state, repeated_state in zip(first, second, strict=True):
+        for name, before, after in zip(names, state, repeated_state, strict=True):
             if not np.array_equal(before, after, equal_nan=True):
-                raise _wrong(
+                raise _plugin_error(
                     integrator,
                     f"step gives another {name} when it is made again from the same state: the kernel keeps state "
                     "between calls, or draws random numbers; what a scheme remembers is in the rows of `kept`",

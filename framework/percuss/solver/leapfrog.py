@@ -1,4 +1,4 @@
-"""The steps of leap-frog schemes: displacement at t_n, velocity at t_n - dt/2."""
+"""The stepper of leap-frog schemes: displacement at t_n, velocity at t_n - dt/2."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.compiled.leapfrog_loop import Drive
+from percuss.solver.compiled.leapfrog_loop import LoadAmplitudes
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class LeapFrogStepper:
-    """Steps of a leap-frog scheme; a `percuss.solver.stepper.Stepper`.
+    """The stepper of a leap-frog scheme, an implementation of `percuss.solver.stepper.Stepper`.
 
     Parameters
     ----------
     model
-        The model to march.
+        The model to integrate in time.
     """
 
     energy_at = 0.5
@@ -37,27 +37,27 @@ class LeapFrogStepper:
         self._no_loads = self._zeros(0)
         self._impulse = np.zeros(model.dim)
 
-    def _zeros(self, count: int) -> Drive:
+    def _zeros(self, count: int) -> LoadAmplitudes:
         columns = len(self.model.case.loads) + 1
-        return Drive(
+        return LoadAmplitudes(
             np.zeros((count, columns)),
             np.zeros((count, columns)),
             np.zeros((count, len(self.model.bodies) * self.model.dim)),
         )
 
-    def changing(self) -> list[Any]:
-        """Return displacement and velocity."""
+    def changing_arrays(self) -> list[Any]:
+        """Return displacement and velocity, the arrays that a step changes."""
         return [self.u, self.v]
 
-    def renew(self, loop: Loop) -> None:
-        """Take up the arrays of the next stretch of time."""
+    def set_loop(self, loop: Loop) -> None:
+        """Use the arrays of the next stretch of the run."""
         self.loop = loop
 
     def start(self, kernels: Kernels) -> None:
-        """Do nothing: a leap-frog scheme needs no acceleration before its first step."""
+        """Do nothing, as a leap-frog scheme needs no acceleration before its first step."""
 
-    def amplitudes(self, first: int, count: int) -> Drive:
-        """Return forces at t_n, velocities at t_n+1/2 and accelerations of bodies at t_n."""
+    def amplitudes(self, first: int, count: int) -> LoadAmplitudes:
+        """Return forces at t_n, prescribed velocities at t_n + dt/2 and accelerations of bodies at t_n."""
         model, dim = self.model, self.model.dim
         loads = list(model.case.loads.values())
         if not loads:
@@ -65,23 +65,25 @@ class LeapFrogStepper:
                 self._no_loads = self._zeros(count)
             return self._no_loads
         t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
-        drive = self._zeros(count)
+        amplitudes = self._zeros(count)
         for column, spec in enumerate(loads, start=1):
             if spec.acts_as == "velocity":
-                drive.velocity[:, column] = model.amplitude(spec, t + 0.5 * model.dt, average=False)
+                amplitudes.velocity[:, column] = model.amplitude(spec, t + 0.5 * model.dt, average=False)
             else:
-                drive.force[:, column] = model.amplitude(spec, t, average=True)
-        for one in model.body_forces:
-            column = loads.index(one.load) + 1
-            drive.pull[:, one.body * dim : (one.body + 1) * dim] += drive.force[:, column, None] * one.acceleration
-        return drive
+                amplitudes.force[:, column] = model.amplitude(spec, t, average=True)
+        for body_force in model.body_forces:
+            column = loads.index(body_force.load) + 1
+            amplitudes.body_acceleration[:, body_force.body * dim : (body_force.body + 1) * dim] += (
+                amplitudes.force[:, column, None] * body_force.acceleration
+            )
+        return amplitudes
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
-        """March `count` steps; return how many were done when one was not sound, else `count`."""
+        """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
         return self._advance(kernels, amplitudes, record, first, count, self.u, self.v)
 
     def _advance(
-        self, kernels: Kernels, amplitudes: Drive, record: Record, first: int, count: int, u: Floats, v: Floats
+        self, kernels: Kernels, amplitudes: LoadAmplitudes, record: Record, first: int, count: int, u: Floats, v: Floats
     ) -> int:
         loop, model = self.loop, self.model
         return kernels.advance(
@@ -90,20 +92,20 @@ class LeapFrogStepper:
         )  # fmt: skip
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return what one step without loads makes of displacement and velocity, (2, nodes * dim)."""
+        """Return displacement and velocity after one step without loads, (2, nodes * dim)."""
         after = state.copy()
         self._advance(kernels, self._zeros(1), record, 1, 1, after[0], after[1])
         return after
 
     def load_impulse(self, amplitudes: Any) -> Floats:
-        """Return the impulse of the loads on all bodies so far, (dim,), after the steps of `amplitudes`."""
+        """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""
         model = self.model
         if model.case.loads:
             total = np.zeros(model.dim)
-            sums = amplitudes.force.sum(axis=0)
-            for push in model.nodal_forces:
-                total += sums[push.column] * push.force
+            force_sums = amplitudes.force.sum(axis=0)
+            for nodal_force in model.nodal_forces:
+                total += force_sums[nodal_force.column] * nodal_force.force
             weights = np.array([body.mass.sum() for body in model.bodies.values()])
-            total += weights @ amplitudes.pull.sum(axis=0).reshape(-1, model.dim)
+            total += weights @ amplitudes.body_acceleration.sum(axis=0).reshape(-1, model.dim)
             self._impulse += model.dt * total
         return self._impulse

@@ -1,4 +1,4 @@
-"""The time loop: binds the parts into one compiled loop and drives it in chunks, watching what comes out."""
+"""The time loop of a run: builds its arrays, runs the compiled loop in chunks and checks the state after each chunk."""
 
 from __future__ import annotations
 
@@ -31,47 +31,47 @@ if TYPE_CHECKING:
 
 CHUNK_SECONDS = 0.5
 CHUNK_STEPS = 65536
-GROWTH = 9.0  # contact may not add more than this times all energy put in: then the run has run away
-KINETIC_GROWTH = 100.0
-HUGE = 1e300  # energies beyond are no longer finite a step later, or already, summed in another order
-SILENT_STRAIN = 1e-10  # energies below that of this strain everywhere are noise
+GROWTH = 9.0  # contact work beyond this factor times the energy put in stops the run as unstable
+KINETIC_GROWTH = 100.0  # kinetic energy beyond this factor times the energy put in stops the run as unstable
+HUGE = 1e300  # a larger energy overflows in the next step, or when it is summed in another order
+SILENT_STRAIN = 1e-10  # the elastic energy of this strain in all elements counts as round-off
 
 Progress = Callable[[int, int], None]
 
 
 @dataclass
 class Outcome:
-    """What a march leaves behind; points in the order of the loop."""
+    """The result of the time integration; contact points stand in the order of the loop."""
 
-    records: int  # complete rows of `record`
+    records: int  # number of complete rows of `record`
     time: Floats
     record: leapfrog_loop.Record
     points: Any  # percuss.solver.compiled.contact_equation.POINT, summed over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     energy_before: float  # kinetic and elastic energy at -dt/2
-    totals: Any  # percuss.solver.compiled.leapfrog_loop.TOTAL, one, as they stood before the trial step
+    totals: Any  # percuss.solver.compiled.leapfrog_loop.TOTAL, one record, before the trial step
     load_impulse: Floats
     kernels: Kernels
     seconds: dict[str, float]
     status: str = "done"  # or "interrupted" or "unstable"
-    done: int = 0  # steps marched, without the trial step
-    reactions: Any = None  # sums over the steps, one a hold of the model
+    done: int = 0  # number of completed steps, without the trial step
+    reactions: Any = None  # sum of the reactions over the steps, one value for each constraint of the model
     final_velocity: Any = None  # at t_N - dt/2
     final_displacement: Any = None  # at t_N
     stop: Stop | None = None
 
 
 class March:
-    """One run of a model.
+    """The time integration of one run of a model.
 
     Parameters
     ----------
     model
-        The model to march.
+        The model to integrate in time.
     compiled
-        Whether to compile the loop where it can be compiled.
+        Whether to compile the loop where possible.
     kernels
-        The bound loop of another march of this model; by default it is bound anew.
+        The bound loop of another run of this model; by default it is bound again.
     """
 
     def __init__(self, model: Model, *, compiled: bool = True, kernels: Kernels | None = None) -> None:
@@ -86,10 +86,12 @@ class March:
     def _arrays(self) -> None:
         model, dim = self.model, self.dim
         self.probes = self._probe_nodes()
-        contact_pair = [node for m in model.contact_pairs for node in m.nodes]
-        acted = [hold.node for hold in model.constraints] + [push.node for push in model.nodal_forces]
+        contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+        acted_nodes = [constraint.node for constraint in model.constraints] + [
+            nodal_force.node for nodal_force in model.nodal_forces
+        ]
         self.reactions = np.zeros(len(model.constraints))
-        self.boundary_nodes = list(dict.fromkeys([*contact_pair, *acted, *self.probes]))
+        self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
         self.stepper: Stepper = (
             LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
@@ -99,42 +101,45 @@ class March:
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, kinds = self._groups()
         count = len(model.contact_pairs)
-        self.own_laws = [entry for entry in model.laws if not isinstance(entry["bound"], LinearLaw)]
+        self.kernel_laws = [entry for entry in model.laws if not isinstance(entry["bound"], LinearLaw)]
         self.parts = LoopParts(
             kinds,
             self.groups,
-            self.own_laws,
+            self.kernel_laws,
             None if model.stages is None else model.case.method.integrator,
             dim,
             constrained=bool(model.constraints),
             loaded=bool(model.nodal_forces or model.body_forces),
         )
-        self.record, self.time = recording.prepared(model, self.probes, self.place, count)
-        self._kept: list[Any] = []
-        number = {n: model.body_of(n).number for n in self.boundary_nodes}
+        self.record, self.time = recording.empty_record(model, self.probes, self.place, count)
+        self._saved: list[Any] = []
+        body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
         dofs = [
-            (n * dim + d, model.mass[n], number[n] * dim + d, 0, 0, 0, 0)
-            for n in self.boundary_nodes
-            for d in range(dim)
+            (node * dim + axis, model.mass[node], body_number[node] * dim + axis, 0, 0, 0, 0)
+            for node in self.boundary_nodes
+            for axis in range(dim)
         ]
-        self.boundary = self._acting(0.5 * model.dt, records(dofs, leapfrog_loop.BOUNDARY_DOF))
-        self._renew(0.5 * model.dt)
+        self.boundary = self._boundary_at(0.5 * model.dt, record_array(dofs, leapfrog_loop.BOUNDARY_DOF))
+        self._renew_stepper(0.5 * model.dt)
 
     def _probe_nodes(self) -> list[int]:
         probes = self.model.case.record.probes
         if probes is None:
-            return list(dict.fromkeys(node for m in self.model.contact_pairs for node in m.nodes))
+            return list(dict.fromkeys(node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes))
         return [self.model.node(address) for address in probes]
 
     def _momenta(self) -> Floats:
         mass = self.model.mass[:, None]
-        v = self.v.reshape(-1, self.dim)
+        velocity = self.v.reshape(-1, self.dim)
         return np.concatenate(
-            [(mass[b.start : b.stop] * v[b.start : b.stop]).sum(axis=0) for b in self.model.bodies.values()]
+            [
+                (mass[body.start : body.stop] * velocity[body.start : body.stop]).sum(axis=0)
+                for body in self.model.bodies.values()
+            ]
         )
 
     def _groups(self) -> tuple[list[bulk.Group], list[tuple[Any, Any]]]:
-        """Gather the bodies that share element and material classes, and bind their elements."""
+        """Group the bodies by element and material class and bind their elements; return groups and classes."""
         from percuss.methods.interfaces import BodyMesh
 
         kinds: dict[tuple[type, type], list[Any]] = {}
@@ -142,59 +147,64 @@ class March:
             kinds.setdefault((type(body.spec.element), type(body.spec.material)), []).append(body)
         groups = []
         for bodies in kinds.values():
-            bound = [b.spec.element.bind(BodyMesh(b.mesh, b.spec.area)) for b in bodies]
-            arrays = type(bound[0])(*(_frozen(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
-            counts = [b.stiffness.size for b in bodies]
+            bound = [body.spec.element.bind(BodyMesh(body.mesh, body.spec.area)) for body in bodies]
+            arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
+            counts = [body.stiffness.size for body in bodies]
             groups.append(
                 bulk.Group(
                     arrays,
-                    _frozen(np.array([b.spec.material.parameters() for b in bodies], dtype=float)),
-                    np.array([b.number for b in bodies], dtype=np.int64),
-                    np.array([b.start for b in bodies], dtype=np.int64),
-                    np.array([b.stop for b in bodies], dtype=np.int64),
+                    _read_only(np.array([body.spec.material.parameters() for body in bodies], dtype=float)),
+                    np.array([body.number for body in bodies], dtype=np.int64),
+                    np.array([body.start for body in bodies], dtype=np.int64),
+                    np.array([body.stop for body in bodies], dtype=np.int64),
                     np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
                 )
             )
         return groups, list(kinds)
 
-    def _acting(self, midpoint: float, boundary_dofs: Any) -> leapfrog_loop.Boundary:
-        """Return the boundary for a run of steps with the same drives; its sums start at zero."""
+    def _boundary_at(self, midpoint: float, boundary_dofs: Any) -> leapfrog_loop.Boundary:
+        """Return the boundary for the constraints and laws that are active at a time; all its sums start at zero."""
         model, dim = self.model, self.dim
         active = [
-            (row, h) for row, h in enumerate(model.constraints) if self.stepper.keeps_constraints or h.active(midpoint)
+            (index, constraint)
+            for index, constraint in enumerate(model.constraints)
+            if self.stepper.keeps_constraints or constraint.active(midpoint)
         ]
-        self.held = [row for row, _ in active]
+        self.active_constraints = [index for index, _ in active]
         sides = model.sides(midpoint)
-        sides = [sides[p] for p in self.order]
+        sides = [sides[point] for point in self.order]
         law_records = self.law_records.copy()
-        law_records["always"][np.isin(self.order, model.resting(midpoint))] = NEVER
+        law_records["always"][np.isin(self.order, model.inactive_points(midpoint))] = NEVER
         points, entries, others = point_records(
-            law_records, [model.contact_pairs[p].gap for p in self.order], sides, self.place
+            law_records, [model.contact_pairs[point].gap for point in self.order], sides, self.place
         )
-        self.bound = custom_laws.nest(self.own_laws, points, others)
+        self.nested_laws = custom_laws.nest(self.kernel_laws, points, others)
         constraints = [
-            (self.place[h.node], i * dim, model.mass[h.node], h.column, 0.0) for i, (_, h) in enumerate(active)
+            (self.place[constraint.node], i * dim, model.mass[constraint.node], constraint.column, 0.0)
+            for i, (_, constraint) in enumerate(active)
         ]
         shares = [
-            (i, p, float(h.direction @ side.normal))
-            for i, (_, h) in enumerate(active)
-            for p, row in enumerate(sides)
-            for side in row
-            if side.node == h.node and h.active(midpoint)
+            (i, point, float(constraint.direction @ side.normal))
+            for i, (_, constraint) in enumerate(active)
+            for point, point_sides in enumerate(sides)
+            for side in point_sides
+            if side.node == constraint.node and constraint.active(midpoint)
         ]
         nodal_forces = [
-            (self.place[f.node], i * dim, 1.0 / model.mass[f.node], f.column)
-            for i, f in enumerate(model.nodal_forces, start=len(active))
+            (self.place[nodal_force.node], i * dim, 1.0 / model.mass[nodal_force.node], nodal_force.column)
+            for i, nodal_force in enumerate(model.nodal_forces, start=len(active))
         ]
-        axes = [h.direction for _, h in active] + [f.force for f in model.nodal_forces]
+        axes = [constraint.direction for _, constraint in active] + [
+            nodal_force.force for nodal_force in model.nodal_forces
+        ]
         return leapfrog_loop.Boundary(
             boundary_dofs,
             points,
             entries,
             others,
-            records(constraints, leapfrog_loop.CONSTRAINT),
-            records(shares, leapfrog_loop.SHARE),
-            records(nodal_forces, leapfrog_loop.NODAL_FORCE),
+            record_array(constraints, leapfrog_loop.CONSTRAINT),
+            record_array(shares, leapfrog_loop.SHARE),
+            record_array(nodal_forces, leapfrog_loop.NODAL_FORCE),
             np.array(axes, dtype=float).ravel(),
             np.zeros(1, dtype=leapfrog_loop.TOTAL).view(np.recarray),
             np.zeros(len(model.bodies) * dim if model.body_forces else 0),
@@ -202,83 +212,84 @@ class March:
         )
 
     def switch(self, midpoint: float) -> None:
-        """Change over to the drives that hold and the laws that act at `midpoint`, with all sums going on."""
+        """Change to the drives and laws that are active at `midpoint`, and continue all sums over the steps."""
         before = self.boundary
-        self._bank()
-        fresh = self._acting(midpoint, before.boundary_dofs)
-        carry_over(before.points, fresh.points)
-        self.boundary = fresh._replace(totals=before.totals)
-        self._renew(midpoint)
+        self._add_reactions()
+        after = self._boundary_at(midpoint, before.boundary_dofs)
+        carry_over(before.points, after.points)
+        self.boundary = after._replace(totals=before.totals)
+        self._renew_stepper(midpoint)
 
-    def _renew(self, midpoint: float) -> None:
-        self.stepper.renew(Loop(self._nested(), self.bulk, self.boundary, self.bound, midpoint))
+    def _renew_stepper(self, midpoint: float) -> None:
+        self.stepper.set_loop(Loop(self._nested_groups(), self.bulk, self.boundary, self.nested_laws, midpoint))
 
-    def _bank(self) -> None:
-        """Add the reactions summed so far to those of the constraints of the model."""
-        for row, one in zip(self.held, self.boundary.constraints, strict=True):
-            self.reactions[row] += one.reaction
+    def _add_reactions(self) -> None:
+        """Add the reactions summed by the loop to those of the constraints of the model, and reset the former."""
+        for index, record in zip(self.active_constraints, self.boundary.constraints, strict=True):
+            self.reactions[index] += record.reaction
         self.boundary.constraints["reaction"] = 0.0
 
-    # -- the march ---------------------------------------------------------------------------------------
+    # -- time integration --------------------------------------------------------------------------------
 
     def run(self, progress: Progress | None = None, *, marginal: bool = False) -> Outcome:
-        """March to the end, or to the stop.
+        """Integrate to the end of the run, or until it is stopped.
 
         Parameters
         ----------
         progress
-            Called with (steps done, steps in all) between chunks.
+            Called with (completed steps, number of steps) between chunks.
         marginal
-            Whether the step is the critical one, at which the highest frequency of a bar may grow with time.
+            Whether the time step is the critical one, at which the motion of highest frequency of a bar may grow
+            linearly with time.
         """
         started = time.perf_counter()
         self.compile()
-        self._begin()
+        self._start_stepper()
         settled, compiled = time.perf_counter(), compile_seconds()
         self.seconds["compile"] = settled - started
-        out = self._nothing_yet()
+        outcome = self._empty_outcome()
         self._marginal = marginal
         total = self.boundary.totals[0]
         total.energy_before = self._kinetic(self.v)
         total.began_with = max(self.initial_energy(), total.energy_before)
         total.growth, total.floor = GROWTH, self.noise() if self.model.case.time.on_unstable == "stop" else np.inf
-        # plain Python warns of what compiled code passes over, and the watch sees to
+        # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
         with interruptible() as interrupted, np.errstate(all="ignore"):
-            self._march(out, progress, interrupted)
-            self._bank()
-            out.reactions, out.final_velocity = self.reactions.copy(), self.v.copy()
-            out.final_displacement = self.u.copy()
-            out.points = self.boundary.points.copy()
-            out.totals = self.boundary.totals.copy()
-            out.energy_before = float(out.totals[0].energy_before)
-            if out.status != "unstable":
-                self._trial(out.done)
+            self._march(outcome, progress, interrupted)
+            self._add_reactions()
+            outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
+            outcome.final_displacement = self.u.copy()
+            outcome.points = self.boundary.points.copy()
+            outcome.totals = self.boundary.totals.copy()
+            outcome.energy_before = float(outcome.totals[0].energy_before)
+            if outcome.status != "unstable":
+                self._trial_step(outcome.done)
         every = self.record.every
-        if out.status == "done":
-            out.records = self.time.size
-        else:  # the record of the last step done is complete only where a trial step followed
-            out.records = -(-out.done // every) if out.status == "unstable" else out.done // every + 1
+        if outcome.status == "done":
+            outcome.records = self.time.size
+        else:  # a record needs the step after it: the last record is complete only if a trial step was made
+            outcome.records = -(-outcome.done // every) if outcome.status == "unstable" else outcome.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
-        return out
+        return outcome
 
-    def _begin(self) -> None:
-        """Prepare the first step; an error of a kernel is told with its place."""
+    def _start_stepper(self) -> None:
+        """Prepare the first step; report the error of a kernel with its law, file and line."""
         try:
             self.stepper.start(self.kernels)
         except (PercussError, MemoryError):
             raise
-        except Exception as raised:
-            raise diagnosis.told(self, self.stepper.amplitudes(0, 1), 0, raised) from raised
+        except Exception as error:
+            raise diagnosis.kernel_failure(self, self.stepper.amplitudes(0, 1), 0, error) from error
 
     def refuse(self, stop: Stop) -> Outcome:
-        """Return what a march leaves that is not made."""
-        out = self._nothing_yet()
-        out.status, out.stop, out.reactions = "unstable", stop, self.reactions
-        out.final_velocity, out.final_displacement = self.v, self.u
+        """Return the outcome of a run that is refused before its first step."""
+        outcome = self._empty_outcome()
+        outcome.status, outcome.stop, outcome.reactions = "unstable", stop, self.reactions
+        outcome.final_velocity, outcome.final_displacement = self.v, self.u
         self.seconds |= {"compile": 0.0, "march": 0.0}
-        return out
+        return outcome
 
-    def _nothing_yet(self) -> Outcome:
+    def _empty_outcome(self) -> Outcome:
         return Outcome(
             records=0,
             time=self.time,
@@ -292,35 +303,38 @@ class March:
             seconds=self.seconds,
         )
 
-    def _march(self, out: Outcome, progress: Progress | None, interrupted: threading.Event) -> None:
+    def _march(self, outcome: Outcome, progress: Progress | None, interrupted: threading.Event) -> None:
         model = self.model
         for first, last in model.segments():
             if first > 0:
                 self.switch((first + 0.5) * model.dt)
-            for at, count in self._chunks(first, min(last, model.steps)):
-                drive = self.stepper.amplitudes(at, count)
-                kept = self._copy()
-                if self._advanced(drive, kept, at, count) < count or not self._sound():
-                    out.status, (out.done, out.stop) = "unstable", self._locate(drive, kept, at, count)
+            for start, count in self._chunks(first, min(last, model.steps)):
+                amplitudes = self.stepper.amplitudes(start, count)
+                saved = self._save_state()
+                if self._advance_or_report(amplitudes, saved, start, count) < count or not self._is_sound():
+                    outcome.status, (outcome.done, outcome.stop) = (
+                        "unstable",
+                        self._locate_failure(amplitudes, saved, start, count),
+                    )
                     return
-                out.done += count
-                out.load_impulse = self.stepper.load_impulse(drive)
+                outcome.done += count
+                outcome.load_impulse = self.stepper.load_impulse(amplitudes)
                 if progress is not None:
-                    progress(out.done, model.steps)
-                if interrupted.is_set() and out.done < model.steps:
-                    out.status = "interrupted"
+                    progress(outcome.done, model.steps)
+                if interrupted.is_set() and outcome.done < model.steps:
+                    outcome.status = "interrupted"
                     return
 
-    def _trial(self, step: int) -> None:
-        """Evaluate one step beyond the last: it completes the last record."""
+    def _trial_step(self, step: int) -> None:
+        """Make one step beyond the last, which completes the last record."""
         for first, last in self.model.segments():
             if first == step > 0:
                 self.switch((first + 0.5) * self.model.dt)
             if first <= step < last:
-                self._advanced(self.stepper.amplitudes(step, 1), self._copy(), step, 1)
+                self._advance_or_report(self.stepper.amplitudes(step, 1), self._save_state(), step, 1)
 
-    def _advanced(self, drive: Any, kept: list[Any], first: int, count: int) -> int:
-        """March as `advance` does; an error that a kernel raises is told with its place, step and time.
+    def _advance_or_report(self, amplitudes: Any, saved: list[Any], first: int, count: int) -> int:
+        """Advance as `advance` does; report the error of a kernel with its law, file, line, step and time.
 
         Raises
         ------
@@ -328,54 +342,54 @@ class March:
             If a kernel raises an error.
         """
         try:
-            return self.advance(drive, first, count)
+            return self.advance(amplitudes, first, count)
         except (PercussError, MemoryError):
             raise
         except Exception as raised:
-            self._restore(kept)
+            self._restore_state(saved)
             for s in range(count):
-                row = type(drive)(*(part[s : s + 1] for part in drive))
-                before = [array.copy() for array in self.changing()]
+                step_amplitudes = type(amplitudes)(*(part[s : s + 1] for part in amplitudes))
+                before = [array.copy() for array in self.changing_arrays()]
                 try:
-                    self.advance(row, first + s, 1)
+                    self.advance(step_amplitudes, first + s, 1)
                 except Exception as error:  # noqa: BLE001  a kernel may raise anything
-                    self._restore(before)
-                    raise diagnosis.told(self, row, first + s, error) from raised
+                    self._restore_state(before)
+                    raise diagnosis.kernel_failure(self, step_amplitudes, first + s, error) from raised
             raise
 
-    def advance(self, drive: Any, first: int, count: int) -> int:
-        """March `count` steps; return how many were done when one was not sound, else `count`.
+    def advance(self, amplitudes: Any, first: int, count: int) -> int:
+        """Make `count` steps; return `count`, or the number of steps before the first one that failed a check.
 
         Parameters
         ----------
-        drive
+        amplitudes
             Amplitudes of the loads in these steps.
         first
             Number of the first step.
         count
-            How many.
+            Number of steps.
         """
-        return self.stepper.advance(self.kernels, drive, self.record, first, count)
+        return self.stepper.advance(self.kernels, amplitudes, self.record, first, count)
 
-    def _nested(self) -> Any:
-        """The groups as the loop reads them: (group, (group, ...))."""
+    def _nested_groups(self) -> Any:
+        """Return the groups of bodies nested as (group, (group, ...)), the form that the loop reads."""
         nested: Any = self.groups[-1]
         for group in reversed(self.groups[:-1]):
             nested = (group, nested)
         return nested
 
     def compile(self) -> None:
-        """Compile by marching no steps; where a kernel cannot be compiled, the loop runs as plain Python."""
-        error = self._failure()
+        """Compile the loop by a call of no steps; run it as plain Python where a kernel cannot be compiled."""
+        error = self._compile_failure()
         if error is not None:
-            diagnosis.refuse_writing(error)
+            diagnosis.refuse_array_writing(error)
             self.kernels = bind(self.parts, counting=True)
-            error = self._failure()
+            error = self._compile_failure()
         if error is not None:
             self.kernels = bind_plain(error, self.parts, self.u.copy(), self.v.copy(), self.model.dt)
 
-    def _failure(self) -> Exception | None:
-        """Compile by marching no steps; return why that is not possible, or None."""
+    def _compile_failure(self) -> Exception | None:
+        """Compile the loop by a call of no steps; return the compiler's error, or None."""
         if self.kernels.compiled:
             try:
                 self.advance(self.stepper.amplitudes(0, 0), 0, 0)
@@ -387,112 +401,127 @@ class March:
         cost = (1.2e-9 if self.kernels.compiled else 2e-6) * (self.u.size + 150)
         width = len(self.model.case.loads) + len(self.model.bodies) * self.dim + 1
         size = int(max(1, min(CHUNK_STEPS, CHUNK_SECONDS / cost, 4_000_000 / width)))
-        at = first
-        while at < last:
-            count = min(size, last - at)
-            yield at, count
-            at += count
+        start = first
+        while start < last:
+            count = min(size, last - start)
+            yield start, count
+            start += count
 
     def initial_energy(self) -> float:
         """Return the kinetic energy at t = 0."""
         return self._kinetic(self.model.initial_velocity.ravel())
 
     def _kinetic(self, v: Floats) -> float:
-        # not `@`: from some ten thousand entries on BLAS wakes threads, which costs more than the sum
+        # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
         return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
 
     def noise(self) -> float:
-        """Return an energy that is nothing: that of a strain of `SILENT_STRAIN` everywhere."""
-        stiff = sum(float((b.stiffness * b.mesh.lengths**2).sum()) for b in self.model.bodies.values())
+        """Return the energy below which everything is round-off: that of the strain `SILENT_STRAIN` in all elements."""
+        stiff = sum(float((body.stiffness * body.mesh.lengths**2).sum()) for body in self.model.bodies.values())
         return 0.5 * stiff * SILENT_STRAIN**2
 
-    # -- watching ----------------------------------------------------------------------------------------
+    # -- checks ------------------------------------------------------------------------------------------
 
-    def _sound(self) -> bool:
-        """Return whether the state is finite and no more energetic than what was put in allows."""
+    def _is_sound(self) -> bool:
+        """Return whether the state is finite and its kinetic energy plausible for the energy put in."""
         total = self.boundary.totals[0]
-        put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
+        energy_put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
-        allowed = KINETIC_GROWTH * put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
+        allowed = KINETIC_GROWTH * energy_put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
         return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
 
-    def changing(self) -> list[Any]:
-        """Return the arrays that a step changes, in an order of its own."""
+    def changing_arrays(self) -> list[Any]:
+        """Return the arrays that a step changes, always in the same order."""
         boundary = self.boundary
-        return [*self.stepper.changing(), boundary.points, boundary.constraints, boundary.totals, boundary.before]
+        return [
+            *self.stepper.changing_arrays(),
+            boundary.points,
+            boundary.constraints,
+            boundary.totals,
+            boundary.before,
+        ]
 
-    def _copy(self) -> list[Any]:
-        """Return what a step changes, as it is now; written over by the next call."""
-        now = self.changing()
-        if not self._kept:
-            self._kept = [array.copy() for array in now]
-        for k, array in enumerate(now):
-            if self._kept[k].shape == array.shape:
-                np.copyto(self._kept[k], array)
-            else:  # other drives hold now
-                self._kept[k] = array.copy()
-        return self._kept
+    def _save_state(self) -> list[Any]:
+        """Return copies of the arrays that a step changes; the next call overwrites them."""
+        arrays = self.changing_arrays()
+        if not self._saved:
+            self._saved = [array.copy() for array in arrays]
+        for k, array in enumerate(arrays):
+            if self._saved[k].shape == array.shape:
+                np.copyto(self._saved[k], array)
+            else:  # the number of active constraints has changed
+                self._saved[k] = array.copy()
+        return self._saved
 
-    def _locate(self, drive: Any, kept: list[Any], first: int, count: int) -> tuple[int, Stop]:
-        """March the chunk again, a step at a time, up to the first step that is not sound."""
-        self._restore(kept)
+    def _locate_failure(self, amplitudes: Any, saved: list[Any], first: int, count: int) -> tuple[int, Stop]:
+        """Repeat the chunk step by step up to the first step that fails a check; return its number and the stop."""
+        self._restore_state(saved)
         for s in range(count):
-            row = type(drive)(*(part[s : s + 1] for part in drive))
-            before = [array.copy() for array in self.changing()] if self.own_laws else []
-            solved = self.advance(row, first + s, 1) == 1
-            if not solved or not self._sound():
+            step_amplitudes = type(amplitudes)(*(part[s : s + 1] for part in amplitudes))
+            before = [array.copy() for array in self.changing_arrays()] if self.kernel_laws else []
+            solved = self.advance(step_amplitudes, first + s, 1) == 1
+            if not solved or not self._is_sound():
                 break
-        if self.own_laws and not np.isfinite(self.boundary.points.multiplier).all():
-            unset = self._unset(row, before, first + s)
-            if unset is not None:
-                return first + s, unset
-        return first + s, self._stop(first + s, solved=solved)
+        if self.kernel_laws and not np.isfinite(self.boundary.points.multiplier).all():
+            stop = self._stop_without_multiplier(step_amplitudes, before, first + s)
+            if stop is not None:
+                return first + s, stop
+        return first + s, self._stop_after(first + s, solved=solved)
 
-    def _stop(self, step: int, *, solved: bool) -> Stop:
-        """Return what is wrong after a step, and where it shows most."""
+    def _stop_after(self, step: int, *, solved: bool) -> Stop:
+        """Return the reason for which the run stopped after a step, and the node at which it shows most."""
         total = self.boundary.totals[0]
         allowed = total.growth * (total.began_with + total.largest_work) + total.floor
-        by_contact = not total.contact_work <= allowed + leapfrog_loop.NOISE * total.step_energy
+        contact_work_exceeded = not total.contact_work <= allowed + leapfrog_loop.NOISE * total.step_energy
         points = self.boundary.points
-        pressing = np.flatnonzero(points.multiplier != 0.0) if by_contact or not solved else np.zeros(0, dtype=np.int64)
+        active = (
+            np.flatnonzero(points.multiplier != 0.0)
+            if contact_work_exceeded or not solved
+            else np.zeros(0, dtype=np.int64)
+        )
         node = int(np.argmax(np.abs(self.v))) // self.dim
-        if pressing.size:
-            worst = int(pressing[np.argmax(np.abs(points.multiplier[pressing]))])
+        if active.size:
+            worst = int(active[np.argmax(np.abs(points.multiplier[active]))])
             node = int(self.boundary.boundary_dofs[self.boundary.entries[points[worst].start].place].dof) // self.dim
         finite = np.isfinite(self.u) & np.isfinite(self.v)
         kind: Kind
-        if by_contact:
-            kind, what = "contact work", "the work of the contacts exceeds all energy put in many times"
+        if contact_work_exceeded:
+            kind, description = "contact work", "the work of the contacts exceeds all energy put in many times"
         elif not solved:
-            kind, what = "not solved", f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
+            kind, description = (
+                "not solved",
+                f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps",
+            )
         else:
-            kind, what = "energy", "the kinetic energy exceeds all energy put in many times"
+            kind, description = "energy", "the kinetic energy exceeds all energy put in many times"
         if not finite.all():
-            node, what = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
-        return Stop(step, node, kind, what)
+            node, description = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
+        return Stop(step, node, kind, description)
 
-    def _unset(self, drive: Any, before: list[Any], step: int) -> Stop | None:
-        """Return how a run stopped, where the kernel of a law left a contact without a multiplier, else None."""
-        after = [array.copy() for array in self.changing()]
-        self._restore(before)
-        fault = diagnosis.without_multiplier(self, drive, step)
-        self._restore(after)
-        if fault is None:
+    def _stop_without_multiplier(self, amplitudes: Any, before: list[Any], step: int) -> Stop | None:
+        """Return the stop caused by a kernel that left a contact without a multiplier in this step, or None."""
+        after = [array.copy() for array in self.changing_arrays()]
+        self._restore_state(before)
+        failure = diagnosis.missing_multiplier(self, amplitudes, step)
+        self._restore_state(after)
+        if failure is None:
             return None
-        (contact_pair,) = (one for one in self.model.contact_pairs if one.name == fault.contact)
-        return Stop(step, contact_pair.nodes[0], "kernel", fault.what, fault.cause)
+        (contact_pair,) = (
+            contact_pair for contact_pair in self.model.contact_pairs if contact_pair.name == failure.contact
+        )
+        return Stop(step, contact_pair.nodes[0], "kernel", failure.description, failure.cause)
 
-    def _restore(self, values: list[Any]) -> None:
-        for array, value in zip(self.changing(), values, strict=True):
+    def _restore_state(self, values: list[Any]) -> None:
+        for array, value in zip(self.changing_arrays(), values, strict=True):
             array[:] = value
 
 
-def records(rows: list[tuple[Any, ...]], kind: Any) -> Any:
-    """Return a record array of `kind`."""
+def record_array(rows: list[tuple[Any, ...]], kind: Any) -> Any:
+    """Return rows of values as a record array of the dtype `kind`."""
     return np.array(rows, dtype=kind).view(np.recarray)
 
 
-def _frozen(array: Any) -> Any:
+def _read_only(array: Any) -> Any:
     array = np.ascontiguousarray(array)
     array.flags.writeable = False
     return array

@@ -1,4 +1,4 @@
-"""A checked case as arrays: nodes, masses, elements, contact points, supports, loads, time step."""
+"""The arrays that describe a checked case: nodes, masses, elements, contact points, supports, loads, time step."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floa
 from percuss.methods.kernel_trial import bound_of
 from percuss.solver import size_limits
 from percuss.solver.compiled.contact_equation import NOTHING
-from percuss.solver.contact_rows import Side, broadcast, delassus_rows, intervals, law_records, own_multipliers
+from percuss.solver.contact_rows import Side, broadcast, delassus_rows, intervals, kernel_law_records, law_records
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, NodalForce, end_reserves
 from percuss.solver.integrator_check import refuse_end, refuse_unseen, scheme
 
@@ -26,69 +26,70 @@ if TYPE_CHECKING:
 
     from percuss.case.case import Address, Case, ContactSpec, LoadSpec
 
-LARGEST_COURANT = 0.99  # of a body: above it no penalty without mass is worth having with central difference
-TOUCHING = 1e-9  # of an element length: a smaller initial gap or overlap is none
+# Contact stiffness limits are computed for at most this Courant number of a body: above it central difference leaves
+# almost no stiffness for a penalty without mass.
+LARGEST_COURANT = 0.99
+TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
 
 
 class Stretch(NamedTuple):
-    """A part of a run in which the same supports and drives hold and the same laws act."""
+    """A part of a run during which the set of active supports and drives and the set of active laws do not change."""
 
     start: float
     stop: float
-    model: Model  # without loads, supports and drives at rest
+    model: Model  # the same model without loads, its supports and drives at rest
 
 
 class Model:
-    """A case as arrays.
+    """The arrays of a case.
 
     Parameters
     ----------
     case
         A checked case.
     dt
-        Time step; by default that of the case, the one of Courant number 1 where the case leaves it open.
+        Time step; by default that of the case, or that of Courant number 1 where the case gives none.
 
     Raises
     ------
     InputError
         If the geometry, the contacts or the loads do not fit together.
     RefusedPair
-        If the integrator and a contact law refuse one another.
+        If the integrator and a contact law do not work together.
     """
 
     def __init__(self, case: Case, dt: float | None = None) -> None:
         self.case = case
         self.dim = case.dimension
-        self.whole = self  # of a stretch of a run, the model of the whole run
+        self.whole = self  # the model of the whole run, also in the model of a stretch
         self._problems: list[Problem] = []
-        self.bodies = size_limits.checked(case, self._bodies)
+        self.bodies = size_limits.checked_bodies(case, self._make_bodies)
         self.n_nodes = sum(body.mass.size for body in self.bodies.values())
         self.mass = np.concatenate([body.mass for body in self.bodies.values()])
         self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
         self.omega = max(float(body.frequency.max()) for body in self.bodies.values())
-        self.dt, self.steps = self._time(dt)
+        self.dt, self.steps = self._time_step(dt)
         self.contact_pairs = [
             contact_pair for spec in case.contacts.values() if (contact_pair := self._contact_pair(spec)) is not None
         ]
         self.constraints, self.nodal_forces, self.body_forces = self._loads()
-        self._raise()
-        self._refuse()
-        # laws that are rows first: the others fill their part of the multipliers by kernels of their own
+        self._raise_problems()
+        self._refuse_pairs()
         self.stages, self.tables = scheme(case.method.integrator, self.dt)
-        self._resting: tuple[int, ...] = ()
+        self._inactive: tuple[int, ...] = ()
         self._check_movable()
         self.laws = self._laws()
-        self._raise()
+        self._raise_problems()
         refuse_end(case.method.integrator, self.stages, self.laws)
         refuse_unseen(case.method.integrator, self.tables, self.laws)
 
     # -- bodies ------------------------------------------------------------------------------------------
 
-    def _bodies(self) -> dict[str, Body]:
+    def _make_bodies(self) -> dict[str, Body]:
         bodies: dict[str, Body] = {}
         start = 0
         for number, (name, spec) in enumerate(self.case.bodies.items()):
-            mesh = size_limits.meshed(self.case, spec)
+            mesh = size_limits.mesh_of_body(self.case, spec)
             view = BodyMesh(mesh, spec.area)
             velocity = np.asarray(spec.velocity, dtype=float)
             bodies[name] = Body(
@@ -105,42 +106,44 @@ class Model:
             start = bodies[name].stop
         return bodies
 
-    def _time(self, dt: float | None) -> tuple[float, int]:
+    def _time_step(self, dt: float | None) -> tuple[float, int]:
         time = self.case.time
         if dt is None:
             courant = 1.0 if time.courant is None or time.courant == "auto" else time.courant
             dt = time.step if time.step is not None else courant * 2.0 / self.omega
         size_limits.check_step(self.case, dt)
-        return dt, time.steps if time.steps is not None else size_limits.steps(self.case, dt)
+        return dt, time.steps if time.steps is not None else size_limits.step_count(self.case, dt)
 
     def stretches(self) -> list[Stretch]:
-        """Return the stretches of the run that differ in their supports and drives, or in the laws that act.
+        """Return the stretches of the run that differ in their active supports and drives, or in their active laws.
 
-        A stretch whose supports, drives and laws are those of an earlier one is not listed again.
+        A stretch with the same constraints and laws as an earlier one is not listed again.
         """
         listed: dict[Any, Stretch] = {}
         for first, last in self.segments():
-            middle = (first + 0.5) * self.dt
-            constraints = tuple(row for row, hold in enumerate(self.constraints) if hold.active(middle))
-            resting = self.resting(middle)
-            if (constraints, resting) not in listed:
-                at_rest = [dataclasses.replace(self.constraints[row], load=None, column=0) for row in constraints]
-                model = self.still(self.dt, at_rest, resting)
+            midpoint = (first + 0.5) * self.dt
+            constraints = tuple(
+                index for index, constraint in enumerate(self.constraints) if constraint.active(midpoint)
+            )
+            inactive = self.inactive_points(midpoint)
+            if (constraints, inactive) not in listed:
+                at_rest = [dataclasses.replace(self.constraints[index], load=None, column=0) for index in constraints]
+                model = self.without_loads(self.dt, at_rest, inactive)
                 start, stop = first * self.dt, min(last, self.steps) * self.dt
-                listed[constraints, resting] = Stretch(start, max(stop, start), model)
+                listed[constraints, inactive] = Stretch(start, max(stop, start), model)
         return list(listed.values())
 
-    def resting(self, midpoint: float) -> tuple[int, ...]:
-        """Return the points whose law does not act in the step around `midpoint`."""
-        out = list(self._resting)
+    def inactive_points(self, midpoint: float) -> tuple[int, ...]:
+        """Return the contact points whose law is not active in the step around `midpoint`."""
+        inactive = list(self._inactive)
         for entry in self.laws:
             during = entry["during"]
             if during is not None and not ((during[:, 0] < midpoint) & (midpoint < during[:, 1])).any():
-                out += entry["where"]
-        return tuple(sorted(set(out)))
+                inactive += entry["where"]
+        return tuple(sorted(set(inactive)))
 
-    def still(self, dt: float, constraints: Sequence[Constraint], resting: Sequence[int] = ()) -> Model:
-        """Return a stretch of the run by itself: no loads, `constraints` at rest, laws bound anew for a step `dt`.
+    def without_loads(self, dt: float, constraints: Sequence[Constraint], inactive: Sequence[int] = ()) -> Model:
+        """Return the model of one stretch: no loads, `constraints` as given, laws bound again for the time step `dt`.
 
         Parameters
         ----------
@@ -148,27 +151,27 @@ class Model:
             Time step.
         constraints
             The supports and drives of the stretch.
-        resting
-            Points whose law does not act in it; the others act throughout.
+        inactive
+            Contact points whose law is never active; all other laws are always active.
         """
-        other = copy.copy(self)
-        other.__dict__.pop("initial_velocity", None)
-        other.dt, other.steps, other.nodal_forces, other.body_forces = dt, 1, [], []
-        other.constraints = list(constraints)
-        other._resting = tuple(resting)
-        other.stages, other.tables = scheme(self.case.method.integrator, dt)
-        other.laws = [{**entry, "during": None} for entry in other._laws()]
-        other._raise()
-        return other
+        model = copy.copy(self)
+        model.__dict__.pop("initial_velocity", None)
+        model.dt, model.steps, model.nodal_forces, model.body_forces = dt, 1, [], []
+        model.constraints = list(constraints)
+        model._inactive = tuple(inactive)
+        model.stages, model.tables = scheme(self.case.method.integrator, dt)
+        model.laws = [{**entry, "during": None} for entry in model._laws()]
+        model._raise_problems()
+        return model
 
     @property
     def multistage(self) -> bool:
-        """Whether the integrator is a multi-stage scheme, and not a leap-frog."""
+        """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""
         return self.stages is not None
 
     @property
     def why_not_linear(self) -> str:
-        """Why forces in the bodies are not proportional to their displacements; empty where all bodies are linear."""
+        """The reason why internal forces are not proportional to displacements; empty where all bodies are linear."""
         return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
 
     @property
@@ -177,12 +180,12 @@ class Model:
         return 0.5 * self.dt * self.omega
 
     def node(self, address: Address) -> int:
-        """Return the node of an end."""
+        """Return the node at an end of a body."""
         body = self.bodies[address.body]
         return body.start + body.mesh.regions[address.region].nodes[0]
 
     def body_of(self, node: int) -> Body:
-        """Return the body a node belongs to."""
+        """Return the body that contains a node."""
         return next(body for body in self.bodies.values() if body.start <= node < body.stop)
 
     # -- contacts ----------------------------------------------------------------------------------------
@@ -192,41 +195,41 @@ class Model:
         first = self.bodies[spec.sides[0].body]
         normal = first.mesh.regions[spec.sides[0].region].outward
         nodes = tuple(self.node(side) for side in spec.sides)
-        here = self.nodes[nodes[0]]
+        position = self.nodes[nodes[0]]
         if len(nodes) == 1:
-            gap = self._wall_gap(spec, here, normal, first.mesh.direction)
+            gap = self._wall_gap(spec, position, normal, first.mesh.direction)
         else:
-            second = self.bodies[spec.sides[1].body].mesh.regions[spec.sides[1].region].outward
-            if float(normal @ second) > -1.0 + 1e-9:
-                turned = math.degrees(math.acos(max(-1.0, min(1.0, -float(normal @ second)))))
-                self._problem(
+            opposite = self.bodies[spec.sides[1].body].mesh.regions[spec.sides[1].region].outward
+            if float(normal @ opposite) > -1.0 + 1e-9:
+                angle = math.degrees(math.acos(max(-1.0, min(1.0, -float(normal @ opposite)))))
+                self._add_problem(
                     (*path, "between"),
                     f"expected two ends that face each other, found {spec.sides[0]} and {spec.sides[1]} "
-                    f"turned by {turned:.6g} degrees",
+                    f"turned by {angle:.6g} degrees",
                     "Contact is between bars along one line: a right end meets a left end.",
                 )
                 return None
-            gap = float(normal @ (self.nodes[nodes[1]] - here))
-            aside = float(np.linalg.norm(self.nodes[nodes[1]] - here - gap * normal))
-            if aside > 1e-6 * min(float(self.bodies[side.body].mesh.lengths.sum()) for side in spec.sides):
-                self._problem(
+            gap = float(normal @ (self.nodes[nodes[1]] - position))
+            offset = float(np.linalg.norm(self.nodes[nodes[1]] - position - gap * normal))
+            if offset > 1e-6 * min(float(self.bodies[side.body].mesh.lengths.sum()) for side in spec.sides):
+                self._add_problem(
                     (*path, "between"),
-                    f"expected two ends on one line, found {spec.sides[1]} {aside:.6g} beside {spec.sides[0].body}",
+                    f"expected two ends on one line, found {spec.sides[1]} {offset:.6g} beside {spec.sides[0].body}",
                     "Move one of the bodies (`at`) or turn it (`direction`).",
                 )
                 return None
         elements = [self.body_of(node).end_element(node) for node in nodes]
         bodies = [self.body_of(node) for node in nodes]
-        size = min(float(b.mesh.lengths[e]) for b, e in zip(bodies, elements, strict=True))
+        size = min(float(body.mesh.lengths[element]) for body, element in zip(bodies, elements, strict=True))
         if gap < -TOUCHING * size:
-            self._problem(
+            self._add_problem(
                 path,
                 f"expected bodies apart or touching, found an overlap of {-gap:.6g}",
                 f"Move them apart by {-gap:.17g}, or drop the contact.",
             )
             return None
-        stiffness = [float(b.stiffness[e]) for b, e in zip(bodies, elements, strict=True)]
-        frequency = [float(b.frequency[e]) for b, e in zip(bodies, elements, strict=True)]
+        stiffness = [float(body.stiffness[element]) for body, element in zip(bodies, elements, strict=True)]
+        frequency = [float(body.frequency[element]) for body, element in zip(bodies, elements, strict=True)]
         softer = int(np.argmin(stiffness))
         return ContactPair(
             name=spec.name,
@@ -243,30 +246,31 @@ class Model:
             ),
         )
 
-    def _wall_gap(self, spec: ContactSpec, here: Floats, normal: Floats, direction: Floats) -> float:
+    def _wall_gap(self, spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:
         wall = np.asarray(spec.wall, dtype=float)
         if wall.ndim == 1:
-            return float(normal @ (wall - here))
-        # a number is a coordinate along the bar; along x itself for a bar on the x axis, whichever way it points
+            return float(normal @ (wall - position))
+        # A wall given as a number is a coordinate along the bar; for a bar on the x axis it is x, whichever way the bar
+        # points.
         axis = np.abs(direction) if abs(direction[0]) == 1.0 else direction
-        return float((wall - here @ axis) * (axis @ normal))
+        return float((wall - position @ axis) * (axis @ normal))
 
     def points(self, where: Sequence[int], dt: float) -> ContactPoints:
-        """Return what a law may know of the contact points `where` for a step `dt`."""
+        """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
 
-        def column(values: Any, kind: type = float) -> Any:
-            array: Any = np.array(values, dtype=kind)
+        def column(values: Any, dtype: type = float) -> Any:
+            array: Any = np.array(values, dtype=dtype)
             array.flags.writeable = False
             return array
 
         contact_pairs = [self.contact_pairs[p] for p in where]
         delassus, coupling = self.whole._largest_delassus
         return ContactPoints(
-            names=tuple(m.name for m in contact_pairs),
-            stiffness=column([m.stiffness for m in contact_pairs]),
-            frequency=column([m.frequency for m in contact_pairs]),
-            mass=column([m.mass for m in contact_pairs]),
-            equal_sides=column([m.equal_sides for m in contact_pairs], bool),
+            names=tuple(contact_pair.name for contact_pair in contact_pairs),
+            stiffness=column([contact_pair.stiffness for contact_pair in contact_pairs]),
+            frequency=column([contact_pair.frequency for contact_pair in contact_pairs]),
+            mass=column([contact_pair.mass for contact_pair in contact_pairs]),
+            equal_sides=column([contact_pair.equal_sides for contact_pair in contact_pairs], bool),
             delassus=column(delassus[where]),
             coupling=column(coupling[where]),
             weight=column([1.0] * len(contact_pairs)),
@@ -275,7 +279,7 @@ class Model:
 
     @cached_property
     def _largest_delassus(self) -> tuple[Floats, Floats]:
-        """The largest s of each point in the run, and the largest sum of its row of S over that, (P,) each."""
+        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each."""
         largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
         for start, _ in self.segments(laws=False):
             diagonal, others = delassus_rows(self.sides((start + 0.5) * self.dt))
@@ -284,14 +288,15 @@ class Model:
         return largest, sums / largest
 
     def _stiffness_limits(self, dt: float) -> Floats:
-        """Return `ContactPoints.stiffness_limit` of all points, (P,).
+        """Return `ContactPoints.stiffness_limit` of all points for a time step `dt`, (P,) [force/length].
 
-        With B = (4/dt^2) M - K of a body, the displacements of its ends a and b alone are worth at least
-        ``r_a u_a^2 + r_b u_b^2``, where the inverse of B between its ends gives both r. Closed contacts of stiffness
-        eps_s take ``eps_s (u_a - u_b)^2``, which is no more than that where ``eps_s (1/r_a + 1/r_b) <= 1``.
+        With B = (4/dt^2) M - K of a body and its end displacements u_a and u_b, ``u^T B u`` is at least
+        ``r_a u_a^2 + r_b u_b^2``; both r follow from the inverse of B at the end nodes (`end_reserves`). A closed
+        contact of stiffness eps_s subtracts ``eps_s (u_a - u_b)^2``, which is not larger than that if
+        ``eps_s (1/r_a + 1/r_b) <= 1``. Contacts that share an end share its r equally.
         """
         uses = Counter(node for contact_pair in self.contact_pairs for node in contact_pair.nodes)
-        always_held = {hold.node for hold in self.constraints if hold.load is None}
+        supported = {constraint.node for constraint in self.constraints if constraint.load is None}
         reserve: dict[int, float] = {}
         for body in self.bodies.values():
             ends = [node for node in (body.start, body.stop - 1) if node in uses]
@@ -300,54 +305,58 @@ class Model:
                 reserve.update(end_reserves(body, step, ends))
         with np.errstate(divide="ignore"):
             softness = [
-                sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in always_held)
+                sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in supported)
                 for contact_pair in self.contact_pairs
             ]
             return 1.0 / np.array(softness, dtype=float)
 
     def sides(self, midpoint: float) -> list[list[Side]]:
-        """Return the sides of every contact point, with the supports and drives that hold at `midpoint`."""
-        held: dict[int, list[Floats]] = {}
-        for hold in self.constraints:
-            if hold.active(midpoint):
-                held.setdefault(hold.node, []).append(hold.direction)
-        rows = []
+        """Return the sides of every contact point, one at a wall, for the supports and drives active at `midpoint`."""
+        directions: dict[int, list[Floats]] = {}
+        for constraint in self.constraints:
+            if constraint.active(midpoint):
+                directions.setdefault(constraint.node, []).append(constraint.direction)
+        sides = []
         for contact_pair in self.contact_pairs:
-            row = []
+            pair_sides = []
             for node, normal in contact_pair.rows():
                 free = normal.copy()
-                for direction in held.get(node, ()):
+                for direction in directions.get(node, ()):
                     free -= (direction @ free) * direction
-                row.append(Side(node, normal, free / self.mass[node]))
-            rows.append(row)
-        return rows
+                pair_sides.append(Side(node, normal, free / self.mass[node]))
+            sides.append(pair_sides)
+        return sides
 
     def _check_movable(self) -> None:
         for start, _ in self.segments(laws=False):
-            delassus = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
-            for contact_pair, s in zip(self.contact_pairs, delassus, strict=True):
-                if s * min(self.mass[node] for node in contact_pair.nodes) < 1e-12:
-                    self._problem(
+            diagonal = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
+            for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
+                if delassus * min(self.mass[node] for node in contact_pair.nodes) < 1e-12:
+                    self._add_problem(
                         ("contacts", contact_pair.name),
                         "expected a contact that can move, found every side fixed or driven",
                         "Free one of the ends, or drop the contact.",
                     )
             if self._problems:
                 break
-        self._raise()
+        self._raise_problems()
 
-    def _refuse(self) -> None:
+    def _refuse_pairs(self) -> None:
         integrator = self.case.method.integrator
         for contact_pair in self.contact_pairs:
-            for reason, by in (
+            for reason, refusing in (
                 (integrator.refuses(contact_pair.law), integrator.name),
                 (contact_pair.law.refuses(integrator), contact_pair.law.name),
             ):
                 if reason:
-                    raise RefusedPair(integrator.name, contact_pair.law.name, reason, by)
+                    raise RefusedPair(integrator.name, contact_pair.law.name, reason, refusing)
 
     def _laws(self) -> list[dict[str, Any]]:
-        """Bind each law at its points; one entry a law, laws that are rows before the others."""
+        """Return the bound laws, one entry for each law, linear laws before laws with a kernel.
+
+        The loop solves linear laws with the contact equation; the other laws fill their part of the multipliers last
+        in this order, by kernels of their own.
+        """
         groups: dict[ContactLaw, list[int]] = {}
         for p, contact_pair in enumerate(self.contact_pairs):
             groups.setdefault(contact_pair.law, []).append(p)
@@ -358,7 +367,7 @@ class Model:
                 bound = bound_of(law, points, self.dt)
                 resolved = law.resolved(points, self.dt)
             except ValueError as error:
-                self._problem(("method", "contact"), str(error))
+                self._add_problem(("method", "contact"), str(error))
                 continue
             during = intervals(bound, law.name) if isinstance(bound, LinearLaw) else None
             laws.append(
@@ -367,29 +376,29 @@ class Model:
         return sorted(laws, key=lambda entry: not isinstance(entry["bound"], LinearLaw))
 
     def delassus(self, midpoint: float) -> Floats:
-        """Return the diagonal of S, (P,) [1/mass]."""
+        """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
         return delassus_rows(self.sides(midpoint))[0]
 
     def law_records(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
-        """Return the order of the points in the loop, and what their laws say there, (P,) `LAW`."""
+        """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
         table = table or self.tables[-1]
         order: list[int] = []
-        parts = [own_multipliers(0)]
+        parts = [kernel_law_records(0)]
         for entry in self.laws:
             law, where = entry["law"], entry["where"]
             order += where
             if isinstance(entry["bound"], LinearLaw):
-                rows = broadcast(entry["bound"], entry["points"], law.name)
-                parts.append(law_records(rows, table, delassus[where], law.name))
+                coefficients = broadcast(entry["bound"], entry["points"], law.name)
+                parts.append(law_records(coefficients, table, delassus[where], law.name))
             else:
-                parts.append(own_multipliers(len(where)))
-        out = np.concatenate(parts)
+                parts.append(kernel_law_records(len(where)))
+        records = np.concatenate(parts)
         if self.stages is not None:
-            out["stores"] = NOTHING
-        return order, out
+            records["stores"] = NOTHING
+        return order, records
 
     def ignored_couplings(self) -> list[str]:
-        """Return, in sentences, which laws with a kernel take no account of other contacts at the ends of theirs."""
+        """Return one sentence for each end shared by contacts of which a law with a kernel ignores the coupling."""
         at_node: dict[int, list[int]] = {}
         for p, contact_pair in enumerate(self.contact_pairs):
             for node in contact_pair.nodes:
@@ -399,9 +408,11 @@ class Model:
             law: ContactLaw = entry["law"]
             if isinstance(entry["bound"], LinearLaw) or law.uses_coupling:
                 continue
-            shared = [row for row in at_node.values() if len(row) > 1 and set(row) & set(entry["where"])]
-            for row in shared:
-                names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in row)
+            shared_ends = [
+                contacts for contacts in at_node.values() if len(contacts) > 1 and set(contacts) & set(entry["where"])
+            ]
+            for contacts in shared_ends:
+                names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)
                 sentences.append(
                     f"contacts {names} share an end, and the kernel of law {law.name} sees each of its contacts by "
                     "itself: it ignores what the others at that end press in the same step (it does not declare "
@@ -410,15 +421,15 @@ class Model:
         return sentences
 
     def parameters(self) -> dict[str, dict[str, float]]:
-        """Return, for each contact, its law's parameters as they came out."""
-        out: dict[str, dict[str, Any]] = {
+        """Return, for each contact, the name of its law and its resolved parameters."""
+        parameters: dict[str, dict[str, Any]] = {
             contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
         }
         for entry in self.laws:
             for name, value in entry["resolved"].items():
-                for where, one in zip(entry["where"], np.broadcast_to(value, (len(entry["where"]),)), strict=True):
-                    out[self.contact_pairs[where].name][name] = float(one)
-        return out
+                for point, number in zip(entry["where"], np.broadcast_to(value, (len(entry["where"]),)), strict=True):
+                    parameters[self.contact_pairs[point].name][name] = float(number)
+        return parameters
 
     # -- supports and loads ------------------------------------------------------------------------------
 
@@ -434,7 +445,7 @@ class Model:
             for body, region in self._targets(spec):
                 direction = self._direction(spec, body)
                 if spec.acts_as == "velocity":
-                    self._drive(
+                    self._add_drive(
                         constraints,
                         Constraint(body.start + body.mesh.regions[region].nodes[0], direction, spec, column),
                     )
@@ -453,43 +464,53 @@ class Model:
         return [(self.bodies[address.body], address.region) for address in spec.on]
 
     def _direction(self, spec: LoadSpec, body: Body) -> Floats:
-        given = spec.direction if spec.direction is not None else spec.load.vector()
-        if given is None:
+        vector = spec.direction if spec.direction is not None else spec.load.vector()
+        if vector is None:
             return body.mesh.direction
         direction = np.zeros(self.dim)
-        direction[: len(given)] = given
+        direction[: len(vector)] = vector
         return direction / np.linalg.norm(direction)
 
-    def _drive(self, constraints: list[Constraint], new: Constraint) -> None:
-        """Add a drive unless the node is held along it already."""
-        for old in constraints:
-            if old.node != new.node or new.load is None:
+    def _add_drive(self, constraints: list[Constraint], drive: Constraint) -> None:
+        """Add a drive, or report a problem where the node is already fixed or driven along its direction."""
+        for existing in constraints:
+            if existing.node != drive.node or drive.load is None:
                 continue
-            other = "a fixed end" if old.load is None else f"the load '{old.load.name}'"
-            apart = old.load is not None and (old.load.stop <= new.load.start or new.load.stop <= old.load.start)
-            if apart or abs(float(old.direction @ new.direction)) < 1e-12:
+            obstacle = "a fixed end" if existing.load is None else f"the load '{existing.load.name}'"
+            apart = existing.load is not None and (
+                existing.load.stop <= drive.load.start or drive.load.stop <= existing.load.start
+            )
+            if apart or abs(float(existing.direction @ drive.direction)) < 1e-12:
                 continue
-            self._problem(
-                ("loads", new.load.name),
-                f"expected an end free along the direction of the drive, found {other} there",
+            self._add_problem(
+                ("loads", drive.load.name),
+                f"expected an end free along the direction of the drive, found {obstacle} there",
                 "An end is fixed or driven, once at a time and along perpendicular directions.",
             )
             return
-        constraints.append(new)
+        constraints.append(drive)
 
     def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
-        """Return runs of steps (first, one past last) within which nothing switches; the trial step included.
+        """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
 
-        Supports and drives switch, and `laws` that act in intervals of time only.
+        The trial step after the last step is included. Without `laws`, the intervals of time in which laws are active
+        do not split the run.
         """
         total = self.steps + 1
-        instants = [t for hold in self.constraints if hold.load is not None for t in (hold.load.start, hold.load.stop)]
+        instants = [
+            instant
+            for constraint in self.constraints
+            if constraint.load is not None
+            for instant in (constraint.load.start, constraint.load.stop)
+        ]
         if laws:
-            instants += [t for entry in self.laws if entry["during"] is not None for t in entry["during"].ravel()]
+            instants += [
+                instant for entry in self.laws if entry["during"] is not None for instant in entry["during"].ravel()
+            ]
         cuts = {0, total}
         for instant in instants:
             if math.isfinite(instant):
-                # the first step whose midpoint lies behind the instant
+                # The change takes effect in the first step whose midpoint lies after the instant.
                 step = math.floor(instant / self.dt - 0.5) + 1
                 cuts.add(min(max(step, 0), total))
         edges = sorted(cuts)
@@ -498,8 +519,9 @@ class Model:
     def amplitude(self, spec: LoadSpec, time: Floats, *, average: bool) -> Floats:
         """Return a load's amplitude at the times of consecutive steps.
 
-        With `average` it counts by the share of the step around each time in which the load is on, so that a load
-        switched on or off between two times, or within round-off of one, brings its true impulse.
+        With `average`, the amplitude is multiplied by the fraction of the step around each time during which the load
+        is on, so that a load that is switched on or off between two times, or within round-off of one, has its exact
+        impulse.
         """
         start = -math.inf if average and spec.start <= 0 else spec.start
         clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
@@ -515,10 +537,10 @@ class Model:
 
     # -- problems ----------------------------------------------------------------------------------------
 
-    def _problem(self, path: tuple[str | int, ...], message: str, advice: str = "") -> None:
+    def _add_problem(self, path: tuple[str | int, ...], message: str, advice: str = "") -> None:
         self._problems.append(self.case.problem(path, message, advice))
 
-    def _raise(self) -> None:
+    def _raise_problems(self) -> None:
         if self._problems:
             raise InputError(self._problems)
 
@@ -526,35 +548,50 @@ class Model:
 
     @cached_property
     def initial_velocity(self) -> Floats:
-        """Velocity at t = 0, (nodes, dim): that of the bodies, with supports and drives in force."""
+        """Velocity at t = 0, (nodes, dim): that of the bodies, subject to the active supports and drives."""
         velocity = np.concatenate([np.tile(body.velocity, (body.mass.size, 1)) for body in self.bodies.values()])
-        self._prescribe(velocity, 0.0)
+        self._impose_velocities(velocity, 0.0)
         return velocity
 
-    def _prescribe(self, velocity: Floats, time: float) -> None:
-        """Set the velocities of supports and drives that hold in the first step; a drive is extended before t = 0."""
-        for hold in self.constraints:
-            if hold.active(0.5 * self.dt):
-                wanted = 0.0
-                if hold.load is not None:
-                    now, next_ = self.amplitude(hold.load, np.array([0.0, 0.5 * self.dt]), average=False)
-                    wanted = now + (next_ - now) * time / (0.5 * self.dt)
-                velocity[hold.node] += (wanted - velocity[hold.node] @ hold.direction) * hold.direction
+    def _impose_velocities(self, velocity: Floats, time: float) -> None:
+        """Set the velocities of the supports and drives that are active in the first step.
+
+        A prescribed velocity is extrapolated linearly to a `time` before t = 0.
+        """
+        for constraint in self.constraints:
+            if constraint.active(0.5 * self.dt):
+                prescribed = 0.0
+                if constraint.load is not None:
+                    at_start, at_midpoint = self.amplitude(
+                        constraint.load, np.array([0.0, 0.5 * self.dt]), average=False
+                    )
+                    prescribed = at_start + (at_midpoint - at_start) * time / (0.5 * self.dt)
+                velocity[constraint.node] += (
+                    prescribed - velocity[constraint.node] @ constraint.direction
+                ) * constraint.direction
 
     def starting_velocity(self) -> Floats:
-        """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim): a second-order start, without contact forces."""
-        start = self.initial_velocity.copy()
-        for push in self.nodal_forces:
-            start[push.node] -= self._before_start(push.load) * push.force / self.mass[push.node]
-        bodies = list(self.bodies.values())
-        for pull in self.body_forces:
-            body = bodies[pull.body]
-            start[body.start : body.stop] -= self._before_start(pull.load) * pull.acceleration
-        self._prescribe(start, -0.5 * self.dt)
-        return start
+        """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim), without contact forces.
 
-    def _before_start(self, spec: LoadSpec) -> float:
-        """Return the amplitude of a load times how long it acts in [-dt/2, 0], which the first step counts too."""
+        With this starting velocity the scheme is of second order.
+        """
+        velocity = self.initial_velocity.copy()
+        for nodal_force in self.nodal_forces:
+            velocity[nodal_force.node] -= (
+                self._impulse_before_start(nodal_force.load) * nodal_force.force / self.mass[nodal_force.node]
+            )
+        bodies = list(self.bodies.values())
+        for body_force in self.body_forces:
+            body = bodies[body_force.body]
+            velocity[body.start : body.stop] -= self._impulse_before_start(body_force.load) * body_force.acceleration
+        self._impose_velocities(velocity, -0.5 * self.dt)
+        return velocity
+
+    def _impulse_before_start(self, spec: LoadSpec) -> float:
+        """Return the amplitude of a load at t = 0 times its duration within [-dt/2, 0].
+
+        The force of the first step acts over that half step too, so that the starting velocity has to compensate it.
+        """
         if spec.start > 0:
             return 0.0
         amplitude = float(self.amplitude(spec, np.zeros(1), average=False)[0])
@@ -562,7 +599,7 @@ class Model:
 
 
 def resolved_methods(model: Model) -> Mapping[str, Any]:
-    """Return the method of a model as it came out, for the provenance."""
+    """Return the methods of a model with their resolved parameters and the time step, for the provenance."""
     method = model.case.method
     return {
         "integrator": method.integrator.name,

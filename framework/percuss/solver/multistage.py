@@ -1,4 +1,7 @@
-"""The steps of multi-stage schemes: longer arrays, stages, and loads at their times."""
+"""The stepper of multi-stage schemes: displacement and velocity at t_n, loads at the times of the stages.
+
+The arrays of its state are longer than those of the nodes; `percuss.solver.compiled.multistage_loop` explains why.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.solver.compiled.multistage_loop import BODY_FORCE, Given, System
+from percuss.solver.compiled.multistage_loop import BODY_FORCE, StageAmplitudes, System
 from percuss.solver.integrator_check import ends_of
 
 if TYPE_CHECKING:
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class State(NamedTuple):
-    """Displacement, velocity and what is kept between steps; entries of the nodes first."""
+    """Displacement, velocity and the arrays kept between steps; the degrees of freedom of the nodes come first."""
 
     u: Floats  # (size,)
     v: Floats  # (size,)
@@ -26,18 +29,20 @@ class State(NamedTuple):
 
 
 class MultistageStepper:
-    """Steps of a multi-stage scheme; a `percuss.solver.stepper.Stepper`.
+    """The stepper of a multi-stage scheme, an implementation of `percuss.solver.stepper.Stepper`.
 
     Parameters
     ----------
     model
-        The model to march.
+        The model to integrate in time.
     stages
-        What the integrator of the model says of its stages.
+        The stages as the integrator of the model defines them.
     """
 
     energy_at = 1.0
-    keeps_constraints = True  # what is kept between steps may bring reactions of a support that has let go
+    # An acceleration kept from the step before may contain the reaction of a support or drive that is no longer active:
+    # its impulse still has to be counted.
+    keeps_constraints = True
 
     def __init__(self, model: Model, stages: Stages) -> None:
         self.model, self.stages = model, stages
@@ -50,95 +55,104 @@ class MultistageStepper:
         self.u: Floats = self.state.u[: self.nodal]
         self.v: Floats = self.state.v[: self.nodal]
         self.v[:] = model.initial_velocity.ravel()
-        self.given = np.zeros(self.columns)
+        self.amplitude_sums = np.zeros(self.columns)
         self.ends = ends_of(stages, model.dt)
-        order = [p for entry in model.laws for p in entry["where"]]
+        order = [point for entry in model.laws for point in entry["where"]]
         delassus = model.delassus(0.5 * model.dt)
         self.responses = np.array([model.law_records(delassus, table)[1]["response"] for table in model.tables])
         self.responses = self.responses.reshape(len(stages.times), len(order))
         loads = list(model.case.loads.values())
         bodies = list(model.bodies.values())
         rows = [
-            (bodies[one.body].start, bodies[one.body].stop, k * model.dim, loads.index(one.load) + 1, 0.0)
-            for k, one in enumerate(model.body_forces)
+            (
+                bodies[body_force.body].start,
+                bodies[body_force.body].stop,
+                k * model.dim,
+                loads.index(body_force.load) + 1,
+                0.0,
+            )
+            for k, body_force in enumerate(model.body_forces)
         ]
         self.body_forces = np.array(rows, dtype=BODY_FORCE).view(np.recarray)
-        self.axes = np.array([one.acceleration for one in model.body_forces], dtype=float).ravel()
+        self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
         self._no_loads = self._zeros(0)
         self.system: System
 
-    def _zeros(self, count: int) -> Given:
-        return Given(np.zeros((count, len(self.stages.times), self.columns)), np.zeros((count, 2, self.columns)))
+    def _zeros(self, count: int) -> StageAmplitudes:
+        return StageAmplitudes(
+            np.zeros((count, len(self.stages.times), self.columns)), np.zeros((count, 2, self.columns))
+        )
 
-    def changing(self) -> list[Any]:
-        """Return displacement, velocity, what is kept between steps, and the sums of the amplitudes."""
-        return [*self.state, self.given]
+    def changing_arrays(self) -> list[Any]:
+        """Return displacement, velocity, the arrays kept between steps, and the sums of the load amplitudes."""
+        return [*self.state, self.amplitude_sums]
 
-    def renew(self, loop: Loop) -> None:
-        """Take up the arrays of the next stretch of time."""
+    def set_loop(self, loop: Loop) -> None:
+        """Use the arrays of the next stretch of the run."""
         stages, columns = self.stages, self.columns
         self.system = System(
             loop.groups, loop.masses, loop.boundary, loop.laws, self.body_forces, self.axes,
-            np.array([h.active(loop.midpoint) for h in self.model.constraints], dtype=np.int64),
+            np.array([constraint.active(loop.midpoint) for constraint in self.model.constraints], dtype=np.int64),
             self.responses, self.ends, np.array(stages.times, dtype=float), self.model.dim,
-            np.zeros((len(stages.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.given,
+            np.zeros((len(stages.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.amplitude_sums,
             np.array([0.0, self.model.dt, 1.0]),
         )  # fmt: skip
 
-    def amplitudes(self, first: int, count: int) -> Given:
-        """Return forces at the times of the stages, and velocities at both ends of each step."""
+    def amplitudes(self, first: int, count: int) -> StageAmplitudes:
+        """Return forces at the times of the stages, and prescribed velocities at both ends of each step."""
         model = self.model
         if not model.case.loads:
             if self._no_loads.force.shape[0] < count:
                 self._no_loads = self._zeros(count)
             return self._no_loads
         t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
-        given = self._zeros(count)
+        amplitudes = self._zeros(count)
         for column, spec in enumerate(model.case.loads.values(), start=1):
             if spec.acts_as == "velocity":
                 for k in range(2):
-                    given.speed[:, k, column] = model.amplitude(spec, t + k * model.dt, average=False)
+                    amplitudes.speed[:, k, column] = model.amplitude(spec, t + k * model.dt, average=False)
             else:
                 for k, fraction in enumerate(self.stages.times):
-                    given.force[:, k, column] = model.amplitude(spec, t + fraction * model.dt, average=True)
-        return given
+                    amplitudes.force[:, k, column] = model.amplitude(spec, t + fraction * model.dt, average=True)
+        return amplitudes
 
     def start(self, kernels: Kernels) -> None:
-        """Fill what is kept between steps with the acceleration at t = 0."""
+        """Fill the arrays kept between steps with the acceleration at t = 0."""
         system, model = self.system, self.model
         for column, spec in enumerate(model.case.loads.values(), start=1):
             if spec.acts_as != "velocity":
                 system.amplitude[-1, column] = model.amplitude(spec, np.zeros(1), average=True)[0]
         system.speed[:] = self.amplitudes(0, 1).speed[0]
-        system.clock[0] = -system.times[-1] * model.dt  # so that the last stage is that of t = 0
+        # The last stage is evaluated, and its time has to be t = 0.
+        system.clock[0] = -system.times[-1] * model.dt
         if kernels.begin is not None:
             kernels.begin(system, *self.state)
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
-        """March `count` steps; return how many were done when one was not sound, else `count`."""
+        """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
         return self._advance(kernels, amplitudes, record, first, count, self.state)
 
     def _advance(
-        self, kernels: Kernels, amplitudes: Given, record: Record, first: int, count: int, state: State
+        self, kernels: Kernels, amplitudes: StageAmplitudes, record: Record, first: int, count: int, state: State
     ) -> int:
         return kernels.advance(
             self.system, self.stages.numbers, amplitudes, record, *state, self.model.dt, first, count
         )
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return what one step without loads makes of a nodal state, (levels, nodes * dim)."""
-        whole = State(*(np.zeros_like(array) for array in self.state))
-        nodal = [array[..., : self.nodal] for array in whole]
+        """Return the nodal state after one step without loads, (levels, nodes * dim)."""
+        full_state = State(*(np.zeros_like(array) for array in self.state))
+        nodal = [array[..., : self.nodal] for array in full_state]
         nodal[0][:], nodal[1][:], nodal[2][:] = state[0], state[1], state[2:]
-        self._advance(kernels, self._zeros(1), record, 1, 1, whole)
+        self._advance(kernels, self._zeros(1), record, 1, 1, full_state)
         return np.concatenate([nodal[0][None], nodal[1][None], nodal[2]])
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
         """Return the impulse of the loads on all bodies so far, (dim,)."""
         model, total = self.model, np.zeros(self.model.dim)
-        for push in model.nodal_forces:
-            total += self.given[push.column] * push.force
+        for nodal_force in model.nodal_forces:
+            total += self.amplitude_sums[nodal_force.column] * nodal_force.force
         bodies = list(model.bodies.values())
-        for pull, row in zip(model.body_forces, self.body_forces, strict=True):
-            total += self.given[row.column] * bodies[pull.body].mass.sum() * pull.acceleration
+        for body_force, record in zip(model.body_forces, self.body_forces, strict=True):
+            total += self.amplitude_sums[record.column] * bodies[body_force.body].mass.sum() * body_force.acceleration
         return model.dt * total

@@ -1,4 +1,4 @@
-"""What numbers and sizes can be computed with: beyond, a case is refused before anything overflows or fills memory."""
+"""Bounds on numbers and memory: a case beyond them is refused before a number overflows or memory runs out."""
 
 from __future__ import annotations
 
@@ -19,95 +19,97 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Mesh
     from percuss.solver.entities import Body
 
-__all__ = ["check_step", "checked", "memory", "meshed", "steps"]
+__all__ = ["check_step", "checked_bodies", "memory", "mesh_of_body", "step_count"]
 
-LEAST, MOST = 1e-100, 1e100  # products of three such numbers are numbers still
+LEAST, MOST = 1e-100, 1e100  # a product of three numbers between these bounds neither overflows nor underflows
 UNITS = "Choose units in which lengths, masses and times are nearer to 1."
-NODE = 400  # bytes that a node takes, certificate and march together
+BYTES_PER_NODE = 400  # for the certificate and the run together, for each node and dimension
 MOST_STEPS = 2**40
-SHARE = 0.8  # of the memory that a run may take
+MEMORY_SHARE = 0.8  # largest share of the memory that a run may use
 
 
 def memory() -> int | None:
-    """Return how much memory [bytes] this process may use at most, None where the system does not tell."""
-    found = []
+    """Return the largest memory [bytes] that this process may use, or None where the system does not report it."""
+    limits = []
     with contextlib.suppress(AttributeError, OSError, ValueError):
-        found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+        limits.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     with contextlib.suppress(OSError, ValueError):
-        found.append(int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
-    return min((one for one in found if one > 0), default=None)
+        limits.append(int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+    return min((limit for limit in limits if limit > 0), default=None)
 
 
-def fits(size: float) -> bool:
-    """Return whether a number of bytes fits into the memory that a run may take."""
-    most = memory()
-    return most is None or size <= SHARE * most
+def fits_in_memory(size: float) -> bool:
+    """Return whether `size` bytes fit into the memory that a run may use."""
+    limit = memory()
+    return limit is None or size <= MEMORY_SHARE * limit
 
 
-def in_words(size: float) -> str:
-    """Return a number of bytes in words."""
+def bytes_in_words(size: float) -> str:
+    """Return a number of bytes as text with its unit, such as 1.5 GiB."""
     power = min(int(math.log(max(size, 1.0), 1024)), 8)
     return f"{size / 1024**power:.3g} {('bytes', 'KiB', 'MiB', 'GiB', 'TiB', 'PiB', 'EiB', 'ZiB', 'YiB')[power]}"
 
 
-def in_this_machine() -> str:
-    """Return in words how much memory there is."""
-    most = memory()
-    return f"and there are {in_words(most)}" if most is not None else "more than there is"
+def memory_in_words() -> str:
+    """Return the text for the available memory that ends an error message."""
+    limit = memory()
+    return f"and there are {bytes_in_words(limit)}" if limit is not None else "more than there is"
 
 
-def meshed(case: Case, spec: BodySpec) -> Mesh:
-    """Return the mesh of a body, refused where its nodes would not fit into memory.
+def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
+    """Return the mesh of a body, or refuse it if its nodes do not fit into memory.
 
     Raises
     ------
     InputError
-        Where it says so.
+        If the nodes do not fit into memory.
     """
-    at = np.asarray(spec.at, dtype=float)
+    start = np.asarray(spec.at, dtype=float)
     path: tuple[str, ...] = ("bodies", spec.name)
-    found = f"more in body '{spec.name}' than the machine can hold"
+    amount = f"more in body '{spec.name}' than the machine can hold"
     try:
-        count = spec.shape.mesh(at, 1).lengths.size * case.refine if case.refine > 1 else 0
-        size = float(NODE) * count * at.size
-        if fits(size):
-            return spec.shape.mesh(at, case.refine)
-        path, found = (
+        count = spec.shape.mesh(start, 1).lengths.size * case.refine if case.refine > 1 else 0
+        size = float(BYTES_PER_NODE) * count * start.size
+        if fits_in_memory(size):
+            return spec.shape.mesh(start, case.refine)
+        path, amount = (
             ("refine",),
-            f"{count:.4g} in body '{spec.name}', which take {in_words(size)}, {in_this_machine()}",
+            f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}",
         )
     except MemoryError:
         pass
-    raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {found}", "Take fewer.")])
+    raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {amount}", "Take fewer.")])
 
 
-def checked(case: Case, make: Callable[[], dict[str, Body]]) -> dict[str, Body]:
-    """Return the bodies that `make` makes, refused where numbers of theirs cannot be computed with.
+def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> dict[str, Body]:
+    """Return the bodies made by `make_bodies`, or refuse them if one of their quantities is out of bounds.
+
+    Element lengths, masses, stiffnesses, frequencies and velocities other than zero have to lie within the bounds.
 
     Raises
     ------
     InputError
-        With one mistake a body.
+        With one problem for each body that is out of bounds.
     """
     problems = []
     with np.errstate(all="ignore"):
-        bodies = make()
+        bodies = make_bodies()
     for name, body in bodies.items():
         h = body.mesh.lengths
-        numbers: dict[str, Any] = {
+        quantities: dict[str, Any] = {
             "an element length": h,
             "a mass of a node": body.mass,
             "a stiffness EA/h": body.stiffness,
             "a frequency 2c/h": body.frequency,
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }
-        for what, values in numbers.items():
-            odd = np.flatnonzero(~((values >= LEAST) & (values <= MOST)))
-            if odd.size:
-                value = float(values[odd[0]])
-                message, advice = f"expected {what} between {LEAST:g} and {MOST:g}, found {value:.6g}", UNITS
-                if not value > 0 and _size_is_usual(body):
-                    message, advice = _not_positive(case, body, what, int(odd[0]), value)
+        for quantity, values in quantities.items():
+            outside = np.flatnonzero(~((values >= LEAST) & (values <= MOST)))
+            if outside.size:
+                value = float(values[outside[0]])
+                message, advice = f"expected {quantity} between {LEAST:g} and {MOST:g}, found {value:.6g}", UNITS
+                if not value > 0 and _sizes_within_limits(body):
+                    message, advice = _not_positive_message(case, body, quantity, int(outside[0]), value)
                 problems.append(case.problem(("bodies", name), message, advice))
                 break
     if problems:
@@ -115,8 +117,11 @@ def checked(case: Case, make: Callable[[], dict[str, Body]]) -> dict[str, Body]:
     return bodies
 
 
-def _size_is_usual(body: Body) -> bool:
-    """Return whether mass, stiffness and frequency of the body's elements can be computed with as the case has them."""
+def _sizes_within_limits(body: Body) -> bool:
+    """Return whether length, mass, stiffness and frequency, computed from the case alone, lie within the bounds.
+
+    If they do, a number that is not positive comes from the method for the mass or the element.
+    """
     material, h = body.spec.material, body.mesh.lengths
     sizes = [
         h,
@@ -127,38 +132,41 @@ def _size_is_usual(body: Body) -> bool:
     return all(bool(((size >= LEAST) & (size <= MOST)).all()) for size in sizes)
 
 
-def _not_positive(case: Case, body: Body, what: str, place: int, value: float) -> tuple[str, str]:
-    """Return message and advice for a number that must be greater than 0, by the method that gives it."""
-    if what == "a mass of a node":
-        by = f"the mass '{case.method.mass.name}'"
-        message = f"expected a mass greater than 0 at every node, found {value:.6g} at node {place}, from {by}"
+def _not_positive_message(case: Case, body: Body, quantity: str, index: int, value: float) -> tuple[str, str]:
+    """Return message and advice for a number that must be greater than 0, naming the method that returned it."""
+    if quantity == "a mass of a node":
+        source = f"the mass '{case.method.mass.name}'"
+        message = f"expected a mass greater than 0 at every node, found {value:.6g} at node {index}, from {source}"
         return message, "An explicit scheme divides by the mass of each free node: take another `method.mass`."
-    by = f"the element '{body.spec.element.name}'"
-    return f"expected {what} greater than 0, found {value:.6g} in element {place}, from {by}", "Take another element."
+    source = f"the element '{body.spec.element.name}'"
+    return (
+        f"expected {quantity} greater than 0, found {value:.6g} in element {index}, from {source}",
+        "Take another element.",
+    )
 
 
 def check_step(case: Case, dt: float) -> None:
-    """Refuse a step that cannot be computed with.
+    """Refuse a time step outside the bounds for numbers.
 
     Raises
     ------
     InputError
-        Where it is out of bounds.
+        If `dt` is out of bounds.
     """
     if not LEAST <= dt <= MOST:
-        which = "step" if case.time.step is not None else "courant"
+        key = "step" if case.time.step is not None else "courant"
         message = f"expected a time step between {LEAST:g} and {MOST:g}, found {dt:.6g}"
         advice = "A step is stable up to about the Courant number 1." if dt > MOST else UNITS
-        raise InputError([case.problem(("time", which), message, advice)])
+        raise InputError([case.problem(("time", key), message, advice)])
 
 
-def steps(case: Case, dt: float) -> int:
-    """Return how many steps reach the end of a run or just pass it, refused where they cannot be counted.
+def step_count(case: Case, dt: float) -> int:
+    """Return the number of steps that reach or just pass the end of the run, or refuse more than `MOST_STEPS`.
 
     Raises
     ------
     InputError
-        Where they are too many.
+        If there are too many steps.
     """
     count = (case.time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9
     if count > MOST_STEPS:

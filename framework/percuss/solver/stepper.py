@@ -1,4 +1,4 @@
-"""How a march makes its steps: what leap-frog and multi-stage schemes have to offer the driver."""
+"""The interface between the driver of a run and its time integration scheme, leap-frog or multi-stage."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ if TYPE_CHECKING:
 
 
 class Loop(NamedTuple):
-    """What the steps of a stretch of time work on: as long as the same supports and drives hold, the same arrays."""
+    """The arrays that the steps of one stretch of a run work on; another stretch has other supports, drives or laws."""
 
-    groups: Any  # (group, (group, ...)): the bodies that share element and material
+    groups: Any  # (group, (group, ...)): each contains the bodies that share element class and material class
     masses: Bulk
     boundary: Boundary
-    laws: Any  # contact laws with a kernel of their own, as `custom_laws.nest` returned them
-    midpoint: float  # a time of the stretch
+    laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
+    midpoint: float  # time within the first step of the stretch
 
 
 class Stepper(Protocol):
-    """The state of a march and the way to its next steps.
+    """The state of a run and the methods that advance it by time steps.
 
     Attributes
     ----------
     energy_at
-        Where in a step the energies recorded with it stand: this fraction of the step after t_n.
+        Time of the energies recorded in a step, as a fraction of the step after t_n.
     u, v : (nodes * dim,)
         Displacement and velocity of the nodes, changed in place.
     levels
-        How many nodal arrays the state consists of: displacement, velocity, and what is kept between steps.
+        Number of nodal arrays in the state: displacement, velocity, and the arrays kept between steps.
     keeps_constraints
-        Whether a support or drive that has let go stays among those of the boundary.
+        Whether a support or drive that is not active stays in the list of constraints of the loop.
     """
 
     energy_at: float
@@ -42,23 +42,23 @@ class Stepper(Protocol):
     levels: int
     keeps_constraints: bool
 
-    def changing(self) -> list[Any]:
-        """Return the arrays that a step changes, beyond those of the boundary."""
+    def changing_arrays(self) -> list[Any]:
+        """Return the arrays that a step changes, except those of the boundary."""
 
-    def renew(self, loop: Loop) -> None:
-        """Take up the arrays of the next stretch of time."""
+    def set_loop(self, loop: Loop) -> None:
+        """Use the arrays of the next stretch of the run."""
 
     def start(self, kernels: Kernels) -> None:
         """Prepare the first step."""
 
     def amplitudes(self, first: int, count: int) -> Any:
-        """Return the amplitudes of the loads in `count` steps from step `first`."""
+        """Return the amplitudes of the loads for `count` steps from step `first`."""
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
-        """March `count` steps; return how many were done when one was not sound, else `count`."""
+        """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return what one step without loads makes of a nodal state, (levels, nodes * dim)."""
+        """Return the nodal state after one step without loads, (levels, nodes * dim)."""
 
     def load_impulse(self, amplitudes: Any) -> Floats:
-        """Return the impulse of the loads on all bodies so far, (dim,), after the steps of `amplitudes`."""
+        """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""

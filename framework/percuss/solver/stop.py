@@ -1,4 +1,4 @@
-"""How a march stopped before its end."""
+"""The stop of a run before its end: step, node and reason."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ Kind = Literal["contact work", "energy", "not solved", "kernel", "not started"]
 
 @dataclass(frozen=True)
 class Stop:
-    """Where and why a march stopped before its end.
+    """The reason for a stop of a run before its end, with the step and the node.
 
     Attributes
     ----------
     step
-        The step after which it was stopped.
+        The step after which the run was stopped.
     node
-        The node at which that shows most.
+        The node at which the reason shows most.
     kind
-        What ran away after that step: the ``"contact work"``, the ``"energy"`` of the bodies; or the contact equation
-        was ``"not solved"``, a ``"kernel"`` of a plug-in is at fault, or the run was ``"not started"``.
+        ``"contact work"`` or ``"energy"`` of the bodies where that grew beyond all energy put in, ``"not solved"`` for
+        the contact equation, ``"kernel"`` for a fault of a plug-in, or ``"not started"``.
     what
-        What was seen, in words.
+        The observation, in words.
     cause
-        Why, where the march itself knows; else the certificate is asked.
+        The cause, if the time loop itself knows it; if empty, it is sought in the certificate.
     """
 
     step: int

@@ -1,1 +1,1 @@
-"""Many runs: the plan of a study, its workers, its store, and going on with it."""
+"""Studies of many runs: the plan, the workers, the file of rows, and resuming after an interruption."""

@@ -1,6 +1,6 @@
-"""Many runs on the workers of a Dask scheduler; everything they need travels with each batch.
+"""Runs of a study on the workers of a Dask scheduler.
 
-It is some kilobytes, and so a worker may join or leave at any moment.
+Everything that a worker needs, some kilobytes, travels with each batch: so a worker may join or leave at any moment.
 """
 
 from __future__ import annotations
@@ -32,31 +32,31 @@ def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, sto
     Parameters
     ----------
     bench
-        What the workers need: cases, plug-ins and tables as text. Packages of methods must be installed there.
+        Everything the workers need: cases, plug-ins and tables as text. Packages of methods must be installed there.
     jobs
-        What to run.
+        Runs to make.
     address
-        As ``tcp://10.0.0.1:8786``.
+        Address of the scheduler, as ``tcp://10.0.0.1:8786``.
     keep
         Called with the records of each finished batch.
     stop
-        Ends the work when it is set.
+        Event that ends the work when it is set.
 
     Raises
     ------
     InputError
-        If distributed is not installed, or nobody answers at `address`.
+        If distributed is not installed, or no scheduler answers at `address`.
     RunError
-        If the scheduler goes away meanwhile, or a worker has no percuss or another version.
+        If the scheduler goes away meanwhile, or a worker has no percuss or another version of it.
     """
     client = _client(address)
     try:
         with client.as_current():
-            _spread(client, pickle.dumps(bench), jobs, keep, stop)
+            _distribute(client, pickle.dumps(bench), jobs, keep, stop)
     except (CancelledError, OSError) as error:
-        said = "the scheduler is gone; what came back is kept, and the same command goes on from there"
-        raise RunError(f"{address}: {said} ({type(error).__name__})") from error
-    except ImportError as error:  # raised there, and passed on
+        message = "the scheduler is gone; what came back is kept, and the same command goes on from there"
+        raise RunError(f"{address}: {message} ({type(error).__name__})") from error
+    except ImportError as error:  # raised on a worker and passed on by the scheduler
         raise RunError(f"{address}: a worker lacks a package: {error}; install percuss there too") from error
     finally:
         client.close()
@@ -76,36 +76,37 @@ def _client(address: str) -> Any:
         raise InputError([Problem(f"--scheduler {address}", "", f"nobody answers: {error}", advice)]) from None
 
 
-def _spread(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
+def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
     from distributed import KilledWorker
 
     workers = max(1, sum(client.nthreads().values()))
     batches = Batches(jobs, workers)
-    flying: dict[Any, list[Job]] = {}
-    unfit: set[str] = set()  # workers that cannot make rows of this study: they would be done with all of it at once
-    while (batches.waiting or flying) and not stop.is_set():
-        while batches.waiting and len(flying) < 2 * workers:
+    in_flight: dict[Any, list[Job]] = {}
+    # Addresses of workers that cannot make runs of this study: they would use up all runs at once by failing them.
+    unfit: set[str] = set()
+    while (batches.waiting or in_flight) and not stop.is_set():
+        while batches.waiting and len(in_flight) < 2 * workers:
             batch = batches.take()
-            fit = [address for address in client.nthreads() if address not in unfit] if unfit else []
-            where = {"workers": fit} if fit else {}
-            flying[client.submit(_work, bench, percuss.__version__, batch, pure=False, **where)] = batch
-        for future in _finished(list(flying)):
-            batch = flying.pop(future)
+            fit_workers = [address for address in client.nthreads() if address not in unfit] if unfit else []
+            placement = {"workers": fit_workers} if fit_workers else {}
+            in_flight[client.submit(_work, bench, percuss.__version__, batch, pure=False, **placement)] = batch
+        for future in _finished(list(in_flight)):
+            batch = in_flight.pop(future)
             try:
-                made, address = future.result()
-            except KilledWorker:  # the scheduler says so of a batch that killed several workers
-                made, address = _given_up(batch, batches), ""
-            if any(one.misfit for one in made):
+                records, address = future.result()
+            except KilledWorker:  # the scheduler raises it for a batch that killed several workers
+                records, address = _records_of_killer(batch, batches), ""
+            if any(record.misfit for record in records):
                 unfit.add(address)
-                if set(client.nthreads()) - unfit:  # others may be able to
-                    made = [one for one in made if not one.misfit]
-            keep(made)
-            batches.back(batch, made)
-    client.cancel(list(flying))
+                if set(client.nthreads()) - unfit:  # other workers may be able to make the runs
+                    records = [record for record in records if not record.misfit]
+            keep(records)
+            batches.put_back(batch, records)
+    client.cancel(list(in_flight))
 
 
 def _finished(futures: list[Any]) -> list[Any]:
-    """Return the futures that are finished; none, where a while passes without."""
+    """Return the finished futures, or an empty list if none finishes within half a second."""
     from distributed import TimeoutError as Late
     from distributed import wait
 
@@ -115,8 +116,8 @@ def _finished(futures: list[Any]) -> list[Any]:
         return []
 
 
-def _given_up(batch: list[Job], batches: Batches) -> list[Record]:
-    """Return the row of a run that kills workers; of a batch of several, each is to be tried alone first."""
+def _records_of_killer(batch: list[Job], batches: Batches) -> list[Record]:
+    """Return the record of a run that kills workers; the runs of a larger batch are tried alone first."""
     if len(batch) > 1:
         batches.alone |= {job.key for job in batch}
         return []
@@ -130,13 +131,13 @@ def _unpacked(packed: bytes) -> Bench:
 
 
 def _bench(packed: bytes) -> Bench:
-    """Return the bench of a study, one for all threads of a worker."""
+    """Return the bench of a study, which all threads of a worker share."""
     with LOCK:
         return _unpacked(packed)
 
 
 def _work(packed: bytes, version: str, batch: list[Job]) -> tuple[list[Record], str]:
-    """Return the records of a batch, and the address of this worker."""
+    """Return the records of a batch and the address of this worker."""
     from distributed import get_worker
 
     if version != percuss.__version__:

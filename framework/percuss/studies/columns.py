@@ -1,4 +1,4 @@
-"""The columns of a study's table: what each is, in words, and how it is taken from a result."""
+"""Columns of the table of a study: their definitions in words, and how their values are taken from a result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
     from percuss.studies.layout import MeasureSection
 
-__all__ = ["ERRORS", "METRICS", "Column", "column", "metric", "named", "worst"]
+__all__ = ["ERRORS", "METRICS", "Column", "column", "column_by_name", "metric", "worst"]
 
 ERRORS = ("force_error_l1", "force_error_l2", "impulse_error", "displacement_error")
 
@@ -41,18 +41,18 @@ METRICS = {
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a study's table.
+    """A column of the table of a study.
 
     Attributes
     ----------
     name
-        As in the table.
+        Name in the table.
     what
-        In words: quantity, norm, averaging.
+        Definition in words: quantity, norm, averaging.
     kind
         ``metric``, ``summary``, ``history`` or ``plug-in``.
     arguments
-        Of what takes it: a dotted path, or those of `percuss.results.measures.measure`.
+        Dotted path into the summary, or arguments of `percuss.results.measures.measure`.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Column:
     arguments: tuple[tuple[str, Any], ...] = ()
 
     def take(self, result: Result, registry: Registry) -> Any:
-        """Return the value, None where this result has none."""
+        """Return the value for a result, or None if the result has none."""
         arguments = dict(self.arguments)
         if self.kind == "plug-in":
             component: Any = registry.get("measures", self.name)
@@ -76,50 +76,57 @@ class Column:
             return None
 
     def unknown_to(self, summary: Mapping[str, Any]) -> tuple[str, str] | None:
-        """Return where a dotted path leaves a summary and the advice; None where it does not."""
+        """Return the beginning of the dotted path that a summary lacks and the advice, or None if the path is in it.
+
+        The beginning is empty if the path ends at a group of entries, not at a number.
+        """
         if self.kind != "summary":
             return None
-        here: Any = summary
+        entry: Any = summary
         parts = str(dict(self.arguments)["path"]).split(".")
         for n, part in enumerate(parts):
-            if here is None:
-                return None  # of a case that has no exact solution, or no such number
-            if part == "*" and isinstance(here, Mapping):
-                here = next(iter(here.values()), None)
-            elif isinstance(here, Mapping) and part in here:
-                here = here[part]
+            if entry is None:
+                return None  # the case has no exact solution, or no such number
+            if part == "*" and isinstance(entry, Mapping):
+                entry = next(iter(entry.values()), None)
+            elif isinstance(entry, Mapping) and part in entry:
+                entry = entry[part]
             else:
-                known = list(here) if isinstance(here, Mapping) else []
-                return ".".join(parts[: n + 1]), suggestion(part, known, "entry")
-        return ("", "Name a number in it.") if isinstance(here, Mapping | list) else None
+                keys = list(entry) if isinstance(entry, Mapping) else []
+                return ".".join(parts[: n + 1]), suggestion(part, keys, "entry")
+        return ("", "Name a number in it.") if isinstance(entry, Mapping | list) else None
 
 
-def named(name: str, registries: Iterable[Registry] = ()) -> Column:
-    """Return the column that a bare name stands for: one of `METRICS`, a plug-in, or a dotted path into the summary.
+def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:
+    """Return the column for a bare name: one of `METRICS`, a plug-in, or a dotted path into the summary.
 
     Raises
     ------
     ValueError
-        With message and advice, if it is neither.
+        With message and advice, if it is none of these.
     """
     if name in METRICS:
         return Column(name, METRICS[name], "metric")
-    plugged = {one: registry.get("measures", one) for registry in registries for one in registry.names("measures")}
-    if name in plugged:
-        told: Any = plugged[name]
-        return Column(name, getattr(told, "what", told.summary), "plug-in")
+    plug_ins = {
+        measure_name: registry.get("measures", measure_name)
+        for registry in registries
+        for measure_name in registry.names("measures")
+    }
+    if name in plug_ins:
+        component: Any = plug_ins[name]
+        return Column(name, getattr(component, "what", component.summary), "plug-in")
     parts = name.split(".")
     if parts[0] in SUMMARY:
         several = "; the largest over contacts" if "*" in parts else ""
         return Column(name, f"{name} of the run's summary{several}", "summary", (("path", name),))
-    known = [*METRICS, *plugged, *SUMMARY]
-    close = nearest(name, known) or nearest(parts[0], known)
+    known_names = [*METRICS, *plug_ins, *SUMMARY]
+    close = nearest(name, known_names) or nearest(parts[0], known_names)
     advice = f"Did you mean '{close}'?" if close else f"Known measures: {', '.join(METRICS)}."
     raise ValueError(f"unknown measure '{name}'", advice)
 
 
 def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[str]) -> Column:
-    """Return the column that a measure written out stands for.
+    """Return the column for a measure that is written as a mapping.
 
     Raises
     ------
@@ -128,11 +135,15 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
     """
     quantity = QUANTITIES.get(section.quantity)
     if quantity is None:
-        base = named(section.quantity)
-        return Column(section.name, base.what, base.kind, base.arguments) if base.kind == "summary" else _bare(section)
-    of = {"contact": section.contact, "probe": section.probe}
-    for owner, given in of.items():
-        if given is not None and quantity.of != owner:
+        base = column_by_name(section.quantity)
+        return (
+            Column(section.name, base.what, base.kind, base.arguments)
+            if base.kind == "summary"
+            else _refuse_mapping(section)
+        )
+    owners = {"contact": section.contact, "probe": section.probe}
+    for owner, owner_name in owners.items():
+        if owner_name is not None and quantity.of != owner:
             raise ValueError(f"{section.quantity} belongs to no {owner}", f"Remove `{owner}:`.", owner)
     if quantity.of == "probe" and section.probe is None:
         raise ValueError(f"missing (whose {section.quantity})", "Add `probe:` with an end.", "probe")
@@ -148,7 +159,7 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
         raise ValueError(f"{section.quantity} is one number a run, it has no {section.take}", "Remove `take:`.", "take")
     if section.at is not None and section.during is not None:
         raise ValueError("has both `during` and `at`", "Keep one.", "at")
-    whose = section.contact or section.probe or ""
+    subject = section.contact or section.probe or ""
     axis = f", component {section.component}" if quantity.of == "probe" else ""
     when = (
         f" from {section.during[0]:g} to {section.during[1]:g}"
@@ -167,56 +178,58 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
         "at": section.at,
         "statistic": section.take,
     }
-    words = f"{taken}{section.quantity}{' of ' + whose if whose else ''}{axis}{when}"
+    words = f"{taken}{section.quantity}{' of ' + subject if subject else ''}{axis}{when}"
     return Column(section.name, words, "history", tuple(arguments.items()))
 
 
-def _bare(section: MeasureSection) -> Column:
+def _refuse_mapping(section: MeasureSection) -> Column:
+    """Raise ValueError: a metric is written as its bare name, not as a mapping."""
     raise ValueError(
         f"{section.quantity} is a measure by itself", f"Write `- {section.quantity}` instead of a mapping.", "quantity"
     )
 
 
-def _values(here: Any, path: list[str]) -> Iterator[Any]:
-    """Yield what stands at a dotted path; a star stands for every entry."""
+def _values(entry: Any, path: list[str]) -> Iterator[Any]:
+    """Yield the values at a dotted path, in which a star stands for all entries."""
     if not path:
-        yield here
-    elif isinstance(here, Mapping):
-        for key in here if path[0] == "*" else [path[0]]:
-            yield from _values(here.get(key), path[1:])
+        yield entry
+    elif isinstance(entry, Mapping):
+        for key in entry if path[0] == "*" else [path[0]]:
+            yield from _values(entry.get(key), path[1:])
 
 
-def _largest(found: list[Any]) -> Any:
-    known = [one for one in found if one is not None and not isinstance(one, Mapping | list)]
-    return max(known, default=None) if len(known) > 1 else (known[0] if known else None)
+def _largest(values: list[Any]) -> Any:
+    """Return the largest value, or a single value of any type; None, mappings and lists do not count."""
+    scalars = [value for value in values if value is not None and not isinstance(value, Mapping | list)]
+    return max(scalars, default=None) if len(scalars) > 1 else (scalars[0] if scalars else None)
 
 
 def worst(exact: dict[str, Any] | None, name: str) -> float | None:
-    """Return an error of a run, that of its worst contact where each contact has one; None where it is not known."""
+    """Return a true error of a run, the largest if each contact has its own, or None if it is not known."""
     if exact is None:
         return None
     if name in exact:
         return exact[name]  # type: ignore[no-any-return]
-    known = [c[name] for c in exact["contacts"].values() if c[name] is not None]
-    return max(known, default=None)
+    errors = [contact[name] for contact in exact["contacts"].values() if contact[name] is not None]
+    return max(errors, default=None)
 
 
 def metric(result: Result, name: str) -> Any:
-    """Return one of `METRICS` of a result."""
+    """Return the value of a column of `METRICS` for a result."""
     take = _METRIC.get(name)
     return take(result.summary) if take is not None else worst(result.summary["exact"], name)
 
 
 def _of_contacts(summary: Mapping[str, Any], name: str) -> list[Any]:
-    return [one[name] for one in summary["contacts"].values()]
+    return [contact[name] for contact in summary["contacts"].values()]
 
 
-def _share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
+def _energy_share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
     def share(summary: Mapping[str, Any]) -> float | None:
-        # not over what is there at the end: a bar thrown up has none left where it turns
+        # Relative to the energy put in, not to that at the end: a bar thrown upwards has none left where it turns.
         energy = summary["energy"]
         if energy.get("ledger_closed") is False:
-            return None  # then what the contacts took is not what is missing
+            return None  # with an open ledger the contact work is not the energy lost
         put_in = energy["initial"] + (energy["external_work_max"] or 0.0)
         return 1.0 + energy[name] / put_in if put_in > 0 else None
 
@@ -226,15 +239,17 @@ def _share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
 _METRIC: dict[str, Callable[[Mapping[str, Any]], Any]] = {
     "impulse": lambda s: sum(_of_contacts(s, "impulse")),
     "peak_force": lambda s: max(_of_contacts(s, "peak_force"), default=0.0),
-    "penetration": lambda s: max((one["largest"] for one in _of_contacts(s, "penetration")), default=0.0),
-    "energy_kept": _share("contact_work"),
-    "energy_max": _share("contact_work_max"),
+    "penetration": lambda s: max(
+        (penetration["largest"] for penetration in _of_contacts(s, "penetration")), default=0.0
+    ),
+    "energy_kept": _energy_share("contact_work"),
+    "energy_max": _energy_share("contact_work_max"),
     "ledger_error": lambda s: s["energy"]["ledger_error"],
-    "energy_growth": lambda s: _growth(s["energy_growth"]),
+    "energy_growth": lambda s: _largest_growth(s["energy_growth"]),
     "steps": lambda s: s["steps"],
     "node_steps": lambda s: s["steps"] * s["nodes"],
 }
 
 
-def _growth(told: Any) -> Any:
-    return told.get("largest") if isinstance(told, Mapping) else told
+def _largest_growth(growth: Any) -> Any:
+    return growth.get("largest") if isinstance(growth, Mapping) else growth

@@ -1,4 +1,4 @@
-"""Compare methods on one case: every pair a row, also one that is refused, fails or blows up."""
+"""Comparison of methods on one case: each pair of methods is a run, even if refused, failed or unstable."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from percuss.case.case import expect_case
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.studies.columns import ERRORS, metric, worst
 from percuss.studies.parameters import combinations
-from percuss.studies.tasks import Row, perform, tasks
+from percuss.studies.tasks import Run, perform, tasks
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-__all__ = ["ERRORS", "Row", "compare", "metrics", "own_laws", "worst"]
+__all__ = ["ERRORS", "Run", "compare", "metrics", "own_laws", "worst"]
 
 SHOWN = ("impulse", "peak_force", "penetration", "energy_kept", "energy_max", "ledger_error", *ERRORS, "steps")
 
@@ -28,25 +28,25 @@ def compare(
     vary: Mapping[str, Sequence[Any]] | None = None,
     *,
     tied: bool = False,
-) -> list[Row]:
+) -> list[Run]:
     """Run every pair of the named integrators and contact laws on one case.
 
     Parameters
     ----------
     case
-        The case; its own integrator or law takes part where none is named.
+        The case; its own integrator or law is used where none is named.
     integrators, contacts
-        Names; options that the case gives and a named law has are kept. A law named here also replaces the contacts'
-        own.
+        Names of methods; options of the case that a named method has too are kept. A law named here also replaces the
+        contacts' own.
     vary
         Values of dotted paths; every combination is run.
     tied
-        Whether each integrator also runs with its interfaces tied while the exact contact is closed: the error of the
-        bulk alone.
+        Whether each integrator also runs with its interfaces tied while the exact contact is closed, which shows the
+        error of the bulk alone.
 
     Returns
     -------
-    list of Row
+    list of Run
         In the order integrator, law, varied values; the tied runs come last.
 
     Raises
@@ -57,10 +57,10 @@ def compare(
     expect_case("percuss.compare", case, many=True, vary=vary)
     expect_names("percuss.compare", "integrators", integrators)
     expect_names("percuss.compare", "contacts", contacts)
-    known = [("integrator", "integrators", integrators), ("contact", "contacts", contacts)]
+    options = [("integrator", "integrators", integrators), ("contact", "contacts", contacts)]
     problems = [
         Problem(f"--{option}", "", f"unknown {option} '{name}'", suggestion(name, case.registry.names(family)))
-        for option, family, names in known
+        for option, family, names in options
         for name in names
         if name not in case.registry.names(family)
     ]
@@ -68,18 +68,18 @@ def compare(
         raise InputError(problems)
     if contacts:
         case = case.with_one_law()
-    listed = {name: name for name in integrators}, {name: name for name in contacts}
+    methods = {name: name for name in integrators}, {name: name for name in contacts}
     points = combinations(vary or {})
-    planned = list(tasks("", case, *listed, points, tied=tied))
+    planned = list(tasks("", case, *methods, points, tied=tied))
     used = {path for task in planned for path in task.varied}
-    if any(path not in used for point in points for path in point):  # no pair has such an option
-        planned = list(tasks("", case, *listed, points, tied=tied, strict=True))
+    if any(path not in used for point in points for path in point):  # no pair has such an option: let the runs say so
+        planned = list(tasks("", case, *methods, points, tied=tied, strict=True))
     pairs = [task for task in planned if not task.tied]
-    made = [perform(case, task) for task in pairs]
-    errors = [error for _, error in made if error is not None]
+    outcomes = [perform(case, task) for task in pairs]
+    errors = [error for _, error in outcomes if error is not None]
     if errors and len(errors) == len(pairs):
         raise errors[0]
-    return [row for row, _ in made] + [perform(case, task)[0] for task in planned if task.tied]
+    return [run for run, _ in outcomes] + [perform(case, task)[0] for task in planned if task.tied]
 
 
 def notes_of_swaps(
@@ -88,31 +88,31 @@ def notes_of_swaps(
     contacts: Sequence[str] = (),
     vary: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[str]:
-    """Return what becomes of the options of the methods in a case, where a comparison puts others in their place.
+    """Return notes on the options of the methods of a case that a comparison keeps or drops in other methods.
 
     Parameters
     ----------
     case, integrators, contacts, vary
-        As for `compare`; options that are varied are not spoken of.
+        As for `compare`; varied options are not mentioned.
     """
     case = case.with_one_law() if contacts else case
-    first = {path: values[0] for path, values in (vary or {}).items() if values}
+    first_values = {path: values[0] for path, values in (vary or {}).items() if values}
     notes = list(case.notes)
     for family, names in (("integrator", integrators), ("contact", contacts)):
         for name in names:
-            with contextlib.suppress(PercussError):  # its row says what is wrong
-                notes += case.with_overrides({f"method.{family}.name": name, **first}).notes
+            with contextlib.suppress(PercussError):  # the run itself reports the mistake
+                notes += case.with_overrides({f"method.{family}.name": name, **first_values}).notes
     return list(dict.fromkeys(notes))
 
 
 def own_laws(case: Case) -> list[str]:
-    """Return the contacts whose own law a comparison of laws replaces."""
+    """Return the names of the contacts whose own law is replaced by a comparison of laws."""
     return [name for name, contact in case.contacts.items() if contact.own_law]
 
 
-def metrics(row: Row) -> dict[str, Any]:
-    """Return what the table of a comparison shows of a row; empty where there is no result."""
-    if row.result is None:
+def metrics(run: Run) -> dict[str, Any]:
+    """Return the numbers of a run that the table of a comparison shows; empty if there is no result."""
+    if run.result is None:
         return {}
-    seconds = row.result.summary["seconds"]["march"]
-    return {**{name: metric(row.result, name) for name in SHOWN}, "seconds": seconds}
+    seconds = run.result.summary["seconds"]["march"]
+    return {**{name: metric(run.result, name) for name in SHOWN}, "seconds": seconds}

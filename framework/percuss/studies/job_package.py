@@ -1,4 +1,4 @@
-"""The side of a study that workers see: the cases as text, with all files they need, and the runs to be made."""
+"""Job package of a study for its workers: the cases as text, with all files they need, and the runs to make."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Bench", "Interrupted", "Job", "packed"]
 
-LONGEST = 1.0  # seconds after which a worker hands back what it has
+LONGEST = 1.0  # seconds after which a worker returns the runs it has made
 
 
 class Interrupted(Exception):
-    """Ctrl-C ended a run of this process; carries the records of the runs before it."""
+    """Exception after Ctrl-C ended a run of this process, with the records of the runs before it."""
 
     def __init__(self, records: list[Record]) -> None:
         super().__init__()
@@ -43,7 +43,7 @@ class Interrupted(Exception):
 
 
 class Job(NamedTuple):
-    """A task and the key of what it depends on."""
+    """A task and the key of its inputs."""
 
     key: str
     task: Task
@@ -51,20 +51,20 @@ class Job(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """All that a worker, on this machine or on another, needs to make the runs of a study.
+    """Everything that a worker, on this machine or on another, needs to make the runs of a study.
 
     Attributes
     ----------
     cases
         Contents of each case, by label.
     files
-        Files of numbers that each case names, by the path written there.
+        Contents of the data files that each case names, by label and by the path written in the case.
     plugins
-        Single-file plug-ins of each case: path, and contents of the file and of the helpers in its folder.
+        Single-file plug-ins of each case, by label: path, and contents of the file and of helpers in its folder.
     columns, nudge, histories, repeats
-        What a row is made of.
+        Measured columns; whether a nudged twin is run; points kept of each history; number of marches.
     components, surroundings
-        What numbers depend on, as it was when the keys were made: digests of methods, versions, the environment.
+        Digests of methods, and versions and environment, at the time the keys were made: the numbers depend on them.
     """
 
     cases: Mapping[str, Source]
@@ -80,19 +80,19 @@ class Bench:
     def case(self, label: str) -> Case:
         """Return a case, read with the plug-ins and files as they were when the study began."""
         registry = Registry.load([_plugin(Path(path), files) for path, files in self.plugins[label]])
-        self._expect_the_same(registry, self.components.get(label, {}))
+        self._check_environment(registry, self.components.get(label, {}))
         origin = self.cases[label]
         return load(dataclasses.replace(origin, folder=_folder(origin.folder, self.files[label])), registry=registry)
 
     def records(self, jobs: Sequence[Job], note: Callable[[str], None] | None = None) -> list[Record]:
-        """Make runs until all are made, or `LONGEST` has passed; what is left over is to be asked for again.
+        """Return the records of the runs made until `LONGEST` has passed; the rest must be requested again.
 
         Parameters
         ----------
         jobs
-            What to run.
+            Runs to make.
         note
-            Told the key of each run before it begins.
+            Called with the key of each run before it begins.
 
         Raises
         ------
@@ -100,59 +100,61 @@ class Bench:
             If Ctrl-C reached this process.
         """
         started = time.perf_counter()
-        made: list[Record] = []
+        records: list[Record] = []
         for key, task in jobs:
             if note is not None:
                 note(key)
             began = time.perf_counter()
             try:
-                case = self._kept(task.case)
-            except Exception as error:  # noqa: BLE001 - it was read where the study began: something here is otherwise
+                case = self._case_once(task.case)
+            except Exception as error:  # noqa: BLE001 - it was read where the study began: this machine differs
                 reason = f"the process that was to make the run cannot read the case: {error}"
-                made.append(Record(key, LOST, reason, "worker", misfit=True))
+                records.append(Record(key, LOST, reason, "worker", misfit=True))
                 continue
-            row = perform_timed(case, task, nudge=self.nudge, repeats=self.repeats)
-            if row.status == "interrupted":
-                raise Interrupted(made)
+            run = perform_timed(case, task, nudge=self.nudge, repeats=self.repeats)
+            if run.status == "interrupted":
+                raise Interrupted(records)
             wall = time.perf_counter() - began
-            made.append(record(key, row, self.columns, self.histories, wall, case.registry))
+            records.append(record(key, run, self.columns, self.histories, wall, case.registry))
             if time.perf_counter() - started > LONGEST:
                 break
-        return made
+        return records
 
-    def _expect_the_same(self, registry: Registry, components: Mapping[str, str]) -> None:
-        """Raise PluginError where a number made here might be another than that of the plan."""
+    def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
+        """Raise PluginError if numbers computed here could differ from those where the study began."""
         digests = SourceDigests()
-        here = {
+        local_digests = {
             f"{family}/{name}": digests.of(source)
             for (family, name), source in registry.sources.items()
             if f"{family}/{name}" in components
         }
-        around = {**surroundings(), "percuss": f"{percuss.__version__} {own_digest()}"} if self.surroundings else {}
+        environment = (
+            {**surroundings(), "percuss": f"{percuss.__version__} {own_digest()}"} if self.surroundings else {}
+        )
         for name, digest in components.items():
-            if name not in here:
+            if name not in local_digests:
                 raise PluginError(f"{name} is not installed here, and it is where the study was begun")
-            if here[name] != digest:
+            if local_digests[name] != digest:
                 raise PluginError(f"the sources of {name} are others here than where the study was begun")
-        for name in sorted({*around, *self.surroundings}):
-            mine, theirs = around.get(name, "not set"), self.surroundings.get(name, "not set")
-            if mine != theirs:
-                what = "has other sources here than" if name == "percuss" else f"is {mine} here, and {theirs}"
-                raise PluginError(f"{name} {what} where the study was begun")
+        for name in sorted({*environment, *self.surroundings}):
+            local, planned = environment.get(name, "not set"), self.surroundings.get(name, "not set")
+            if local != planned:
+                difference = "has other sources here than" if name == "percuss" else f"is {local} here, and {planned}"
+                raise PluginError(f"{name} {difference} where the study was begun")
 
     @functools.cached_property
-    def _read(self) -> dict[str, Case]:
+    def _cases_read(self) -> dict[str, Case]:
         return {}
 
-    def _kept(self, label: str) -> Case:
-        """Return a case that is read once a process."""
+    def _case_once(self, label: str) -> Case:
+        """Return a case, which is read once per process."""
         with ONE_AT_A_TIME:
-            if label not in self._read:
-                self._read[label] = self.case(label)
-            return self._read[label]
+            if label not in self._cases_read:
+                self._cases_read[label] = self.case(label)
+            return self._cases_read[label]
 
     def __getstate__(self) -> dict[str, object]:
-        return {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        return {attribute.name: getattr(self, attribute.name) for attribute in dataclasses.fields(self)}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         for name, value in state.items():
@@ -168,7 +170,7 @@ def packed(
     histories: int,
     repeats: int | None = None,
 ) -> Bench:
-    """Return the bench of a study, whose `keys` have been made."""
+    """Return the bench of a study; `keys` must have made the keys of all its tasks."""
     plugins = {
         label: tuple((str(file), _with_helpers(file)) for file in case.registry.files) for label, case in cases.items()
     }
@@ -179,27 +181,27 @@ def packed(
 
 
 def _without_plugins(origin: Source) -> Source:
-    """Return a case's contents without the plug-ins that it names: they travel as text."""
+    """Return the contents of a case without the plug-ins that it names, which travel as text."""
     return origin.replaced(("plugins",), ()) if "plugins" in origin.data else origin
 
 
 def _with_helpers(file: Path) -> dict[str, bytes]:
-    """Return the contents of a single-file plug-in, and of helpers and data in its folder that it names."""
+    """Return the contents of a single-file plug-in and of the helpers and data in its folder that it names."""
     content = file.read_bytes()
     helpers = {path: text for path, (_, text) in companions(file, content).items()}
-    named = {path for source, text in {file: content, **helpers}.items() for path in data_named(source, text)}
-    data = {path: path.read_bytes() for path in sorted(named)}
-    beside = {path: text for path, text in {**helpers, **data}.items() if path.is_relative_to(file.parent)}
-    return {file.name: content} | {str(path.relative_to(file.parent)): text for path, text in beside.items()}
+    data_paths = {path for source, text in {file: content, **helpers}.items() for path in data_named(source, text)}
+    data = {path: path.read_bytes() for path in sorted(data_paths)}
+    in_folder = {path: text for path, text in {**helpers, **data}.items() if path.is_relative_to(file.parent)}
+    return {file.name: content} | {str(path.relative_to(file.parent)): text for path, text in in_folder.items()}
 
 
 def _plugin(path: Path, files: Mapping[str, bytes]) -> Path:
-    """Return a file with these contents: the one that it was read from, or a copy where that is another by now."""
+    """Return a file with these contents: the original, or a copy if the original has changed."""
     return _folder(path.parent, files) / path.name
 
 
 def _folder(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Return a folder with these files: the one they were read from, or one of copies."""
+    """Return a folder with these files: the original, or a folder of copies if a file has changed."""
     if all(_holds(folder / name, text) for name, text in files.items()):
         return folder
     return _copied(files)
@@ -213,18 +215,19 @@ def _holds(path: Path, text: bytes) -> bool:
 
 
 def _copied(files: Mapping[str, bytes]) -> Path:
-    """Return a folder of copies, whose name says what they hold; several workers may make it at once."""
+    """Return a folder of copies, named by a digest of their contents; several workers may make it at once."""
     digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
     folder = Path(tempfile.gettempdir()) / f"percuss-{os.getuid() if hasattr(os, 'getuid') else 0}-{digest}"
-    for name, text in _inside(folder, files):
-        name.parent.mkdir(parents=True, exist_ok=True)
-        beside = name.with_name(f".{name.name}.{os.getpid()}.{threading.get_ident()}")
-        beside.write_bytes(text)
-        beside.replace(name)
+    for path, text in _missing_files(folder, files):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+        temporary.write_bytes(text)
+        temporary.replace(path)
     return folder
 
 
-def _inside(folder: Path, files: Mapping[str, bytes]) -> Iterator[tuple[Path, bytes]]:
+def _missing_files(folder: Path, files: Mapping[str, bytes]) -> Iterator[tuple[Path, bytes]]:
+    """Yield path and contents of the files that a folder lacks; raise ValueError for a path outside the folder."""
     for name, text in files.items():
         target = folder / name
         if folder.resolve() not in target.resolve().parents:

@@ -1,4 +1,4 @@
-"""The JSON schema of a study: with it an editor completes and checks a plan."""
+"""JSON schema of a study file, with which an editor completes and checks it."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     Parameters
     ----------
     registry
-        Its integrators and contact laws appear by name.
+        Registry whose integrators and contact laws appear by name.
     """
     from percuss.studies.columns import METRICS
 
-    made = section_schema(StudySection, registry)
-    properties = {key.replace("_", "-"): value for key, value in made["properties"].items()}
-    values = {"type": "object"}
-    properties["set"] |= values
+    section = section_schema(StudySection, registry)
+    properties = {key.replace("_", "-"): value for key, value in section["properties"].items()}
+    mapping = {"type": "object"}
+    properties["set"] |= mapping
     properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
-    properties["paired"] |= {"type": "array", "items": values}
-    for family, one in properties["methods"]["properties"].items():
-        named = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
-        one |= {"type": "array", "items": {"anyOf": named}}
+    properties["paired"] |= {"type": "array", "items": mapping}
+    for family, family_schema in properties["methods"]["properties"].items():
+        choices = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
+        family_schema |= {"type": "array", "items": {"anyOf": choices}}
     ranges = {"type": "object", "additionalProperties": section_schema(RangeSection, registry)}
     properties["sample"]["properties"]["of"] |= ranges
     bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
@@ -36,7 +36,7 @@ def study_schema(registry: Registry) -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "percuss study",
         "description": "A study of percuss, format 1",
-        **made,
+        **section,
         "properties": properties,
-        "required": [key.replace("_", "-") for key in made["required"]],
+        "required": [key.replace("_", "-") for key in section["required"]],
     }

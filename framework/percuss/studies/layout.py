@@ -1,4 +1,4 @@
-"""How a study is laid out in a file: each class is a mapping, each of its fields a key."""
+"""Layout of a study file: each class is a mapping, each of its fields a key."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class MethodsSection:
 
 @dataclass(frozen=True)
 class SampleSection:
-    """Points drawn from a box."""
+    """Points drawn from a box of values."""
 
     count: Annotated[int, Ge(1), Le(1_000_000), Unit("1"), Doc("number of points")]
     of: Annotated[Any, Doc("by path: {from: ..., to: ..., scale: linear or log}")]
@@ -60,7 +60,7 @@ class RangeSection:
 
 @dataclass(frozen=True)
 class MeasureSection:
-    """A number taken from each run: a quantity, whose, when, and what is made of it."""
+    """A number taken from each run: a quantity, its contact or probe, the time, and the statistic."""
 
     name: Annotated[str, Doc("name of the column")]
     quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
@@ -76,36 +76,37 @@ class MeasureSection:
 
 @dataclass(frozen=True)
 class Condition:
-    """Keeps the points of which it is true."""
+    """A condition on the points of a study; points that fulfil it are kept."""
 
     path: Annotated[str, Doc("a varied path, or case, integrator or contact")]
     op: Annotated[Literal["<", "<=", ">", ">=", "==", "!="], Doc("how the value is compared")]
     value: Annotated[float | str | bool, Doc("with what")]
 
     def holds(self, row: Mapping[str, Any]) -> bool:
-        """Return whether the row is kept; a row without the path is."""
+        """Return whether the row fulfils the condition; a row without the path does."""
         if self.path not in row:
             return True
-        found, value = row[self.path], self.value
+        actual, value = row[self.path], self.value
         if self.op in {"==", "!="}:
-            return bool(found == value) == (self.op == "==")
+            return bool(actual == value) == (self.op == "==")
         try:
-            order = int(found > value) - int(found < value)
-        except TypeError:  # a word and a number have no order: `auto` among numbers stays, a wrong bound keeps nothing
-            return isinstance(found, str)
+            order = int(actual > value) - int(actual < value)
+        except TypeError:
+            # A word and a number have no order: `auto` among numbers is kept, a wrong bound keeps nothing.
+            return isinstance(actual, str)
         return {"<": order < 0, "<=": order <= 0, ">": order > 0, ">=": order >= 0}[self.op]
 
 
 @dataclass(frozen=True)
 class KeepSection:
-    """What is kept of each run beside its row."""
+    """Data kept of each run besides its row."""
 
     histories: Annotated[int, Ge(0), Unit("1"), Doc("at most so many points of each contact force; 0 keeps none")] = 0
 
 
 @dataclass(frozen=True)
 class StudySection:
-    """A study of percuss: many runs, a row each."""
+    """A study of percuss: many runs, one row each."""
 
     percuss_study: Annotated[Literal[1], Doc("version of the format: 1")]
     cases: Annotated[

@@ -1,7 +1,7 @@
 """Varied parameters: the grammar of their values, and the points of a study in their space.
 
-Values are written ``1,2,5``, ``0:1:11``, ``0.01:100:log:30``. Points are every combination of varied values,
-values that go together, and points drawn from a box.
+Values are written ``1,2,5``, ``0:1:11``, ``0.01:100:log:30``. Points are all combinations of varied values,
+points whose values go together, and points drawn from a box.
 """
 
 from __future__ import annotations
@@ -25,36 +25,36 @@ GRAMMAR = "write values as 1,2,5, a range as 0:1:11, a logarithmic range as 0.01
 
 
 def values(text: str, place: str = "--vary") -> list[Any]:
-    """Return the values that `text` stands for.
+    """Return the values that `text` describes.
 
     Parameters
     ----------
     text
         A list, a range (first:last:count) or a logarithmic range (first:last:log:count), both ends included.
     place
-        Where it was given, for the message.
+        Option or path where the text was given, for the message.
 
     Raises
     ------
     InputError
-        If it is none of these.
+        If the text is none of these.
     """
     parts = text.split(":")
     if len(parts) == 1:
         items = [item.strip() for item in text.split(",")]
         if not all(items):
-            raise _wrong(place, f"expected values, found '{text}'")
+            raise _grammar_error(place, f"expected values, found '{text}'")
         return [_number(item) for item in items]
     log = len(parts) == 4 and parts[2].strip() == "log"
     if not (len(parts) == 3 or log):
-        raise _wrong(place, f"expected a range, found '{text}'")
+        raise _grammar_error(place, f"expected a range, found '{text}'")
     first, last, count = _number(parts[0]), _number(parts[1]), _number(parts[-1])
     if isinstance(first, str) or isinstance(last, str) or not isinstance(count, int) or count < 1:
-        raise _wrong(place, f"expected numbers and a count of at least 1, found '{text}'")
+        raise _grammar_error(place, f"expected numbers and a count of at least 1, found '{text}'")
     if count > MOST:
-        raise _wrong(place, f"expected at most {MOST} values, found {count}")
+        raise _grammar_error(place, f"expected at most {MOST} values, found {count}")
     if log and not (first > 0 and last > 0):
-        raise _wrong(place, f"expected ends above 0 for a logarithmic range, found '{text}'")
+        raise _grammar_error(place, f"expected ends above 0 for a logarithmic range, found '{text}'")
     if log:
         return [float(x) for x in np.geomspace(first, last, count)]
     return [float(x) for x in np.linspace(first, last, count)]
@@ -66,13 +66,13 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
     Raises
     ------
     InputError
-        If one of them is not of that form.
+        If an entry is not of that form, or a path is given twice.
     """
     out: dict[str, list[Any]] = {}
     for item in given:
         path, equals, text = item.partition("=")
         if not equals or not path:
-            raise _wrong(option, f"expected PATH=VALUES, found '{item}'")
+            raise _grammar_error(option, f"expected PATH=VALUES, found '{item}'")
         if path.strip() in out:
             raise InputError(
                 [Problem(option, "", f"expected a path once, found {path.strip()} twice", "Join the values.")]
@@ -82,14 +82,14 @@ def varied(given: list[str], option: str = "--vary") -> dict[str, list[Any]]:
 
 
 def _number(text: str) -> Any:
-    """Return the number that a text is, as strictly as tables are read; any other text as it stands."""
+    """Return the number written in a text, by the same strict rules as in tables; return other text unchanged."""
     text = text.strip()
     if WHOLE.fullmatch(text):
         return int(text)
     return float(text) if NUMBER.fullmatch(text) or NOT_FINITE.fullmatch(text) else text
 
 
-def _wrong(place: str, message: str) -> InputError:
+def _grammar_error(place: str, message: str) -> InputError:
     return InputError([Problem(place, "", message, f"{GRAMMAR[0].upper()}{GRAMMAR[1:]}.")])
 
 
@@ -100,9 +100,9 @@ class Sample:
     Attributes
     ----------
     count, seed
-        How many; the same seed draws the same points.
+        Number of points, and seed; the same seed draws the same points.
     method
-        By independent numbers, or by one of the evenly filling sequences of `scipy.stats.qmc`.
+        Independent random numbers, or a space-filling sequence of `scipy.stats.qmc`.
     axes
         Lower end, upper end and whether logarithms are evenly spread, by path.
     """
@@ -122,16 +122,19 @@ class Sample:
 
             kinds = {"latin-hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}
             with warnings.catch_warnings():
-                # Sobol's sequence is even at powers of two only; any count is the user's to choose
+                # A Sobol sequence is balanced at powers of two only, but the user may choose any count.
                 warnings.filterwarnings("ignore", message="The balance properties of Sobol", category=UserWarning)
                 unit = kinds[self.method](size, rng=np.random.default_rng(self.seed)).random(self.count)
         return [
-            {path: _at(float(share), *axis) for share, (path, axis) in zip(row, self.axes.items(), strict=True)}
+            {
+                path: _interpolated(float(share), *axis)
+                for share, (path, axis) in zip(row, self.axes.items(), strict=True)
+            }
             for row in unit
         ]
 
 
-def _at(share: float, first: float, last: float, log: bool) -> float:
+def _interpolated(share: float, first: float, last: float, log: bool) -> float:
     if log:
         return math.exp(math.log(first) + share * (math.log(last) - math.log(first)))
     return first + share * (last - first)
@@ -140,7 +143,12 @@ def _at(share: float, first: float, last: float, log: bool) -> float:
 def combinations(
     varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: Sample | None = None
 ) -> list[dict[str, Any]]:
-    """Return every combination of the varied values, with each of the paired points and each of those drawn."""
+    """Return all combinations of the varied values, each with every paired point and every drawn point."""
     grid = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
     drawn: Sequence[Mapping[str, Any]] = sample.points() if sample is not None else [{}]
-    return [{**one, **two, **three} for one in grid for two in (paired or [{}]) for three in drawn]
+    return [
+        {**grid_point, **paired_point, **drawn_point}
+        for grid_point in grid
+        for paired_point in (paired or [{}])
+        for drawn_point in drawn
+    ]

@@ -1,4 +1,4 @@
-"""What is found out before the first run of a study: whether its paths exist, and whether its measures do."""
+"""Checks before the first run of a study: whether its paths and its measures exist."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ __all__ = ["check_measures", "check_points", "first_steps"]
 
 
 def check_points(spec: StudySpec, points: Sequence[Mapping[str, Any]]) -> None:
-    """Check that each varied path and value is right with some case and some pair of methods.
+    """Check that each varied path and value is right for at least one case and pair of methods.
 
-    Of long lists of numbers only the ends are tried: a value that is wrong among good ones is a row that says so.
+    Of long lists of numbers only the ends are tried: a wrong value among right ones fails as a run of its own.
 
     Raises
     ------
     InputError
-        With every value that is wrong everywhere, at its place in the study.
+        With all values that are wrong in every run, at their places in the study.
     """
     problems: dict[Problem, None] = {}
-    for at, point in _tried(spec, points[0]):
+    for at, point in _points_to_try(spec, points[0]):
         wrong = _wrong_everywhere(spec, point)
         for problem in wrong:
-            mine = [path for path in point if problem.place.startswith(f"--set {path}=")]
-            problems[_placed(spec, at, mine[0], problem) if mine else problem] = None
+            paths = [path for path in point if problem.place.startswith(f"--set {path}=")]
+            problems[_problem_in_study(spec, at, paths[0], problem) if paths else problem] = None
         if wrong and len(problems) > 20:
             break
     if problems:
         raise InputError(problems)
 
 
-def _placed(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Problem:
-    """Return a mistake of a value that the study gives, with its place in the study."""
+def _problem_in_study(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Problem:
+    """Return the problem of a value that the study gives, with its place in the study."""
     inside = "" if problem.path in {"", path} else f"{problem.path}: "
     if at[0] == "paired":
         at = (*at, path)
-    if problem.message.startswith("unknown key"):  # of all its values
-        own = at[: at.index(path) + 1] if path in at else at
-        return spec.source.problem(own, inside + problem.message, problem.advice, key=True)
+    if problem.message.startswith("unknown key"):  # concerns the path, not one of its values
+        key_path = at[: at.index(path) + 1] if path in at else at
+        return spec.source.problem(key_path, inside + problem.message, problem.advice, key=True)
     return spec.source.problem(at, inside + problem.message, problem.advice)
 
 
-def _tried(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
-    """Yield place and point for each value that is tried, all others as in the first point."""
+def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+    """Yield place and point for each value to try; all other values are those of the first point."""
     for path, values in spec.vary.items():
         listed = isinstance(spec.source.get(("vary", path)), tuple)
         ends = {0, len(values) - 1}
@@ -68,26 +68,26 @@ def _tried(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[KeyPath,
 
 
 def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Problem]:
-    """Return what is wrong with a point in the first run, if it is wrong in all; else nothing.
+    """Return the problems of a point in its first run if it is wrong in all runs, else an empty sequence.
 
-    An option that some pair has is not missed in the others; one that no pair has is a mistake.
+    An option is a mistake only if no pair of methods has it.
     """
-    said: Sequence[Problem] = ()
-    right, used = False, set()
+    problems: Sequence[Problem] = ()
+    any_right, used = False, set()
     for label, case in spec.cases.items():
         for task in tasks(label, case, spec.integrators, spec.contacts, [point]):
             used |= set(task.varied)
             try:
                 case.with_overrides(task.changes)
             except InputError as error:
-                said = said or error.problems
+                problems = problems or error.problems
             else:
-                right = True
-    if not right or used == set(point):
-        return () if right else said
-    nowhere = {path: value for path, value in point.items() if path not in used}
+                any_right = True
+    if not any_right or used == set(point):
+        return () if any_right else problems
+    unused = {path: value for path, value in point.items() if path not in used}
     for label, case in spec.cases.items():
-        for task in tasks(label, case, spec.integrators, spec.contacts, [nowhere], strict=True):
+        for task in tasks(label, case, spec.integrators, spec.contacts, [unused], strict=True):
             try:
                 case.with_overrides(task.changes)
             except InputError as error:
@@ -98,21 +98,21 @@ def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Pro
 def first_steps(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Mapping[str, Any]]:
     """Make one step of each kind of run in this process and return the summaries.
 
-    It compiles what the workers will need, once; they find it in the user's cache folder.
+    This compiles the code for all workers once; they find it in the user's cache folder.
     """
     kinds: dict[tuple[str, str], Task] = {}
     for task in planned:
-        # a twin is expensive to begin, and what it compiles does not depend on the case
+        # A tied twin is expensive to start, and its compiled code does not depend on the case.
         kinds.setdefault(("", task.contact) if task.tied else (task.case, task.contact), task)
     summaries: list[Mapping[str, Any]] = []
     for task in kinds.values():
         case = cases[task.case]
         changes = {path: value for path, value in task.changes.items() if path.split(".")[0] != "time"}
         step = {"step": case.time.step} if case.time.courant is None else {"courant": case.time.courant}
-        once = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
-        row, _ = perform(case, type(task)(task.case, task.integrator, task.contact, task.varied, once, task.tied))
-        if row.result is not None and row.status == "done":
-            summaries.append(row.result.summary)
+        one_step = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
+        run, _ = perform(case, type(task)(task.case, task.integrator, task.contact, task.varied, one_step, task.tied))
+        if run.result is not None and run.status == "done":
+            summaries.append(run.result.summary)
     return summaries
 
 
@@ -122,15 +122,17 @@ def check_measures(spec: StudySpec, summaries: Sequence[Mapping[str, Any]]) -> N
     Raises
     ------
     InputError
-        With every path that is in none.
+        With all paths that are in no summary.
     """
     given = spec.source.get(("measure",), ())
     problems = []
-    for i, one in enumerate(spec.columns if given else ()):
-        unknown = [one.unknown_to(summary) for summary in summaries]
+    for i, column in enumerate(spec.columns if given else ()):
+        unknown = [column.unknown_to(summary) for summary in summaries]
         if unknown and all(unknown):
-            wrong, advice = next(itertools.chain(filter(None, unknown)))
-            message = f"the summary of a run has no '{wrong}'" if wrong else f"{one.name} is not one number"
+            missing_path, advice = next(itertools.chain(filter(None, unknown)))
+            message = (
+                f"the summary of a run has no '{missing_path}'" if missing_path else f"{column.name} is not one number"
+            )
             problems.append(spec.source.problem(("measure", i), message, advice))
     if problems:
         raise InputError(problems)

@@ -1,4 +1,4 @@
-"""What a run depends on, as one key: two runs with equal keys give the same row, so one that is there is not made."""
+"""The key of a run, a digest of all its inputs: equal keys give equal rows, so a stored run is not made again."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ SILENT = ("title", "source", "expect", "plugins")  # entries of a case that chan
 
 
 class _Inputs(NamedTuple):
-    """What a run is made of beside numbers: digests of its components, and the files of numbers that it names."""
+    """Inputs of a run besides its options: digests of its components, and contents of the data files that it names."""
 
     components: dict[str, str]
     files: dict[str, bytes]
 
 
 class Keys:
-    """Makes the keys of a study's tasks.
+    """Maker of the keys for the tasks of a study.
 
     Parameters
     ----------
     columns
-        What is measured.
+        Measured columns.
     nudge, histories, repeats
-        What else a row depends on.
+        Other settings on which a row depends.
 
     Attributes
     ----------
@@ -47,21 +47,21 @@ class Keys:
     components
         Digest of each component that some task of a case uses, by the case's label, then family and name.
     files
-        The files of numbers that the tasks of each case name, by the case's label and the path written there.
+        Contents of the data files that the tasks of each case name, by the case's label and the path written there.
     """
 
     def __init__(self, columns: Sequence[Column], *, nudge: bool, histories: int, repeats: int | None = None) -> None:
-        measured = sorted([one.name, one.kind, [list(pair) for pair in one.arguments]] for one in columns)
+        measured = sorted([column.name, column.kind, [list(pair) for pair in column.arguments]] for column in columns)
         self.surroundings = {**surroundings(), "percuss": f"{percuss.__version__} {own_digest()}"}
         self.common = [self.surroundings, measured, nudge, histories, repeats]
-        self.measures = {one.name for one in columns if one.kind == "plug-in"}
+        self.measures = {column.name for column in columns if column.kind == "plug-in"}
         self.components: dict[str, dict[str, str]] = {}
         self.files: dict[str, dict[str, bytes]] = {}
         self._digests = SourceDigests()
         self._inputs: dict[str, _Inputs] = {}
 
     def of(self, label: str, case: Case, task: Task) -> str:
-        """Return the key of a task of `case`, which is called `label`.
+        """Return the key of a task of `case`, whose label is `label`.
 
         Raises
         ------
@@ -70,28 +70,28 @@ class Keys:
         """
         try:
             data = overrides.apply(case.origin, task.changes, case.registry)[0].data
-        except PercussError:  # a row that says so
+        except PercussError:  # the run will fail and report it
             data = {**case.origin.data, "changes": task.changes}
-        heard = {name: value for name, value in data.items() if name not in SILENT}
-        inputs = self._inputs_of(label, case, task, heard)
+        relevant = {name: value for name, value in data.items() if name not in SILENT}
+        inputs = self._inputs_of(label, case, task, relevant)
         files = [[name, content_digest(content)] for name, content in inputs.files.items()]
-        told = [self.common, sorted(inputs.components.items()), files, heard, task.tied]
-        return hashlib.sha256(json.dumps(told, sort_keys=True, default=str).encode()).hexdigest()[:32]
+        inputs_of_run = [self.common, sorted(inputs.components.items()), files, relevant, task.tied]
+        return hashlib.sha256(json.dumps(inputs_of_run, sort_keys=True, default=str).encode()).hexdigest()[:32]
 
     def _inputs_of(self, label: str, case: Case, task: Task, data: Mapping[str, Any]) -> _Inputs:
-        """Return the components and files of a task; a number never changes which they are."""
+        """Return the components and files of a task; they do not depend on the values of numbers."""
         words = {path: value for path, value in task.changes.items() if not isinstance(value, int | float)}
-        which = json.dumps([label, words, task.tied], sort_keys=True, default=str)
-        if which not in self._inputs:
+        kind = json.dumps([label, words, task.tied], sort_keys=True, default=str)
+        if kind not in self._inputs:
             components = dict(self._components(case, task))
             files = files_named(data, case.origin.folder)
-            self._inputs[which] = _Inputs(components, files)
+            self._inputs[kind] = _Inputs(components, files)
             self.components.setdefault(label, {}).update(components)
             self.files.setdefault(label, {}).update(files)
-        return self._inputs[which]
+        return self._inputs[kind]
 
     def _components(self, case: Case, task: Task) -> Iterator[tuple[str, str]]:
-        """Yield name and digest of all components that a run uses; of all single files where it cannot be read."""
+        """Yield name and digest of each component of a run, or of all single-file plug-ins for an unreadable case."""
         from percuss.results.provenance import plugins_used
         from percuss.studies.tasks import tying_law
 
@@ -101,7 +101,7 @@ class Keys:
         except PercussError:
             used = {f"{family}/{name}" for (family, name), source in sources.items() if not source.distribution}
         for (family, name), source in sources.items():
-            # whichever solution covers the case says its true error, and when a tied twin is tied
+            # Any solution may cover the case: it gives the true error, and the times at which a tied twin is tied.
             wanted = family == "solutions" or (family == "measures" and name in self.measures)
             wanted = wanted or (task.tied and (family, name) == ("contacts", tying_law(case.registry).name))
             if wanted or f"{family}/{name}" in used:
@@ -109,31 +109,31 @@ class Keys:
 
 
 def files_named(data: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
-    """Return the files that some entry of a case names, by the path written there.
+    """Return the contents of the files that entries of a case name, by the path written there.
 
     Parameters
     ----------
     data
         The case as plain data, overrides applied.
     folder
-        That its paths are relative to.
+        Folder to which the paths are relative.
     """
-    found = {}
+    contents = {}
     for name in sorted(set(_texts({key: value for key, value in data.items() if key not in SILENT}))):
         try:
             if (folder / name).is_file():
-                found[name] = (folder / name).read_bytes()
-        except (OSError, ValueError):  # no path at all, or one that cannot be read: the case says so
+                contents[name] = (folder / name).read_bytes()
+        except (OSError, ValueError):  # not a path, or one that cannot be read, which the case reports
             continue
-    return found
+    return contents
 
 
 def _texts(value: Any) -> Iterator[str]:
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
-        for one in value.values():
-            yield from _texts(one)
+        for item in value.values():
+            yield from _texts(item)
     elif isinstance(value, tuple | list):
-        for one in value:
-            yield from _texts(one)
+        for item in value:
+            yield from _texts(item)

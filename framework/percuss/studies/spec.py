@@ -1,4 +1,4 @@
-"""A study file: which cases, which methods, what is varied and what is measured, checked and with its places."""
+"""Specification of a study, read from its file and checked: cases, methods, varied values and measures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
-from percuss.studies.columns import METRICS, Column, column, named
+from percuss.studies.columns import METRICS, Column, column, column_by_name
 from percuss.studies.layout import (
     Condition,
     KeepSection,
@@ -32,21 +32,21 @@ __all__ = ["StudySpec", "read_study"]
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
-WHO = ("case", "integrator", "contact")  # columns of every row, beside the varied paths
+NAMES = ("case", "integrator", "contact")  # columns of every row, besides the varied paths
 
 
 @dataclass(frozen=True)
 class StudySpec:
-    """A study, checked.
+    """A checked study.
 
     Attributes
     ----------
     name
-        What its output is called by default.
+        Default name of its output.
     cases
-        By label, with `set` applied.
+        Cases by label, with `set` applied.
     integrators, contacts
-        Label and what is written at ``method.integrator`` and ``method.contact``; a name keeps the case's options.
+        Value for ``method.integrator`` or ``method.contact`` by label; a name alone keeps the options of the case.
     vary
         Values of each path.
     paired
@@ -54,13 +54,13 @@ class StudySpec:
     sample
         Points to be drawn, or None.
     columns
-        What is measured.
+        Measured columns.
     where
         Conditions that every run meets.
     tied, nudge, histories, repeats
         As in the file.
     data
-        The plain mapping behind it.
+        The study as a plain mapping.
     """
 
     name: str
@@ -86,14 +86,14 @@ def read_study(given: str | Path | Mapping[str, Any], plugins: list[Path] | None
     Parameters
     ----------
     given
-        Path of a YAML file, or the same as a mapping; paths in a mapping are relative to the current folder.
+        Path of a YAML file, or its contents as a mapping; paths in a mapping are relative to the current folder.
     plugins
         Single-file plug-ins beside those that the cases name.
 
     Raises
     ------
     InputError
-        With every mistake found.
+        With all mistakes in the study.
     """
     source = Source.of(given) if isinstance(given, Mapping) else Source.read(given)
     if isinstance(given, Mapping):
@@ -103,7 +103,7 @@ def read_study(given: str | Path | Mapping[str, Any], plugins: list[Path] | None
 
 
 class _StudyReader:
-    """Reads one study, by the means with which cases are read."""
+    """Reader of a study, based on the reader of cases."""
 
     def __init__(self, source: Source, plugins: list[Path]) -> None:
         self.reader = Reader(source, Registry.load(plugins))
@@ -116,16 +116,16 @@ class _StudyReader:
             reader.finish()
         if data.get("percuss-study") != 1 or isinstance(data.get("percuss-study"), bool | float):
             message = f"expected version 1 of the format, found {found(data.get('percuss-study'))}"
-            near = (
+            advice = (
                 "This is a case: run it with `percuss run`." if "percuss" in data else "Begin with `percuss-study: 1`."
             )
-            reader.wrong(("percuss-study",), message, near)
+            reader.wrong(("percuss-study",), message, advice)
             reader.finish()
         body = {("percuss_study" if key == "percuss-study" else key): value for key, value in data.items()}
-        top = reader.section(StudySection, (), body, "the study")
+        section = reader.section(StudySection, (), body, "the study")
         names = data.get("cases")
-        if not isinstance(names, tuple) or not all(isinstance(one, str) for one in names):
-            reader.finish()  # without cases nothing else can be judged
+        if not isinstance(names, tuple) or not all(isinstance(path, str) for path in names):
+            reader.finish()  # without cases nothing else can be checked
             raise AssertionError("the cases are wrong and nothing says why")
         cases = self.cases(names)
         methods = self.part(MethodsSection, "methods", "the methods")
@@ -136,11 +136,11 @@ class _StudyReader:
         if contacts:
             cases = {label: case.with_one_law() for label, case in cases.items()}
         varied, paired, sample = self.varied(), self.paired(), self.sample()
-        self.once(varied, paired, sample)
+        self.refuse_repeated_paths(varied, paired, sample)
         paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
-        columns, where = self.columns(cases), self.where([*WHO, *dict.fromkeys(paths)])
+        columns, where = self.columns(cases), self.where([*NAMES, *dict.fromkeys(paths)])
         reader.finish()
-        if top is None:
+        if section is None:
             raise AssertionError("a study is wrong and nothing says why")
         return StudySpec(
             name=name,
@@ -152,10 +152,10 @@ class _StudyReader:
             sample=sample,
             columns=columns,
             where=where,
-            tied=top.tied,
-            nudge=top.nudge,
+            tied=section.tied,
+            nudge=section.nudge,
             histories=keep.histories if keep else 0,
-            repeats=top.repeats,
+            repeats=section.repeats,
             data=data,
             source=self.source,
         )
@@ -163,28 +163,28 @@ class _StudyReader:
     # -------------------------------------------------------------------------------------------- parts
 
     def part(self, cls: type[Any], key: str, kind: str) -> Any:
-        """Return a section that may be absent; None where it is wrong."""
+        """Return a section, with its defaults if it is absent, or None if it is wrong."""
         value = self.source.get((key,), {})
         given = self.reader.mapping((key,), value, "a mapping")
         return self.reader.section(cls, (key,), given, kind) if given is not None else None
 
     def cases(self, names: tuple[str, ...]) -> dict[str, Case]:
-        """Return the cases by label: the file's name without its ending, or its path where two are alike."""
-        stems = [Path(one).stem for one in names]
+        """Return the cases by label: the file name without its ending, or the path if two names are alike."""
+        stems = [Path(case_file).stem for case_file in names]
         if not names:
             self.reader.wrong(("cases",), "expected at least one case, found none", "Name a file.")
         cases: dict[str, Case] = {}
-        for i, one in enumerate(names):
-            label = stems[i] if stems.count(stems[i]) == 1 else one
+        for i, case_file in enumerate(names):
+            label = stems[i] if stems.count(stems[i]) == 1 else case_file
             if label in cases:
-                self.reader.wrong(("cases", i), f"the case '{one}' is named twice", "Keep one.")
+                self.reader.wrong(("cases", i), f"the case '{case_file}' is named twice", "Keep one.")
                 continue
             try:
-                case = load(self.source.folder / one, plugins=self.plugins)
+                case = load(self.source.folder / case_file, plugins=self.plugins)
             except InputError as error:
                 first = error.problems[0]
                 if first.message == "no such file":
-                    self.reader.wrong(("cases", i), f"no such file: {self.source.folder / one}", first.advice)
+                    self.reader.wrong(("cases", i), f"no such file: {self.source.folder / case_file}", first.advice)
                 else:
                     self.reader.problems += [((0, i + 1, 0), problem) for problem in error.problems]
                 continue
@@ -194,7 +194,7 @@ class _StudyReader:
         return cases
 
     def with_set(self, case: Case) -> Case | None:
-        """Return the case with the values of `set`, and without what it expects: that is of other runs."""
+        """Return the case with the values of `set` and without its expectations, which hold for other runs, or None."""
         values = self.source.get(("set",), {})
         given = self.reader.mapping(("set",), values if values != () else {}, "a mapping of paths to values")
         if given is None:
@@ -203,39 +203,42 @@ class _StudyReader:
             return case.with_overrides({**given, "expect": ()})
         except InputError as error:
             for problem in error.problems:
-                self.wrong_at([("set", path) for path in given], problem)
+                self.report_problem([("set", path) for path in given], problem)
             return None
 
-    def wrong_at(self, paths: list[KeyPath], problem: Problem) -> None:
-        """Keep a mistake of a value that the study sets, at its place in the study."""
-        mine = [one for one in paths if problem.place.startswith(f"--set {one[-1]}=")]
-        if not mine:
+    def report_problem(self, paths: list[KeyPath], problem: Problem) -> None:
+        """Report the mistake of a value that the study sets, at its place in the study."""
+        matching = [path for path in paths if problem.place.startswith(f"--set {path[-1]}=")]
+        if not matching:
             self.reader.problems.append(((1, 0, 0), problem))
             return
-        said = f"{problem.path}: {problem.message}" if problem.path not in ("", mine[0][-1]) else problem.message
-        self.reader.wrong(mine[0], said, problem.advice, key=problem.message.startswith("unknown key"))
+        message = f"{problem.path}: {problem.message}" if problem.path not in ("", matching[0][-1]) else problem.message
+        self.reader.wrong(matching[0], message, problem.advice, key=problem.message.startswith("unknown key"))
 
     def methods(self, family: str, given: Any, registries: list[Registry]) -> dict[str, Any]:
-        """Return label and value of each method named; some case must know it."""
+        """Return label and value of each named method; at least one case must have it."""
         path: KeyPath = ("methods", family)
-        kind, known = SINGULAR[family], sorted({name for one in registries for name in one.names(family)})
+        kind, known_names = (
+            SINGULAR[family],
+            sorted({name for registry in registries for name in registry.names(family)}),
+        )
         if not isinstance(given, tuple):
-            self.reader.wrong(path, f"expected a list of names, found {found(given)}", f"Write as [{known[0]}].")
+            self.reader.wrong(path, f"expected a list of names, found {found(given)}", f"Write as [{known_names[0]}].")
             return {}
         out: dict[str, Any] = {}
-        names: list[Any] = [one.get("name") if isinstance(one, Mapping) else one for one in given]
-        for i, one in enumerate(given):
-            at = (*path, i, "name") if isinstance(one, Mapping) else (*path, i)
+        names: list[Any] = [method.get("name") if isinstance(method, Mapping) else method for method in given]
+        for i, method in enumerate(given):
+            at = (*path, i, "name") if isinstance(method, Mapping) else (*path, i)
             if not isinstance(names[i], str):
-                message = f"expected the name of a {kind}, found {found(one)}"
-                self.reader.wrong((*path, i), message, suggestion("", known))
-            elif names[i] not in known:
-                self.reader.wrong(at, f"unknown {kind} '{names[i]}'", suggestion(names[i], known))
+                message = f"expected the name of a {kind}, found {found(method)}"
+                self.reader.wrong((*path, i), message, suggestion("", known_names))
+            elif names[i] not in known_names:
+                self.reader.wrong(at, f"unknown {kind} '{names[i]}'", suggestion(names[i], known_names))
             else:
-                label = names[i] if names.count(names[i]) == 1 else flow(one)
+                label = names[i] if names.count(names[i]) == 1 else flow(method)
                 if label in out:
                     self.reader.wrong((*path, i), f"{label} is named twice", "Keep one.")
-                out[label] = one
+                out[label] = method
         return out
 
     def varied(self) -> dict[str, list[Any]]:
@@ -248,7 +251,7 @@ class _StudyReader:
         return out
 
     def values(self, at: KeyPath, given: Any) -> list[Any]:
-        """Return the values of a list, of a text of the grammar, or the one value given."""
+        """Return the values of a list or of a text in the grammar of `parameters`, or a single value as a list."""
         if isinstance(given, str):
             try:
                 return parameters.values(given)
@@ -268,8 +271,8 @@ class _StudyReader:
             self.reader.wrong(("paired",), f"expected a list of mappings, found {found(given)}", "Begin with a dash.")
             return []
         out: list[dict[str, Any]] = []
-        for i, one in enumerate(given):
-            point = self.reader.mapping(("paired", i), one, "a mapping of paths to values")
+        for i, entry in enumerate(given):
+            point = self.reader.mapping(("paired", i), entry, "a mapping of paths to values")
             if point is not None and out and set(point) != set(out[0]):
                 message = f"has {', '.join(point)}, and the first has {', '.join(out[0])}"
                 self.reader.wrong(("paired", i), message, "Give every point the same paths.")
@@ -278,7 +281,7 @@ class _StudyReader:
         return out
 
     def sample(self) -> Sample | None:
-        """Return the points to be drawn."""
+        """Return the points to be drawn, or None if there are none."""
         if self.source.get(("sample",), MISSING) is MISSING:
             return None
         section = self.part(SampleSection, "sample", "the sample")
@@ -286,77 +289,87 @@ class _StudyReader:
             return None
         given = self.reader.mapping(("sample", "of"), section.of, "a mapping of paths to ranges")
         axes = {}
-        for path, one in (given or {}).items():
+        for path, entry in (given or {}).items():
             at = ("sample", "of", path)
-            inside = self.reader.mapping(at, one, "a range as {from: 0, to: 1}")
-            drawn = self.reader.section(RangeSection, at, inside, "the range") if inside is not None else None
-            if drawn is not None:
-                axes[path] = (drawn.from_, drawn.to, drawn.scale == "log")
+            mapping = self.reader.mapping(at, entry, "a range as {from: 0, to: 1}")
+            axis = self.reader.section(RangeSection, at, mapping, "the range") if mapping is not None else None
+            if axis is not None:
+                axes[path] = (axis.from_, axis.to, axis.scale == "log")
         if given is not None and not given:
             self.reader.wrong(("sample", "of"), "expected at least one path, found none", "Add PATH: {from: 0, to: 1}.")
         return Sample(section.count, section.method, section.seed, axes)
 
-    def where(self, known: list[str]) -> tuple[Condition, ...]:
-        """Return the conditions."""
+    def where(self, paths: list[str]) -> tuple[Condition, ...]:
+        """Return the conditions that every run must meet."""
         given = self.source.get(("where",), ())
         if not isinstance(given, tuple):
             self.reader.wrong(("where",), f"expected a list of conditions, found {found(given)}", "Begin with a dash.")
             return ()
         out = []
-        for i, one in enumerate(given):
-            inside = self.reader.mapping(("where", i), one, "a condition as {path: refine, op: <, value: 4}")
-            made = self.reader.section(Condition, ("where", i), inside, "the condition") if inside is not None else None
-            if made is not None and made.path not in known:
-                self.reader.wrong(("where", i, "path"), f"'{made.path}' is not varied", suggestion(made.path, known))
-            elif made is not None:
-                out.append(made)
+        for i, entry in enumerate(given):
+            mapping = self.reader.mapping(("where", i), entry, "a condition as {path: refine, op: <, value: 4}")
+            condition = (
+                self.reader.section(Condition, ("where", i), mapping, "the condition") if mapping is not None else None
+            )
+            if condition is not None and condition.path not in paths:
+                self.reader.wrong(
+                    ("where", i, "path"), f"'{condition.path}' is not varied", suggestion(condition.path, paths)
+                )
+            elif condition is not None:
+                out.append(condition)
         return tuple(out)
 
-    def once(self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: Sample | None) -> None:
-        """Tell of a path that is given in two ways: one would silently take the place of the other."""
+    def refuse_repeated_paths(
+        self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: Sample | None
+    ) -> None:
+        """Report a path that is varied in two ways, as the second would silently replace the first."""
         together = list(dict.fromkeys(path for point in paired for path in point))
         drawn = list(sample.axes) if sample else []
-        for at, mine, others in (("paired", together, [*varied]), ("sample", drawn, [*varied, *together])):
-            for path in mine:
+        for section, paths, others in (("paired", together, [*varied]), ("sample", drawn, [*varied, *together])):
+            for path in paths:
                 if path in others:
-                    self.reader.wrong((at,), f"{path} is varied in another way too", "Give each path once.")
+                    self.reader.wrong((section,), f"{path} is varied in another way too", "Give each path once.")
 
     def columns(self, cases: dict[str, Case]) -> tuple[Column, ...]:
-        """Return what is measured."""
+        """Return the measured columns."""
         given = self.source.get(("measure",), ())
         if not isinstance(given, tuple):
             message = f"expected a list of measures, found {found(given)}"
             self.reader.wrong(("measure",), message, f"Measures with a name: {', '.join(METRICS)}.")
             return ()
         out: dict[str, Column] = {}
-        for i, one in enumerate(given):
-            made = self.column(("measure", i), one, cases)
-            if made is not None and not isinstance(one, str) and made.name in RESERVED:
-                self.reader.wrong(("measure", i), f"the name '{made.name}' is that of another column", "Rename it.")
-            elif made is not None and made.name in out:
-                self.reader.wrong(("measure", i), f"the name '{made.name}' is taken by another measure", "Rename it.")
-            elif made is not None:
-                out[made.name] = made
+        for i, measure in enumerate(given):
+            column_of_measure = self.column(("measure", i), measure, cases)
+            if column_of_measure is not None and not isinstance(measure, str) and column_of_measure.name in RESERVED:
+                self.reader.wrong(
+                    ("measure", i), f"the name '{column_of_measure.name}' is that of another column", "Rename it."
+                )
+            elif column_of_measure is not None and column_of_measure.name in out:
+                self.reader.wrong(
+                    ("measure", i), f"the name '{column_of_measure.name}' is taken by another measure", "Rename it."
+                )
+            elif column_of_measure is not None:
+                out[column_of_measure.name] = column_of_measure
         if not out:
-            return tuple(named(name) for name in METRICS)
-        # the one cost that does not depend on the machine belongs to every row
-        return tuple({**out, COST: named(COST)}.values())
+            return tuple(column_by_name(name) for name in METRICS)
+        # Every row has the cost that does not depend on the machine.
+        return tuple({**out, COST: column_by_name(COST)}.values())
 
-    def column(self, at: KeyPath, one: Any, cases: dict[str, Case]) -> Column | None:
-        """Return one column, or None where it is wrong."""
+    def column(self, at: KeyPath, measure: Any, cases: dict[str, Case]) -> Column | None:
+        """Return the column of a measure, or None if the measure is wrong."""
         try:
-            if isinstance(one, str):
-                return named(one, [case.registry for case in cases.values()])
-            inside = self.reader.mapping(
-                at, one, "a name, or a measure as {name: plateau, quantity: contact_force, ...}"
+            if isinstance(measure, str):
+                return column_by_name(measure, [case.registry for case in cases.values()])
+            mapping = self.reader.mapping(
+                at, measure, "a name, or a measure as {name: plateau, quantity: contact_force, ...}"
             )
-            made = self.reader.section(MeasureSection, at, inside, "the measure") if inside is not None else None
-            if made is None:
+            section = self.reader.section(MeasureSection, at, mapping, "the measure") if mapping is not None else None
+            if section is None:
                 return None
             contacts = list(dict.fromkeys(name for case in cases.values() for name in case.contacts))
             bodies = [str(Address(name)) for case in cases.values() for name in case.bodies]
-            return column(made, contacts, bodies)
-        except ValueError as error:  # said by the column, which knows no places
+            return column(section, contacts, bodies)
+        except ValueError as error:  # raised without the place in the study, which the column does not know
             message, advice, *key = error.args
             self.reader.wrong((*at, *key), message, advice)
             return None

@@ -1,7 +1,7 @@
-"""Where the rows of a study are kept: one SQLite file, a row a run, readable while it is written.
+"""The SQLite file of the rows of a study: one row per run, readable while it is written.
 
-A batch of rows is one transaction of a write-ahead log: a process that is killed at any moment leaves every batch
-it finished, whole. A row is found by the key of what its run depends on, so that the same run is never made twice.
+A batch of rows is one transaction of a write-ahead log: if a process is killed at any moment, the batches that it
+finished are complete. A row is found by the key of the inputs of its run, so that the same run is never made twice.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CREATE TABLE IF NOT EXISTS histories (key TEXT PRIMARY KEY, arrays BLOB NOT NULL
 INSERT OR REPLACE INTO facts VALUES ('format', '"percuss-study-2"');
 COMMIT;
 """
-WORKER = "worker"  # who says so of a run that was lost with its worker
+WORKER = "worker"  # `said_by` of a run that was lost with its worker
 
 
 class Store:
@@ -43,23 +43,23 @@ class Store:
     Parameters
     ----------
     path
-        The file.
+        Path of the file.
     new
-        Whether to make it where there is none, and to write to it.
+        Whether to create the file if it is missing, and to write to it.
 
     Raises
     ------
     InputError
-        If there is no such file, it is not of a study, or it cannot be written.
+        If there is no such file, it is not the file of a study, or it cannot be written.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, new: bool = False) -> None:
         self.path = Path(path)
         self.session = 0
         if self.path.is_dir():
-            raise self._wrong("expected a file, found a folder", "Name a file in it.")
+            raise self._error("expected a file, found a folder", "Name a file in it.")
         if not new and not self.path.is_file():
-            raise self._wrong("expected the file of a study, found nothing", "Make one with `percuss study`.")
+            raise self._error("expected the file of a study, found nothing", "Make one with `percuss study`.")
         if new and not (self.path.is_file() and self.path.stat().st_size):
             with replacing(self.path, ".sqlite") as beside, closing(sqlite3.connect(beside)) as db:
                 db.execute("PRAGMA journal_mode = WAL")
@@ -67,43 +67,43 @@ class Store:
         with self._open(write=new) as db:
             self._check(db)
 
-    def _wrong(self, message: str, advice: str = "") -> InputError:
+    def _error(self, message: str, advice: str = "") -> InputError:
         return InputError([Problem(str(self.path), "", message, advice)])
 
     @contextmanager
     def _open(self, *, write: bool = False) -> Iterator[sqlite3.Connection]:
-        """Give a connection; what is written within is one transaction."""
+        """Open a connection for a with statement, whose body is one transaction."""
         try:
             with closing(sqlite3.connect(self.path, timeout=60.0)) as db, db:
                 yield db
         except sqlite3.DatabaseError as error:
             if isinstance(error, sqlite3.OperationalError):
-                what = "written to" if write else "read"
-                raise self._wrong(f"cannot be {what}: {error}", "Name another file with -o.") from error
-            raise self._wrong(f"expected the file of a study, found something else ({error})") from error
+                action = "written to" if write else "read"
+                raise self._error(f"cannot be {action}: {error}", "Name another file with -o.") from error
+            raise self._error(f"expected the file of a study, found something else ({error})") from error
 
     def _check(self, db: sqlite3.Connection) -> None:
         tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if "facts" not in tables:
             kind = "another SQLite file" if tables else "an empty one"
-            raise self._wrong(f"expected the file of a study, found {kind}", "Name another file.")
-        found = self._fact(db, "format")
-        if found != FORMAT:
-            raise self._wrong(f"expected the format {FORMAT}, found {found}", "Name another file.")
+            raise self._error(f"expected the file of a study, found {kind}", "Name another file.")
+        actual = self._fact(db, "format")
+        if actual != FORMAT:
+            raise self._error(f"expected the format {FORMAT}, found {actual}", "Name another file.")
 
     @staticmethod
     def _fact(db: sqlite3.Connection, name: str) -> Any:
-        found = db.execute("SELECT value FROM facts WHERE name = ?", (name,)).fetchone()
-        return json.loads(found[0]) if found is not None else None
+        row = db.execute("SELECT value FROM facts WHERE name = ?", (name,)).fetchone()
+        return json.loads(row[0]) if row is not None else None
 
     # ------------------------------------------------------------------------------------------- writing
 
     def begin(
         self, facts: Mapping[str, Any], provenance: Mapping[str, Any], plan: Iterable[tuple[str, Mapping[str, Any]]]
     ) -> None:
-        """Say what the study is from now on: its facts, who runs it, and key and names of every row.
+        """Store the facts of the study, the provenance of this session, and the plan: key and names of every row.
 
-        Rows that the plan no longer has stay where they are: a later study may want them again.
+        Rows that are no longer in the plan are kept: a later plan may need them again.
         """
         with self._open(write=True) as db:
             for name, value in facts.items():
@@ -111,38 +111,38 @@ class Store:
             db.execute("DELETE FROM plan")
             rows = ((n, key, json.dumps(row)) for n, (key, row) in enumerate(plan))
             db.executemany("INSERT INTO plan VALUES (?, ?, ?)", rows)
-            made = db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
-            self.session = made.lastrowid or 0
+            cursor = db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
+            self.session = cursor.lastrowid or 0
 
     def add(self, records: Sequence[Record]) -> None:
-        """Keep a batch of rows: all of them or, where the process dies meanwhile, none."""
+        """Store a batch of rows: all of them or, if the process dies meanwhile, none."""
         rows = [
             (
-                one.key,
-                one.status,
-                one.reason,
-                one.said_by,
-                one.fragile,
-                one.seconds,
-                json.dumps(one.measures) if one.measures is not None else None,
+                record.key,
+                record.status,
+                record.reason,
+                record.said_by,
+                record.fragile,
+                record.seconds,
+                json.dumps(record.measures) if record.measures is not None else None,
                 self.session,
-                one.compiling,
-                one.cpu,
+                record.compiling,
+                record.cpu,
             )
-            for one in records
+            for record in records
         ]
         with self._open(write=True) as db:
             db.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
-            kept = [(one.key, one.histories) for one in records if one.histories]
-            db.executemany("INSERT OR REPLACE INTO histories VALUES (?, ?)", kept)
+            histories = [(record.key, record.histories) for record in records if record.histories]
+            db.executemany("INSERT OR REPLACE INTO histories VALUES (?, ?)", histories)
 
     # ------------------------------------------------------------------------------------------- reading
 
-    def known(self, again: Sequence[str] = ()) -> set[str]:
-        """Return the keys of the runs that need not be made: all but those lost, and those with a status in `again`."""
+    def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
+        """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""
         with self._open() as db:
-            found = db.execute("SELECT key, status FROM runs").fetchall()
-        return {key for key, status in found if status != LOST and status not in again}
+            statuses = db.execute("SELECT key, status FROM runs").fetchall()
+        return {key for key, status in statuses if status != LOST and status not in again}
 
     def planned(self) -> set[str]:
         """Return the keys of all rows of the plan."""
@@ -150,7 +150,7 @@ class Store:
             return {key for (key,) in db.execute("SELECT key FROM plan")}
 
     def processors(self) -> dict[str, int]:
-        """Return how many rows of the plan were made on each model of processor."""
+        """Return the number of rows of the plan made on each model of processor."""
         with self._open() as db:
             return dict(
                 db.execute(
@@ -159,17 +159,17 @@ class Store:
             )
 
     def fact(self, name: str) -> Any:
-        """Return what `begin` was told; None where it was not."""
+        """Return a fact that `begin` stored, or None if it stored no such fact."""
         with self._open() as db:
             return self._fact(db, name)
 
     def sessions(self) -> list[dict[str, Any]]:
-        """Return the provenance of each time the study was run, oldest first."""
+        """Return the provenance of each session in which the study was run, oldest first."""
         with self._open() as db:
             return [json.loads(text) for (text,) in db.execute("SELECT provenance FROM sessions ORDER BY number")]
 
     def rows(self) -> list[tuple[Any, ...]]:
-        """Return every row of the plan in its order: its names, and what became of it; None where nothing did yet."""
+        """Return the rows of the plan in order: names and outcome of each run, or None for a run not yet made."""
         with self._open() as db:
             return db.execute(
                 "SELECT plan.row, status, reason, said_by, fragile, measures, seconds, plan.key FROM plan "
@@ -177,7 +177,7 @@ class Store:
             ).fetchall()
 
     def histories(self, key: str) -> dict[str, Any] | None:
-        """Return the arrays kept of a run; None where none are."""
+        """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:
-            found = db.execute("SELECT arrays FROM histories WHERE key = ?", (key,)).fetchone()
-        return unpacked(found[0]) if found is not None else None
+            row = db.execute("SELECT arrays FROM histories WHERE key = ?", (key,)).fetchone()
+        return unpacked(row[0]) if row is not None else None

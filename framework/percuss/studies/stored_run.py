@@ -1,4 +1,4 @@
-"""What a worker hands back: the row of one run in plain terms, and its histories where they are kept."""
+"""The stored form of a run, which a worker returns: its row as plain data, and its histories if they are kept."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
     from percuss.studies.columns import Column
-    from percuss.studies.tasks import Row
+    from percuss.studies.tasks import Run
 
 __all__ = ["Record", "record", "unpacked"]
 
 
 @dataclass(frozen=True)
 class Record:
-    """One run as it is stored.
+    """A run as it is stored.
 
     Attributes
     ----------
     key
-        What it depends on.
+        Key of its inputs.
     status, reason, said_by
-        As of a `percuss.studies.tasks.Row`.
+        As in a `percuss.studies.tasks.Run`.
     fragile
-        Whether the answer hangs on round-off; None where nobody asked or there is no exact solution.
+        Whether the result depends on round-off; None if this was not tested or there is no exact solution.
     seconds
-        Wall time of the march alone, the least of all times it was made; None where it did not get to its end.
+        Wall time of the march alone, the smallest of its repeats; None if the march did not reach its end.
     wall
-        Seconds from the beginning of the run to its end, whatever they were spent on.
+        Seconds from the beginning of the run to its end.
     compiling
-        Seconds of these that were spent compiling; None where there is no result.
+        Seconds of these that were spent on compilation; None if there is no result.
     cpu
         Model of the processor.
     unread
-        Whether the run failed because this process could not read the case with the row's values.
+        Whether the run failed because this process could not read the case with the values of the run.
     misfit
-        Whether it was lost because this process does not have the methods, files or versions of the study.
+        Whether the run was lost because this process does not have the methods, files or versions of the study.
     measures
-        Value of each column; empty where the run was not done.
+        Value of each column; None if the run was not done.
     histories
-        Arrays as one npz file; empty where none are kept.
+        Arrays as one npz file; empty if none are kept.
     """
 
     key: str
@@ -63,55 +63,55 @@ class Record:
     misfit: bool = False
 
 
-def record(key: str, row: Row, columns: Sequence[Column], keep: int, wall: float, registry: Registry) -> Record:
-    """Return the row of a run in plain terms.
+def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float, registry: Registry) -> Record:
+    """Return the stored form of a run.
 
     Parameters
     ----------
     key
-        Of the task.
-    row
-        What became of it.
+        Key of the task.
+    run
+        The run with its outcome.
     columns
-        What is measured of a run that is done; a run that was stopped has no number that could be compared.
+        Columns measured if the run is done; a stopped run has no number that could be compared.
     keep
-        At most so many points of each history are kept.
+        Largest number of points kept of each history; 0 keeps none.
     wall
-        How long it took in all.
+        Wall time of the whole run.
     registry
-        Where the measures are that are plug-ins.
+        Registry of the measures that are plug-ins.
     """
     from percuss.jsonable import plain
     from percuss.results.provenance import processor_model
-    from percuss.studies.tasks import blamed
+    from percuss.studies.tasks import failure_status
 
-    times = row.result.summary["seconds"] if row.result is not None else {}
-    made = Record(key, row.status, row.reason, row.said_by, unread=row.unread)
-    made = replace(made, wall=wall, compiling=times.get("compile"), cpu=processor_model())
-    if row.result is None or row.status != "done":
-        return made
-    exact = row.result.summary["exact"]
+    times = run.result.summary["seconds"] if run.result is not None else {}
+    stored = Record(key, run.status, run.reason, run.said_by, unread=run.unread)
+    stored = replace(stored, wall=wall, compiling=times.get("compile"), cpu=processor_model())
+    if run.result is None or run.status != "done":
+        return stored
+    exact = run.result.summary["exact"]
     fragile = exact["fragile"] if exact is not None else None
     measures = {}
-    for one in columns:
+    for column in columns:
         try:
-            measures[one.name] = plain(one.take(row.result, registry))
-        except Exception as error:  # noqa: BLE001 - somebody's measure: a row that says so, as of their methods
-            status, reason = blamed(error, registry)
-            return replace(made, status=status, reason=f"measure {one.name}: {reason}", said_by=one.name)
-    histories = _packed(row.result, keep) if keep else b""
-    return replace(made, fragile=fragile, seconds=times["march"], measures=measures, histories=histories)
+            measures[column.name] = plain(column.take(run.result, registry))
+        except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
+            status, reason = failure_status(error, registry)
+            return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
+    histories = _packed(run.result, keep) if keep else b""
+    return replace(stored, fragile=fragile, seconds=times["march"], measures=measures, histories=histories)
 
 
 def _packed(result: Result, points: int) -> bytes:
     """Return time, contact force and exact force as one npz file, single precision, at most `points` of each.
 
-    Every so many records are kept, from the first on: on a regular axis runs can be compared.
+    Every n-th record is kept, from the first on: runs can be compared on a regular time axis.
     """
     arrays = result.arrays
-    every = max(1, -(-arrays["time"].size // points))
+    stride = max(1, -(-arrays["time"].size // points))
     kept = {
-        name: arrays[name][::every].astype(np.float32)
+        name: arrays[name][::stride].astype(np.float32)
         for name in ("time", "contact_force", "contact_force_exact")
         if name in arrays
     }
@@ -121,6 +121,6 @@ def _packed(result: Result, points: int) -> bytes:
 
 
 def unpacked(packed: bytes) -> dict[str, Any]:
-    """Return the arrays of a record: ``time``, ``contact``, ``contact_force``, ``contact_force_exact``."""
+    """Return the arrays of stored histories: ``time``, ``contact``, ``contact_force``, ``contact_force_exact``."""
     with np.load(io.BytesIO(packed), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}

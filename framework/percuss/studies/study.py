@@ -1,4 +1,4 @@
-"""Studies: many runs, spread over workers, resumed after any interruption, gathered in one table."""
+"""Studies: many runs, distributed to workers, resumed after any interruption, collected in one table."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ if TYPE_CHECKING:
 __all__ = ["Study", "open_study", "study"]
 
 Progress = Callable[[int, int], None]
-AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again where that is asked for
+AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 SECONDS = "wall time of the march alone, the least of its repeats; the processor is in the provenance"
 NAMES = ("case", "integrator", "contact")
 
 
 class Study:
-    """A study as far as it was run; it reads its file anew for what is asked, so it can be watched while it runs.
+    """A study with the rows made so far; each access reads its file again, so that it can be watched while it runs.
 
     Attributes
     ----------
     path
         The file.
     found
-        How many rows were there before this call ran any; 0 for a study that was only opened.
+        Number of rows that existed before this call made any; 0 for a study that was only opened.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -62,14 +62,14 @@ class Study:
 
     @property
     def columns(self) -> dict[str, str]:
-        """What each measured column is, in words: quantity, norm, averaging."""
+        """Definition of each measured column in words: quantity, norm, averaging."""
         return {**(self._store.fact("columns") or {}), "seconds": SECONDS}
 
     @property
     def provenance(self) -> dict[str, Any]:
         """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all.
 
-        ``processors`` says how many rows were made on each model of processor.
+        ``processors`` is the number of rows made on each model of processor.
         """
         sessions = self._store.sessions()
         last = sessions[-1] if sessions else {}
@@ -82,24 +82,24 @@ class Study:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a run, in the order of the study.
+        """The table of the study: one row per run, in the order of the study.
 
         Columns are ``case``, ``integrator``, ``contact``, the varied paths (nothing where the methods have no such
         option), ``status`` (done, unstable, refused, failed; lost where the machine or percuss itself failed; waiting
-        where the run is still to be made), ``reason``, ``said_by``, ``fragile``, what is measured, ``node_steps``
-        (steps times nodes), ``seconds`` (of the march alone, the least of its repeats) and ``key``.
+        where the run is still to be made), ``reason``, ``said_by``, ``fragile``, the measures, ``node_steps``
+        (steps times nodes), ``seconds`` (of the march alone, the smallest of its repeats) and ``key``.
         """
         import pandas as pd
 
-        rows = self.rows()
+        rows = self.as_records()
         numbers = [name for name in self.columns if rows and name in rows[0]]
         table = pd.DataFrame(rows, columns=list(rows[0]) if rows else None)
-        for name in numbers:  # a column of nothing but None is one of numbers too
+        for name in numbers:  # a column of None alone is numeric too
             if table[name].isna().all():
                 table[name] = table[name].astype(float)
         return table
 
-    def rows(self) -> list[dict[str, Any]]:
+    def as_records(self) -> list[dict[str, Any]]:
         """Return the rows of `table` as plain mappings, all with the same keys."""
         raw = [(json.loads(row), *rest) for row, *rest in self._store.rows()]
         varied = dict.fromkeys(path for names, *_ in raw for path in names["varied"])
@@ -124,7 +124,7 @@ class Study:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many rows have each status."""
+        """Number of rows with each status."""
         return dict(Counter(status or "waiting" for _, status, *_ in self._store.rows()))
 
     @property
@@ -133,7 +133,7 @@ class Study:
         return not {"waiting", LOST} & set(self.counts)
 
     def histories(self, key: str) -> dict[str, Any] | None:
-        """Return what is kept of a run's histories (`keep`); None where nothing is.
+        """Return the histories of a run that are kept (`keep`), or None if there are none.
 
         Returns
         -------
@@ -143,7 +143,7 @@ class Study:
         return self._store.histories(key)
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the table as csv or parquet, by suffix; beside and then renamed.
+        """Write the table as csv or parquet, by suffix, to a temporary file that is then renamed.
 
         Raises
         ------
@@ -156,13 +156,13 @@ class Study:
             if suffix == ".csv":
                 table.to_csv(beside, index=False)
             else:
-                # a column of words and numbers becomes one of words: parquet has one type a column
-                mixed = [name for name in table if len({type(v) for v in table[name] if v is not None}) > 1]
+                # A column of words and numbers is written as words, as parquet has one type per column.
+                mixed = [name for name in table if len({type(value) for value in table[name] if value is not None}) > 1]
                 table.astype(dict.fromkeys(mixed, str)).to_parquet(beside, index=False)
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{count} {status}" for status, count in self.counts.items())
-        return f"<percuss.Study {self.title!r}: {told or 'no rows'}>"
+        words = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<percuss.Study {self.title!r}: {words or 'no rows'}>"
 
 
 def open_study(path: str | os.PathLike[str]) -> Study:
@@ -171,18 +171,18 @@ def open_study(path: str | os.PathLike[str]) -> Study:
     Raises
     ------
     InputError
-        If there is no such file, or it is not of a study.
+        If there is no such file, or it is not the file of a study.
     """
     return Study(path)
 
 
 def exportable(path: str | os.PathLike[str]) -> str:
-    """Return the suffix of a file that a table can be written to.
+    """Return the suffix of a file to which a table can be written.
 
     Raises
     ------
     InputError
-        If it is another, or what writes it is not installed.
+        If the suffix is another, or the package that writes it is not installed.
     """
     from importlib.util import find_spec
 
@@ -211,26 +211,26 @@ def study(
     Parameters
     ----------
     path
-        Of a study file; or the same as a mapping.
+        Path of a study file, or its contents as a mapping.
     out
-        File of the rows; by default the study's name with the ending ``.sqlite``, in the current folder, and with some
-        letters more where that holds another study. Runs that it holds and that nothing changed for are not made
-        again, but for those that were lost to the machine.
+        File of the rows; by default the name of the study with the ending ``.sqlite``, in the current folder, and with
+        some letters added if that file holds another study. Runs stored in it whose inputs have not changed are not
+        made again, except those that were lost to the machine.
     workers
-        Number of processes; by default one a core. With 1 the runs are made in this process.
+        Number of processes; by default one per core. With 1 the runs are made in this process.
     scheduler
-        Address of a Dask scheduler, whose workers then make the runs.
+        Address of a Dask scheduler whose workers make the runs instead.
     progress
-        Called with (rows there, rows in all).
+        Called with (rows made, rows in all).
     plugins
-        Single-file plug-ins beside those that the cases name.
+        Single-file plug-ins besides those that the cases name.
     again
-        Statuses, as ``failed``, whose runs are made again although nothing changed for them.
+        Statuses, as ``failed``, whose runs are made again although their inputs have not changed.
 
     Returns
     -------
     Study
-        Not `complete` where Ctrl-C ended it early: every finished batch is kept, and the same call goes on from there.
+        Not `complete` if Ctrl-C ended it early: all finished batches are kept, and the same call resumes from there.
 
     Raises
     ------
@@ -250,23 +250,23 @@ def study(
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
         raise InputError([Problem("--again", "", message, "Runs that were lost are always made again.")])
-    spec = read_study(path, [Path(one) for one in plugins])
+    spec = read_study(path, [Path(plugin) for plugin in plugins])
     jobs, bench = _planned(spec)
     with _claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
-        known = Store(file).known(again) if _holds_something(file) else set()
-        missing = list({job.key: job for job in jobs if job.key not in known}.values())
+        finished = Store(file).finished_keys(again) if _has_content(file) else set()
+        missing = list({job.key: job for job in jobs if job.key not in finished}.values())
         if missing:
             _rehearse(spec, missing)
         store = Store(file, new=True)
         _begin(store, spec, jobs, _command(path, plugins), identity)
         done = Study(store.path)
-        done.found = sum(job.key in known for job in jobs)
+        done.found = sum(job.key in finished for job in jobs)
         if missing:
-            _make(bench, missing, store, workers, scheduler, _counted(progress, jobs, known), spec)
+            _make(bench, missing, store, workers, scheduler, _row_counter(progress, jobs, finished), spec)
     return done
 
 
-def _holds_something(path: Path) -> bool:
+def _has_content(path: Path) -> bool:
     return path.exists() and path.stat().st_size > 0
 
 
@@ -274,12 +274,12 @@ def _holds_something(path: Path) -> bool:
 def _claimed(
     out: str | os.PathLike[str] | None, given: str | Path | Mapping[str, Any], spec: StudySpec, keys: set[str]
 ) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Hold the file of a study against all other processes, once it is known to hold no other study.
+    """Lock the file of a study against all other processes, after a check that it holds no other study.
 
     Raises
     ------
     InputError
-        If it does, or another process writes to it.
+        If it holds another study, or another process writes to it.
     """
     refused: InputError | None = None
     for file in [Path(out)] if out is not None else _default_files(given, spec.name):
@@ -303,9 +303,9 @@ def _claimed(
 
 
 def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Path]:
-    """Return the files that the rows of a study may be kept in, the first that is free or its own.
+    """Return the default files for the rows of a study, of which the first that is free or its own is used.
 
-    Studies of one name in several folders each have a file of their own: the second is called by its place too.
+    Studies of the same name in several folders have a file each: the name of the second also depends on its place.
     """
     if isinstance(given, Mapping):
         return [Path(f"{name}.sqlite")]
@@ -315,55 +315,55 @@ def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Pat
 
 
 def _identity(given: str | Path | Mapping[str, Any], spec: StudySpec, out: Path) -> dict[str, Any]:
-    """Return what a study is known by: its file, by its place and by that as seen from `out`; without one, its title.
+    """Return the identity of a study: path of its file, absolute and relative to `out`, title and cases.
 
-    A study whose plan changes stays the same study, and so does one that moves together with its rows.
+    A study remains the same if its plan changes, and if it moves together with its rows.
     """
-    told = {"title": str(spec.data.get("title", "")), "cases": _listed(spec.data.get("cases", ()))}
+    description = {"title": str(spec.data.get("title", "")), "cases": _as_json_data(spec.data.get("cases", ()))}
     if isinstance(given, Mapping):
-        return {"file": None, "beside": None, **told}
+        return {"file": None, "beside": None, **description}
     file = Path(given).resolve()
     try:
-        beside = os.path.relpath(file, out.resolve().parent)
-    except ValueError:  # on another drive
-        beside = None
-    return {"file": str(file), "beside": beside, **told}
+        relative = os.path.relpath(file, out.resolve().parent)
+    except ValueError:  # a path on another drive has no relative form
+        relative = None
+    return {"file": str(file), "beside": relative, **description}
 
 
-def _is_same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return whether two identities are of one study."""
-    if one.get("file") is None or other.get("file") is None:
-        return all(one.get(name) == other.get(name) for name in ("file", "title", "cases"))
-    return any(one.get(name) is not None and one.get(name) == other.get(name) for name in ("file", "beside"))
+def _is_same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
+    """Return whether two identities are of the same study."""
+    if first.get("file") is None or second.get("file") is None:
+        return all(first.get(name) == second.get(name) for name in ("file", "title", "cases"))
+    return any(first.get(name) is not None and first.get(name) == second.get(name) for name in ("file", "beside"))
 
 
 def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> InputError | None:
-    """Return what to say where a file holds another study; None where it does not."""
-    if not _holds_something(file):
+    """Return the error of a file that holds another study, or None if it does not."""
+    if not _has_content(file):
         return None
     store = Store(file)
     held = store.fact("study")
     if held is None or _is_same(held, identity) or store.planned() == keys:
         return None
-    message = f"holds another study: {_named(held)}; this is {_named(identity)}"
+    message = f"holds another study: {_described(held)}; this is {_described(identity)}"
     return InputError([Problem(str(file), "", message, "Name another file with -o, or remove this one.")])
 
 
-def _named(identity: Mapping[str, Any]) -> str:
+def _described(identity: Mapping[str, Any]) -> str:
     title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
     return f"{title} of {identity.get('file') or 'a mapping'}"
 
 
 def _expect_writable(path: Path) -> None:
-    """Raise InputError where a file is still to be made, and cannot be."""
-    if not _holds_something(path):
+    """Raise InputError if a file does not exist yet and cannot be created."""
+    if not _has_content(path):
         attempt = replacing(path, path.suffix)
         attempt.__enter__()
         attempt.__exit__(OSError, None, None)
 
 
 def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
-    """Return all runs of a study with their keys, and what workers need to make them."""
+    """Return the jobs of all runs of a study, and the bench that workers need to make them."""
     from percuss.studies.job_package import Job, packed
     from percuss.studies.parameters import combinations
     from percuss.studies.preflight import check_points
@@ -387,7 +387,7 @@ def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
 
 
 def _rehearse(spec: StudySpec, missing: Sequence[Job]) -> None:
-    """Make one step of each kind of run: it compiles for all workers, and shows what a summary holds.
+    """Make one step of each kind of run, which compiles for all workers, and check the measures on its summary.
 
     Raises
     ------
@@ -400,16 +400,18 @@ def _rehearse(spec: StudySpec, missing: Sequence[Job]) -> None:
 
 
 def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path]) -> str | None:
-    """Return the command that makes a study again, or None where there is no file of it."""
+    """Return the command that makes a study again, or None if the study has no file."""
     if isinstance(given, Mapping):
         return None
-    return shlex.join(["percuss", "study", str(given), *(word for one in plugins for word in ("--plugin", str(one)))])
+    return shlex.join(
+        ["percuss", "study", str(given), *(word for plugin in plugins for word in ("--plugin", str(plugin)))]
+    )
 
 
 def _begin(
     store: Store, spec: StudySpec, jobs: Sequence[Job], command: str | None, identity: Mapping[str, Any]
 ) -> None:
-    """Write down what the study is and who runs it."""
+    """Store the facts, the provenance and the plan of the study."""
     files = {
         str(path): source.version
         for case in spec.cases.values()
@@ -417,7 +419,11 @@ def _begin(
         for source in case.registry.sources.values()
         if source.file == str(path)
     }
-    facts = {"study": identity, "spec": _listed(spec.data), "columns": {one.name: one.what for one in spec.columns}}
+    facts = {
+        "study": identity,
+        "spec": _as_json_data(spec.data),
+        "columns": {column.name: column.what for column in spec.columns},
+    }
     plan = (
         (
             job.key,
@@ -425,7 +431,7 @@ def _begin(
                 "case": job.task.case,
                 "integrator": job.task.integrator,
                 "contact": job.task.contact,
-                "varied": _listed(job.task.varied),
+                "varied": _as_json_data(job.task.varied),
             },
         )
         for job in jobs
@@ -433,23 +439,25 @@ def _begin(
     store.begin(facts, {**machine(), "cores": os.cpu_count(), "plugins": files, "command": command}, plan)
 
 
-def _listed(value: Any) -> Any:
-    """Return plain data as JSON has it."""
+def _as_json_data(value: Any) -> Any:
+    """Return plain data with lists and text keys, as in JSON."""
     if isinstance(value, Mapping):
-        return {str(key): _listed(item) for key, item in value.items()}
-    return [_listed(item) for item in value] if isinstance(value, list | tuple) else value
+        return {str(key): _as_json_data(item) for key, item in value.items()}
+    return [_as_json_data(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _counted(progress: Progress | None, jobs: Sequence[Job], known: set[str]) -> Callable[[Sequence[Record]], None]:
-    """Return what counts rows as their records come in."""
+def _row_counter(
+    progress: Progress | None, jobs: Sequence[Job], finished: set[str]
+) -> Callable[[Sequence[Record]], None]:
+    """Return a function that counts the rows of incoming records and reports the progress."""
     rows = Counter(job.key for job in jobs)
-    there = sum(count for key, count in rows.items() if key in known)
+    count_made = sum(count for key, count in rows.items() if key in finished)
 
     def count(records: Sequence[Record]) -> None:
-        nonlocal there
-        there += sum(rows[one.key] for one in records)
+        nonlocal count_made
+        count_made += sum(rows[record.key] for record in records)
         if progress is not None:
-            progress(there, len(jobs))
+            progress(count_made, len(jobs))
 
     return count
 
@@ -463,14 +471,14 @@ def _make(
     count: Callable[[Sequence[Record]], None],
     spec: StudySpec,
 ) -> None:
-    """Make runs and keep them batch by batch, until all are made or Ctrl-C."""
+    """Make runs and store them batch by batch, until all are made or Ctrl-C."""
     from percuss.interrupt import interruptible
     from percuss.studies.workers import run_here, run_local
 
     tasks = {job.key: job.task for job in jobs}
 
     def keep(records: Sequence[Record]) -> None:
-        records = [_judged(record, tasks[record.key], spec) for record in records]
+        records = [_record_to_store(record, tasks[record.key], spec) for record in records]
         if records:
             store.add(records)
             count(records)
@@ -490,8 +498,8 @@ def _make(
             run_local(bench, jobs, number, keep, stop)
 
 
-def _judged(record: Record, task: Task, spec: StudySpec) -> Record:
-    """Return a record as it is to be kept: a case that can be read here and could not be there was lost, not wrong."""
+def _record_to_store(record: Record, task: Task, spec: StudySpec) -> Record:
+    """Return the record to store: a run whose case is readable here but not by the worker was lost, not wrong."""
     if not record.unread:
         return record
     try:

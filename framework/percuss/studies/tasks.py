@@ -1,4 +1,4 @@
-"""Many runs as a list: every case, pair of methods and point a task, and every task, whatever becomes of it, a row."""
+"""Tasks and runs of a study: each case, pair of methods and point is a task, and each task becomes a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.options import options_of
 from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
-from percuss.results.assemble import AGAINST, NOT_VALID
+from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
 from percuss.results.runner import run, timed_run
 
 if TYPE_CHECKING:
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
 
-TIED = "tied"  # in place of a contact law, in the rows of tied twins
-LOST = "lost"  # status of a row that says nothing of its methods: the run is made again
-# errors of the machine, whoever's code meets them: a file that is gone, no memory, a package that is missing
+TIED = "tied"  # name of a tied twin in place of that of a contact law
+LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
+# Errors of the machine, whichever code raises them: a missing file, no memory, a missing package.
 ENVIRONMENT = (OSError, MemoryError, ImportError, EOFError)
 
 
 @dataclass(frozen=True)
 class Task:
-    """One run to be made.
+    """A run to be made.
 
     Attributes
     ----------
     case, integrator, contact
-        What the row is called by.
+        Names of the case and the methods in the row.
     varied
         Value of each varied path.
     changes
@@ -50,8 +50,8 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Row:
-    """One run of a comparison.
+class Run:
+    """A run of a comparison or of a study, with its outcome.
 
     Attributes
     ----------
@@ -63,13 +63,13 @@ class Row:
         ``done``, ``interrupted``, ``unstable``, ``refused``, ``failed``; or `LOST` where the machine or percuss
         itself failed and nothing is known of the methods.
     reason
-        Why it is not ``done``; empty if it is.
+        Why the run is not ``done``, or doubts about a run that is ``done``; else empty.
     said_by
-        Which component refused the pair; empty otherwise.
+        Component that refused the pair; empty otherwise.
     result
-        The result, also of a run that was stopped; None where there was no run.
+        The result, also of a stopped run; None if there is none.
     unread
-        Whether the run failed because the case could not be read with the values of this row.
+        Whether the run failed because the case could not be read with the values of this run.
     """
 
     integrator: str
@@ -83,16 +83,16 @@ class Row:
 
     @property
     def label(self) -> str:
-        """The pair and what was varied, in one line."""
+        """The pair of methods and the varied values, in one line."""
         return " ".join(
             [
                 f"{self.integrator} + {self.contact}",
-                *(f"{k.split('.')[-1]}={v}" for k, v in self.varied.items()),
+                *(f"{path.split('.')[-1]}={value}" for path, value in self.varied.items()),
             ]
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the row in the terms of JSON."""
+        """Return the run as plain data for JSON."""
         return {
             "integrator": self.integrator,
             "contact": self.contact,
@@ -116,156 +116,167 @@ def tasks(
 ) -> Iterator[Task]:
     """Yield the tasks of one case: every pair with every point, then the tied twin of every integrator and point.
 
-    Points that differ only in options which a pair does not have are one task of it, without these options.
+    Points that differ only in options which a pair lacks are one task of the pair, without these options.
 
     Parameters
     ----------
     label
-        What the case is called.
+        Label of the case.
     case
-        The case; its own integrator or law takes part where there is none to choose from.
+        The case; its own integrator or law is used where none is listed.
     integrators, contacts
-        A name, or a mapping with a name and options, by label. A name alone keeps the options that the case gives.
+        A name, or a mapping with a name and options, by label. A name alone keeps the options of the case.
     points
         Values of dotted paths.
     tied
-        Whether there are twins.
+        Whether to add tied twins.
     strict
-        Whether every pair gets every value of a point, also those that it has no option for.
+        Whether every pair gets all values of a point, even those for which it has no option.
     """
-    firsts = list(integrators.items()) or [(case.method.integrator.name, None)]
-    seconds = list(contacts.items()) or [(case.method.contact.name, None)]
-    for (one, first), (two, second) in itertools.product(firsts, seconds):
-        changes = {**_change("method.integrator", first), **_change("method.contact", second)}
-        for point in points if strict else _applicable(case, points, first, second):
-            names = _own(point, "method.integrator") or one, _own(point, "method.contact") or two
+    listed_integrators = list(integrators.items()) or [(case.method.integrator.name, None)]
+    listed_laws = list(contacts.items()) or [(case.method.contact.name, None)]
+    for (integrator_label, integrator), (law_label, law) in itertools.product(listed_integrators, listed_laws):
+        changes = {**_method_change("method.integrator", integrator), **_method_change("method.contact", law)}
+        for point in points if strict else _applicable(case, points, integrator, law):
+            names = (
+                _method_of_point(point, "method.integrator") or integrator_label,
+                _method_of_point(point, "method.contact") or law_label,
+            )
             yield Task(label, *names, point, {**changes, **point})
-    bare = _without_law(points) if tied else []
-    for one, first in firsts:
-        changes = _change("method.integrator", first)
-        for point in bare if strict else _applicable(case, bare, first, None):
-            yield Task(label, _own(point, "method.integrator") or one, TIED, point, {**changes, **point}, tied=True)
+    tied_points = _without_law(points) if tied else []
+    for integrator_label, integrator in listed_integrators:
+        changes = _method_change("method.integrator", integrator)
+        for point in tied_points if strict else _applicable(case, tied_points, integrator, None):
+            yield Task(
+                label,
+                _method_of_point(point, "method.integrator") or integrator_label,
+                TIED,
+                point,
+                {**changes, **point},
+                tied=True,
+            )
 
 
 def _applicable(
-    case: Case, points: Sequence[Mapping[str, Any]], first: Any, second: Any
+    case: Case, points: Sequence[Mapping[str, Any]], integrator: Any, law: Any
 ) -> Iterator[Mapping[str, Any]]:
-    """Yield the points without the options that an integrator or a law does not have, each of these once.
+    """Yield the points without options that the integrator or the law lacks; points that become equal are yielded once.
 
-    A value of such an option changes nothing: the run is one, and the value is none of its row.
+    The value of a missing option changes nothing: all its values share a single run, whose row shows none of them.
     """
-    made = set()
+    seen = set()
     for point in points:
-        known = {
+        options_by_method = {
             path: set(options_of(case.registry.get(family, name)))
-            for path, family, given, own in (
-                ("method.integrator", "integrators", first, case.method.integrator.name),
-                ("method.contact", "contacts", second, case.method.contact.name),
+            for path, family, listed, default in (
+                ("method.integrator", "integrators", integrator, case.method.integrator.name),
+                ("method.contact", "contacts", law, case.method.contact.name),
             )
-            if (name := _own(point, path) or _name(given) or own) in case.registry.names(family)
+            if (name := _method_of_point(point, path) or _listed_name(listed) or default) in case.registry.names(family)
         }
         lacking = {
             path
             for path in point
-            for method, options in known.items()
+            for method, options in options_by_method.items()
             if path.startswith(f"{method}.") and path.split(".")[2] not in {"name", *options}
         }
         fitting = {path: value for path, value in point.items() if path not in lacking}
-        which = repr(sorted(fitting.items(), key=repr))
-        if lacking and which in made:
+        identity = repr(sorted(fitting.items(), key=repr))
+        if lacking and identity in seen:
             continue
         if lacking:
-            made.add(which)
+            seen.add(identity)
         yield fitting
 
 
-def _name(given: Any) -> str:
-    """Return the name of a method as it is listed, alone or with options; nothing where none is listed."""
-    name = given.get("name") if isinstance(given, Mapping) else given
+def _listed_name(listed: Any) -> str:
+    """Return the name of a listed method, given alone or with options; empty if none is listed."""
+    name = listed.get("name") if isinstance(listed, Mapping) else listed
     return name if isinstance(name, str) else ""
 
 
 def _without_law(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Return the points without what belongs to the law that the twin does not have, each once."""
-    law = ("method.contact", "method.contact.")
-    bare = [
-        {path: v for path, v in point.items() if path != law[0] and not path.startswith(law[1])} for point in points
+    """Return the points without the contact law and its options, which a tied twin lacks; equal points once."""
+    law_paths = ("method.contact", "method.contact.")
+    remaining = [
+        {path: value for path, value in point.items() if path != law_paths[0] and not path.startswith(law_paths[1])}
+        for point in points
     ]
-    return list({repr(sorted(point.items())): point for point in bare}.values())
+    return list({repr(sorted(point.items())): point for point in remaining}.values())
 
 
-def _change(path: str, value: Any) -> dict[str, Any]:
+def _method_change(path: str, value: Any) -> dict[str, Any]:
     if value is None:
         return {}
     return {f"{path}.name": value} if isinstance(value, str) else {path: value}
 
 
-def _own(point: Mapping[str, Any], path: str) -> str:
-    """Return the method that a point itself names, where the methods are varied by their path."""
+def _method_of_point(point: Mapping[str, Any], path: str) -> str:
+    """Return the name of the method that a point sets because methods are varied by their path, or an empty text."""
     value = point.get(path, point.get(f"{path}.name"))
     name = value.get("name") if isinstance(value, Mapping) else value
     return name if isinstance(name, str) else ""
 
 
-def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Row, InputError | None]:
-    """Make one run.
+def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Run, InputError | None]:
+    """Make the run of a task.
 
     Parameters
     ----------
     case
         The case of the task.
     task
-        What to run.
+        Task of the run.
     nudge
         Whether to run the nudged twin too.
 
     Returns
     -------
-    row
-        Whatever became of the run.
+    run
+        The run with its outcome.
     error
-        What is wrong with the input, where that is why there is no result.
+        Error of the input if it is the reason why there is no result, else None.
     """
     return _perform(case, task, lambda changed: run(changed, nudge=nudge))
 
 
-def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None) -> Row:
-    """Make one run of a study, whose march is repeated to tell its cost; parameters as of `perform`."""
+def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None) -> Run:
+    """Make the run of a task of a study, with a repeated march to measure its cost; parameters as in `perform`."""
     return _perform(case, task, lambda changed: timed_run(changed, nudge=nudge, repeats=repeats))[0]
 
 
-def _perform(  # noqa: PLR0911 - a way out for each way to end
+def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
     case: Case, task: Task, make: Callable[[Case], Result]
-) -> tuple[Row, InputError | None]:
+) -> tuple[Run, InputError | None]:
     names = task.integrator, task.contact, task.varied
     try:
         changed = case.with_overrides(task.changes) if task.changes else case
     except InputError as error:
-        return Row(*names, "failed", str(error), unread=True), error
+        return Run(*names, "failed", str(error), unread=True), error
     try:
         if task.tied:
-            changed = case.with_overrides({**task.changes, **_tied(changed)})
+            changed = case.with_overrides({**task.changes, **_tying_changes(changed)})
         result = make(changed)
     except RefusedPair as error:
-        return Row(*names, "refused", error.reason, error.said_by), None
+        return Run(*names, "refused", error.reason, error.said_by), None
     except _NoTwin as error:
-        return Row(*names, "refused", str(error), TIED), None
+        return Run(*names, "refused", str(error), TIED), None
     except RunError as error:
-        return Row(*names, "unstable", str(error), result=error.result), None
+        return Run(*names, "unstable", str(error), result=error.result), None
     except InputError as error:
-        return Row(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
+        return Run(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
     except PercussError as error:
-        return Row(*names, "failed", str(error)), None
-    except Exception as error:  # noqa: BLE001 - whatever a plug-in does costs its own rows alone
-        return Row(*names, *blamed(error, case.registry)), None
-    reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST, NOT_VALID)))
+        return Run(*names, "failed", str(error)), None
+    except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
+        return Run(*names, *failure_status(error, case.registry)), None
+    reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
-    return Row(*names, result.status, reason, result=result), None
+    return Run(*names, result.status, reason, result=result), None
 
 
-def blamed(error: Exception, registry: Registry) -> tuple[str, str]:
-    """Return status and reason of a run that an unexpected error ended: `LOST` unless a plug-in's code raised it."""
-    said = f"{type(error).__name__}: {error}"
+def failure_status(error: Exception, registry: Registry) -> tuple[str, str]:
+    """Return status and reason of a run ended by an unexpected error: `LOST` unless the code of a plug-in raised it."""
+    message = f"{type(error).__name__}: {error}"
     files = {source.file for source in registry.sources.values() if source.file}
     packages = {source.module.partition(".")[0] for source in registry.sources.values() if source.distribution}
     in_plugin = any(
@@ -273,12 +284,12 @@ def blamed(error: Exception, registry: Registry) -> tuple[str, str]:
         for frame, _ in traceback.walk_tb(error.__traceback__)
     )
     if in_plugin and not isinstance(error, ENVIRONMENT):
-        return "failed", said
-    return LOST, f"the machine or percuss itself failed, which says nothing of the methods: {said}"
+        return "failed", message
+    return LOST, f"the machine or percuss itself failed, which says nothing of the methods: {message}"
 
 
 class _NoTwin(PercussError):
-    """There is no exact solution that says when the twin's interfaces are to be tied."""
+    """Error: a tied twin cannot be made for lack of a tying law or of the exact times at which to tie."""
 
 
 def tying_law(registry: Registry) -> type[ContactLaw]:
@@ -290,20 +301,20 @@ def tying_law(registry: Registry) -> type[ContactLaw]:
         If there is none.
     """
     laws: list[Any] = [registry.get("contacts", name) for name in registry.names("contacts")]
-    found = [law for law in laws if law.tied_during]
-    if not found:
+    tying_laws = [law for law in laws if law.tied_during]
+    if not tying_laws:
         raise _NoTwin("no contact law is registered that ties its contacts during intervals of time")
-    return found[0]  # type: ignore[no-any-return]
+    return tying_laws[0]  # type: ignore[no-any-return]
 
 
-def _tied(case: Case) -> dict[str, Any]:
-    """Return the changes that tie each contact of a case while the exact one is closed."""
+def _tying_changes(case: Case) -> dict[str, Any]:
+    """Return the changes to a case that tie each contact while its exact solution is closed."""
     from percuss.certificate.verdict import settled
     from percuss.results.exact import exact_solution
 
     law = tying_law(case.registry)
-    always = {f"contacts.{name}.method": law.name for name in case.contacts}
-    model = settled(case.with_overrides(always) if always else case)
+    tied_contacts = {f"contacts.{name}.method": law.name for name in case.contacts}
+    model = settled(case.with_overrides(tied_contacts) if tied_contacts else case)
     solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
     if solution is None or reason:
         raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")

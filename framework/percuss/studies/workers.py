@@ -1,4 +1,4 @@
-"""Many runs spread over the cores of this machine; a worker that dies costs nothing but the runs it was at."""
+"""Runs of a study on the cores of this machine; a worker that dies costs only the runs that it was making."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from percuss.studies.tasks import LOST
 
 __all__ = ["Batches", "run_here", "run_local"]
 
-SECONDS = 0.4  # that a batch is meant to take: short enough to lose little, long enough to cost nothing
-MOST = 500
-STRIKES = 3  # a run that kills its worker so often is not tried again
-IN_VAIN = 5  # crews that die before they make a run
+SECONDS = 0.4  # intended time of a batch: short enough to lose little, long enough to cost nothing
+MOST = 500  # largest number of runs in a batch
+STRIKES = 3  # a run that kills its worker this often is not tried again
+IN_VAIN = 5  # crews that may die before they make a run
 
 Keep = Callable[[Sequence[Record]], None]
 
 
 class Batches:
-    """The jobs that wait, handed out in batches that take about `SECONDS`."""
+    """Waiting jobs, handed out in batches that take about `SECONDS`."""
 
     def __init__(self, jobs: Sequence[Job], workers: int) -> None:
         self.waiting = deque(jobs)
         self.workers = workers
-        self.seconds: float | None = None  # of a run, as the last ones took
-        self.alone: set[str] = set()  # runs that are suspected of killing workers
+        self.seconds: float | None = None  # of a run, from the last batches
+        self.alone: set[str] = set()  # keys of runs suspected of killing workers
 
     def take(self) -> list[Job]:
-        """Return the next batch; the first ones are single runs, from which the size of later ones follows."""
+        """Return the next batch; the first batches are single runs, whose times give the size of later ones."""
         count = 1 if self.seconds is None else int(SECONDS / max(self.seconds, SECONDS / MOST))
-        share = -(-len(self.waiting) // (2 * self.workers))  # towards the end no worker is left without
+        share = -(-len(self.waiting) // (2 * self.workers))  # so that no worker is left without work at the end
         batch: list[Job] = []
         while self.waiting and len(batch) < max(1, min(count, share)):
             if self.waiting[0].key in self.alone and batch:
@@ -56,11 +56,11 @@ class Batches:
                 break
         return batch
 
-    def back(self, jobs: Sequence[Job], made: Sequence[Record]) -> None:
-        """Learn from a batch, and have what it left over wait in front."""
-        keys = {one.key for one in made}
+    def put_back(self, jobs: Sequence[Job], made: Sequence[Record]) -> None:
+        """Update the time of a run from a returned batch, and put its unmade jobs at the front of the queue."""
+        keys = {record.key for record in made}
         self.waiting.extendleft(job for job in reversed(jobs) if job.key not in keys)
-        times = [one.wall for one in made if one.wall is not None]
+        times = [record.wall for record in made if record.wall is not None]
         if times:
             mean = sum(times) / len(times)
             self.seconds = mean if self.seconds is None else 0.5 * (self.seconds + mean)
@@ -77,7 +77,7 @@ def run_here(bench: Bench, jobs: Sequence[Job], keep: Keep, stop: threading.Even
             stop.set()
             made = interrupted.records
         keep(made)
-        batches.back(batch, made)
+        batches.put_back(batch, made)
 
 
 def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop: threading.Event) -> None:
@@ -86,69 +86,69 @@ def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop:
     Parameters
     ----------
     bench
-        What the workers need.
+        Everything the workers need.
     jobs
-        What to run.
+        Runs to make.
     workers
         Number of processes.
     keep
         Called with the records of each finished batch.
     stop
-        Ends the work when it is set; batches that are finished by then are kept.
+        Event that ends the work when it is set; batches that are finished by then are kept.
 
     Raises
     ------
     RunError
         If the workers die again and again before they make any run.
     """
-    batches, flying, lost = Batches(jobs, workers), _Flying(), _Lost()
+    batches, in_flight, lost = Batches(jobs, workers), _InFlight(), _Lost()
     crew = _Crew(bench, workers)
     try:
-        while (batches.waiting or flying or lost.suspects) and not stop.is_set():
-            broken = not _submit(crew, batches, flying, lost)
-            for batch, made in flying.finished():
+        while (batches.waiting or in_flight or lost.suspects) and not stop.is_set():
+            broken = not _submit(crew, batches, in_flight, lost)
+            for batch, made in in_flight.finished():
                 if made is None:
                     broken = True
                     lost.batches.append(batch)
                     continue
                 lost.in_vain = 0
                 keep(made)
-                batches.back(batch, made)
+                batches.put_back(batch, made)
             if broken:
-                lost.batches += flying.all()
-                blamed = crew.at_work()
+                lost.batches += in_flight.take_all()
+                running = crew.at_work()
                 crew.end()
-                keep(lost.sort(blamed, batches))
+                keep(lost.sort(running, batches))
                 crew = _Crew(bench, workers)
     finally:
-        if stop.is_set():  # what is finished is kept; what is under way is not waited for
-            for _, made in flying.finished(0.0):
+        if stop.is_set():  # finished batches are kept, those under way are not waited for
+            for _, made in in_flight.finished(0.0):
                 keep(made or [])
-        crew.end(wait=not stop.is_set() and not flying)
+        crew.end(wait=not stop.is_set() and not in_flight)
 
 
-def _submit(crew: _Crew, batches: Batches, flying: _Flying, lost: _Lost) -> bool:
-    """Hand out work; return whether the crew still takes any."""
+def _submit(crew: _Crew, batches: Batches, in_flight: _InFlight, lost: _Lost) -> bool:
+    """Hand out batches; return whether the crew still accepts work."""
     while True:
         if lost.suspects:
-            # alone, so that what dies with it is known to have died of it
-            batch = [lost.suspects.popleft()] if not flying else []
+            # A suspect runs alone, so that it must be the cause if a worker dies.
+            batch = [lost.suspects.popleft()] if not in_flight else []
         else:
-            batch = batches.take() if batches.waiting and len(flying) < 2 * batches.workers else []
+            batch = batches.take() if batches.waiting and len(in_flight) < 2 * batches.workers else []
         if not batch:
             return True
         try:
-            flying[crew.submit(batch)] = batch
+            in_flight[crew.submit(batch)] = batch
         except BrokenProcessPool:
             lost.batches.append(batch)
             return False
 
 
-class _Flying(dict[Future[list[Record]], list[Job]]):
-    """The batches under way."""
+class _InFlight(dict[Future[list[Record]], list[Job]]):
+    """Batches under way, by future."""
 
     def finished(self, timeout: float = 0.2) -> Iterator[tuple[list[Job], list[Record] | None]]:
-        """Yield the batches that are finished with their records, None for one whose worker died."""
+        """Yield the finished batches with their records, or with None if the worker died."""
         if not self:
             return
         for future in wait(list(self), timeout=timeout, return_when=FIRST_COMPLETED).done:
@@ -158,15 +158,15 @@ class _Flying(dict[Future[list[Record]], list[Job]]):
             except BrokenProcessPool:
                 yield batch, None
 
-    def all(self) -> list[list[Job]]:
-        """Return all batches, which are under way no more."""
+    def take_all(self) -> list[list[Job]]:
+        """Return all batches and forget them, as they are no longer under way."""
         batches = list(self.values())
         self.clear()
         return batches
 
 
 class _Lost:
-    """Batches whose workers died, and the runs that may be why."""
+    """Batches whose workers died, and the runs that may be the cause."""
 
     def __init__(self) -> None:
         self.batches: list[list[Job]] = []
@@ -174,15 +174,15 @@ class _Lost:
         self.strikes: Counter[str] = Counter()
         self.in_vain = 0
 
-    def sort(self, blamed: set[str], batches: Batches) -> list[Record]:
-        """Put lost jobs back to wait, those in `blamed` to be tried alone; return the rows of those given up."""
+    def sort(self, running: set[str], batches: Batches) -> list[Record]:
+        """Put lost jobs back into the queue, or among the suspects if `running`; return records of those given up."""
         given_up = []
         self.in_vain += 1
-        if self.in_vain > IN_VAIN and not blamed:
+        if self.in_vain > IN_VAIN and not running:
             raise RunError("worker processes die before they make a run: try --workers 1, which says why")
         for batch in reversed(self.batches):
             for job in reversed(batch):
-                if job.key not in blamed:
+                if job.key not in running:
                     batches.waiting.appendleft(job)
                     continue
                 self.strikes[job.key] += 1
@@ -198,11 +198,11 @@ class _Lost:
 
 
 class _Crew:
-    """The worker processes, and a folder in which each says which run it is at."""
+    """Worker processes, and a folder in which each process notes the run that it is making."""
 
     def __init__(self, bench: Bench, workers: int) -> None:
         context = mp.get_context("forkserver" if "forkserver" in mp.get_all_start_methods() else "spawn")
-        context.set_forkserver_preload([__name__])  # what is slow to import is imported once for all workers
+        context.set_forkserver_preload([__name__])  # slow imports are made once for all workers
         self.notes = Path(tempfile.mkdtemp(prefix="percuss-"))
         self.alive, self.leash = context.Pipe(duplex=False)
         self.pool = ProcessPoolExecutor(workers, context, _begin, (bench, self.alive, str(self.notes)))
@@ -212,14 +212,14 @@ class _Crew:
             return self.pool.submit(_work, batch)
 
     def at_work(self) -> set[str]:
-        """Return the keys of the runs that workers were at when they died."""
-        return {one.read_text(encoding="ascii").strip() for one in self.notes.iterdir()} - {""}
+        """Return the keys of the runs that workers were making when they died."""
+        return {note.read_text(encoding="ascii").strip() for note in self.notes.iterdir()} - {""}
 
     def end(self, *, wait: bool = False) -> None:
-        """Dismiss the workers, in the middle of their work unless it is waited for."""
+        """End the workers, in the middle of their work unless `wait` is set."""
         if wait:
             self.pool.shutdown()
-        self.leash.close()  # a worker ends when this does
+        self.leash.close()  # a worker ends when this pipe is closed
         self.pool.shutdown(wait=False, cancel_futures=True)
         self.alive.close()
         shutil.rmtree(self.notes, ignore_errors=True)
@@ -227,10 +227,10 @@ class _Crew:
 
 @contextlib.contextmanager
 def _starting() -> Iterator[None]:
-    """Have processes that start now take over nothing that they should not.
+    """Keep processes that start now from importing the running script and from using several threads of BLAS.
 
-    They would import the script that is running, and one without ``if __name__ == "__main__"`` would run again in
-    each. And threads of BLAS would get into each other's way.
+    A script without ``if __name__ == "__main__"`` would run again in each process. The threads of several processes
+    would slow each other down.
     """
     main, threads = sys.modules["__main__"], os.environ.get("OPENBLAS_NUM_THREADS")
     sys.modules["__main__"] = ModuleType("__main__")
@@ -247,21 +247,21 @@ def _starting() -> Iterator[None]:
 
 # ------------------------------------------------------------------------------------- inside a worker process
 
-_HERE: dict[str, Any] = {}
+_PROCESS_STATE: dict[str, Any] = {}
 
 
 def _begin(bench: Bench, alive: Any, notes: str) -> None:
-    """Prepare this process for its work."""
-    # Ctrl-C is the business of the process that hands out the work: nothing here may take half a run for a whole one
+    """Prepare this worker process for its work."""
+    # The process that hands out the work handles Ctrl-C: a worker must not take half a run for a whole one.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     threading.Thread(target=_watch, args=(alive, notes), daemon=True).start()
-    _HERE["bench"] = bench
-    _HERE["note"] = os.open(Path(notes) / str(os.getpid()), os.O_CREAT | os.O_WRONLY, 0o600)
+    _PROCESS_STATE["bench"] = bench
+    _PROCESS_STATE["note"] = os.open(Path(notes) / str(os.getpid()), os.O_CREAT | os.O_WRONLY, 0o600)
 
 
 def _watch(alive: Any, notes: str) -> None:
-    """End this process with the one that hands out the work, however that ended."""
+    """End this process when the process that hands out the work ends, in any way."""
     with contextlib.suppress(EOFError, OSError):
         alive.recv()
     shutil.rmtree(notes, ignore_errors=True)
@@ -269,11 +269,11 @@ def _watch(alive: Any, notes: str) -> None:
 
 
 def _work(batch: list[Job]) -> list[Record]:
-    made = _HERE["bench"].records(batch, _note)
+    made = _PROCESS_STATE["bench"].records(batch, _note)
     _note("")
     return made  # type: ignore[no-any-return]
 
 
 def _note(key: str) -> None:
-    os.lseek(_HERE["note"], 0, os.SEEK_SET)
-    os.write(_HERE["note"], f"{key:32}".encode("ascii"))
+    os.lseek(_PROCESS_STATE["note"], 0, os.SEEK_SET)
+    os.write(_PROCESS_STATE["note"], f"{key:32}".encode("ascii"))

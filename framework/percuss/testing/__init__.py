@@ -1,11 +1,12 @@
-"""The conformance kit: whether a method does what the contract demands of it.
+"""The conformance kit, which checks that a method meets the demands of its contract.
 
-One line runs all of it, with pytest or without::
+One line runs all checks, with pytest or without it::
 
     test_conformance = conformance_test(MyLaw)
     print(conformance(MyLaw))
 
-`StrictSystem` is a minimal host in plain NumPy that gives a method what the contract promises, and nothing else.
+`StrictSystem` is a minimal reference implementation in plain NumPy that gives a method the quantities promised by the
+contract and nothing else.
 """
 
 from __future__ import annotations

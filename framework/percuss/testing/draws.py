@@ -1,4 +1,4 @@
-"""What the kit draws: rows of unlike bars, option values within their bounds, and the same case seen otherwise."""
+"""Random input of the kit: chains of unlike bars, option values within their bounds, and equivalent forms of a case."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
 
-NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
-HANGS = 1e-4  # a nudge that moves the answer by more: the run hangs on round-off and is compared with nothing
-SLACK = 10.0  # round-off may do that many times what the nudges tried did
-FLOOR = 1e-11  # of the peak
+PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run estimates that of round-off
+TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
+SAFETY_FACTOR = 10.0  # round-off may change a run by this multiple of the effect of the perturbations tried
+FLOOR = 1e-11  # smallest allowed difference, relative to the peak
 COMPARED = ("contact_force", "gap", "displacement")
 
-# what makes up a unit, in powers of length, mass and time
+# the dimension of each word of a unit, as powers of length, mass and time
 POWERS = {
     "1": (0, 0, 0), "length": (1, 0, 0), "mass": (0, 1, 0), "time": (0, 0, 1), "force": (1, 1, -2),
     "energy": (2, 1, -2), "velocity": (1, 0, -1), "acceleration": (1, 0, -2), "frequency": (0, 0, -1),
@@ -33,21 +33,24 @@ POWERS = {
     "stress": (-1, 1, -2), "density": (-3, 1, 0), "area": (2, 0, 0), "volume": (3, 0, 0), "radian": (0, 0, 0),
     "degree": (0, 0, 0), "power": (2, 1, -3), "strain": (0, 0, 0), "amplitude": (0, 0, 0),
 }  # fmt: skip
-OTHER_UNITS = (1000.0, 1e-3, 1e6)  # of length, mass and time; powers of two would change nothing at all
+# factors of length, mass and time; powers of two would leave every result the same to the last bit
+OTHER_UNITS = (1000.0, 1e-3, 1e6)
 
 
 # ----------------------------------------------------------------------------------------------------- drawing
 
 
 def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any], None], draws: int = 0) -> None:
-    """Call `body` with drawn values, the same ones every time.
+    """Call `body` with drawn values, which are the same in every run of the kit.
 
-    A value to which the check does not apply (`NotApplicable`) counts for nothing; if that is every one of them, so
-    does the check. A failure tells the value.
+    A value for which `body` raises `NotApplicable` is skipped; if all values are skipped, the first of these exceptions
+    is raised. A failure reports the value.
     """
     from hypothesis import HealthCheck, Phase, given, settings
     from hypothesis.errors import Flaky
 
+    # The source text of `each` is the seed of the draws (`derandomize`), so that renaming a variable in it would draw
+    # other cases. `told` holds the exceptions of the skipped values.
     told: list[NotApplicable] = []
     applied: list[bool] = []
 
@@ -80,7 +83,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
 
 
 def _shown(value: Any) -> str:
-    """Return a drawn value as it would be written in a case."""
+    """Return a drawn value as the text that stands for it in a case file."""
     from percuss.case.yaml_text import flow
 
     if isinstance(value, Mapping):
@@ -91,31 +94,33 @@ def _shown(value: Any) -> str:
 
 
 def number(low: float, high: float) -> SearchStrategy[float]:
-    """Return numbers of two decimals, easy to read in a failing example."""
+    """Return a strategy for numbers of two decimals, which are easy to read in a failing example."""
     from hypothesis import strategies as st
 
     return st.integers(round(low * 100), round(high * 100)).map(lambda k: k / 100)
 
 
-def rows(
+def bar_chains(
     *, bars: int = 3, moving: bool = True, gaps: bool = True, walls: bool = True, push: bool = False, steps: int = 300
 ) -> SearchStrategy[dict[str, Any]]:
-    """Return rows of bars of unlike material, area, length and mesh, with walls and supports, without a method.
+    """Return a strategy for chains of bars of unlike material, area, length and mesh, as cases without a method.
+
+    A chain lies along x; its last end may face a wall, be fixed or be free.
 
     Parameters
     ----------
     bars
-        The most.
+        Largest number of bars.
     moving
-        Whether they have velocities.
+        Whether the bars have initial velocities.
     gaps
-        Whether there may be gaps between them.
+        Whether there may be initial gaps between the bars and in front of a wall.
     walls
-        Whether an end may meet a wall.
+        Whether the last end may face a wall or be fixed.
     push
         Whether a constant force may act on the first end.
     steps
-        The most time steps.
+        Largest number of time steps.
     """
     from hypothesis import strategies as st
 
@@ -123,18 +128,19 @@ def rows(
     def drawn(draw: Callable[[SearchStrategy[Any]], Any]) -> dict[str, Any]:
         names = "abcd"[: draw(st.integers(1, bars))]
         bodies: dict[str, Any] = {}
-        at = 0.0
-        for place, name in enumerate(names):
+        position = 0.0
+        for index, name in enumerate(names):
             bodies[name] = {
                 "bar": {"length": draw(number(0.5, 3)), "elements": draw(st.integers(1, 10))},
                 "material": {"young": draw(number(20, 200)), "density": draw(number(0.01, 0.1))},
                 "area": draw(number(0.5, 2)),
-                "at": at,
-                "velocity": draw(number(0.1, 1)) * (1 - 2 * (place > 0)) if moving else 0.0,
+                "at": position,
+                "velocity": draw(number(0.1, 1)) * (1 - 2 * (index > 0)) if moving else 0.0,
             }
-            at = round(at + bodies[name]["bar"]["length"] + (draw(number(0, 0.1)) if gaps else 0.0), 6)
+            position = round(position + bodies[name]["bar"]["length"] + (draw(number(0, 0.1)) if gaps else 0.0), 6)
         contacts: dict[str, Any] = {
-            f"{one}{two}": {"between": [f"{one}.right", f"{two}.left"]} for one, two in itertools.pairwise(names)
+            f"{name}{following}": {"between": [f"{name}.right", f"{following}.left"]}
+            for name, following in itertools.pairwise(names)
         }
         last = bodies[names[-1]]
         end = round(last["at"] + last["bar"]["length"], 6)
@@ -157,8 +163,8 @@ def rows(
     return drawn()
 
 
-def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa: PLR0911  a line a kind of type
-    """Return values that the annotation of an option allows, of the size of its default."""
+def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa: PLR0911  one return for each kind of type
+    """Return a strategy for values that the annotation of an option allows, numbers of the magnitude of its default."""
     from typing import Annotated, Literal, get_args, get_origin
 
     from hypothesis import strategies as st
@@ -175,7 +181,7 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa
     if annotation in {int, float}:
         return _numbers(-math.inf, math.inf, True, True, 1.0, whole=annotation is int)
     if is_union(annotation):
-        return st.one_of([option_values(one, default) for one in get_args(annotation)])
+        return st.one_of([option_values(variant, default) for variant in get_args(annotation)])
     if get_origin(annotation) is Literal:
         return st.sampled_from(get_args(annotation))
     if annotation is type(None):
@@ -186,18 +192,18 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa
         inner, *rest = get_args(annotation)
         if rest == [...]:
             return st.lists(option_values(inner, None), min_size=1, max_size=3).map(tuple)
-        return st.tuples(*(option_values(one, None) for one in (inner, *rest)))
+        return st.tuples(*(option_values(item, None) for item in (inner, *rest)))
     if annotation is DataFile or annotation is str:
         return st.none()
     return st.just(default)
 
 
 def bounds(annotation: Any) -> tuple[float, float, bool, bool]:
-    """Return lower and upper bound of an annotation, and whether each is itself allowed."""
+    """Return the lower and the upper bound of an annotation, and whether each bound is itself an allowed value."""
     low, high, at_low, at_high = -math.inf, math.inf, True, True
-    for one in getattr(annotation, "__metadata__", ()):
+    for constraint in getattr(annotation, "__metadata__", ()):
         for key, is_low, closed in (("gt", 1, False), ("ge", 1, True), ("lt", 0, False), ("le", 0, True)):
-            limit = getattr(one, key, None)
+            limit = getattr(constraint, key, None)
             if limit is not None and is_low:
                 low, at_low = float(limit), closed
             elif limit is not None:
@@ -208,6 +214,7 @@ def bounds(annotation: Any) -> tuple[float, float, bool, bool]:
 def _numbers(
     low: float, high: float, at_low: bool, at_high: bool, size: float, *, whole: bool
 ) -> SearchStrategy[float]:
+    """Return a strategy for whole or real numbers within bounds; `size` is the magnitude of unbounded real numbers."""
     from hypothesis import strategies as st
 
     if whole:
@@ -216,7 +223,7 @@ def _numbers(
             math.ceil(high) - (not at_high) if math.isfinite(high) else 50,
         )
     span = st.integers(-8, 8).map(lambda k: size * 10.0 ** (k / 4))
-    edges = [value for value, there in ((low, at_low), (high, at_high)) if there and math.isfinite(value)]
+    edges = [value for value, allowed in ((low, at_low), (high, at_high)) if allowed and math.isfinite(value)]
     if math.isfinite(low) and math.isfinite(high):
         inner = st.integers(1, 99).map(lambda k: low + (high - low) * k / 100)
     elif math.isfinite(low):
@@ -228,145 +235,156 @@ def _numbers(
     return st.one_of(inner, *(st.just(value) for value in edges)) if edges else inner
 
 
-# ------------------------------------------------------------------------------------- the same case otherwise
+# ------------------------------------------------------------------------------------ equivalent forms of a case
 
 
-def turned(case: Mapping[str, Any], direction: tuple[float, ...]) -> dict[str, Any]:
-    """Return a case along a direction in two or three dimensions."""
+def rotated(case: Mapping[str, Any], direction: tuple[float, ...]) -> dict[str, Any]:
+    """Return a case on the x axis rotated to a direction, a vector of as many dimensions as it has components."""
     unit = np.array(direction) / np.linalg.norm(direction)
     out = copy.deepcopy(dict(case))
-    for one in out["bodies"].values():
-        one["bar"]["direction"] = list(direction)
-        one["at"] = list(one["at"] * unit)
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] = list(one["wall"] * unit)
+    for body in out["bodies"].values():
+        body["bar"]["direction"] = list(direction)
+        body["at"] = list(body["at"] * unit)
+    for contact in out["contacts"].values():
+        if "wall" in contact:
+            contact["wall"] = list(contact["wall"] * unit)
     return out
 
 
 def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a case seen from the other side."""
+    """Return the mirror image of a case, with x replaced by -x."""
     out = copy.deepcopy(dict(case))
-    for one in out["bodies"].values():
-        one["at"] *= -1.0
-        one["bar"]["direction"] = [-1.0]
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] *= -1.0
+    for body in out["bodies"].values():
+        body["at"] *= -1.0
+        body["bar"]["direction"] = [-1.0]
+    for contact in out["contacts"].values():
+        if "wall" in contact:
+            contact["wall"] *= -1.0
     return out
 
 
 def shifted(case: Mapping[str, Any], shift: float) -> dict[str, Any]:
-    """Return a case moved along x."""
+    """Return a case translated along x by `shift`."""
     out = copy.deepcopy(dict(case))
-    for one in out["bodies"].values():
-        one["at"] += shift
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] += shift
+    for body in out["bodies"].values():
+        body["at"] += shift
+    for contact in out["contacts"].values():
+        if "wall" in contact:
+            contact["wall"] += shift
     return out
 
 
-def turned_round(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a case with its bodies named from the other end, and the sides of each contact swapped."""
+def listed_in_reverse(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a case with its bodies listed in reverse order and the two sides of each contact swapped."""
     out = copy.deepcopy(dict(case))
     out["bodies"] = dict(reversed(out["bodies"].items()))
-    for one in out["contacts"].values():
-        if "between" in one:
-            one["between"] = list(reversed(one["between"]))
+    for contact in out["contacts"].values():
+        if "between" in contact:
+            contact["between"] = list(reversed(contact["between"]))
     return out
 
 
-def factor(unit: str) -> float:
-    """Return what a number of a unit is multiplied by in the other units.
+def unit_factor(unit: str) -> float:
+    """Return the factor that converts a number with the given unit to the other units (`OTHER_UNITS`).
 
     Raises
     ------
     CheckFailed
-        If the unit is not made of known words by ``/``, ``*`` and ``^``.
+        If the unit is not a combination of known words by ``/``, ``*`` and ``^``.
     """
     out = 1.0
-    for place, part in enumerate(unit.replace(" ", "").split("/")):
+    for position, part in enumerate(unit.replace(" ", "").split("/")):
         for word in part.split("*"):
             base, _, power = word.partition("^")
             if base not in POWERS or not re.fullmatch(r"(-?\d+(\.\d+)?)?", power):
                 raise CheckFailed(f"unit '{unit}' is not made of known words by / * ^; known are {', '.join(POWERS)}")
-            value = math.prod(f**p for f, p in zip(OTHER_UNITS, POWERS[base], strict=True)) ** float(power or 1)
-            out = out / value if place else out * value
+            value = math.prod(
+                scale**exponent for scale, exponent in zip(OTHER_UNITS, POWERS[base], strict=True)
+            ) ** float(power or 1)
+            out = out / value if position else out * value
     return out
 
 
 def converted(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of bars in other units of length, mass and time; options of its method stay as they are."""
+    """Return a case of bars converted to the other units of length, mass and time, without the options of methods."""
     out = copy.deepcopy(dict(case))
-    for one in out["bodies"].values():
-        one["bar"]["length"] *= factor("length")
-        one["at"] *= factor("length")
-        one["area"] *= factor("area")
-        one["velocity"] *= factor("velocity")
-        kinds = {"young": "stress", "density": "density"}
-        one["material"] = {key: value * factor(kinds[key]) for key, value in one["material"].items()}
-    for one in out["contacts"].values():
-        if "wall" in one:
-            one["wall"] *= factor("length")
-    for one in out.get("loads", {}).values():
-        one["constant"] *= factor("force")
+    for body in out["bodies"].values():
+        body["bar"]["length"] *= unit_factor("length")
+        body["at"] *= unit_factor("length")
+        body["area"] *= unit_factor("area")
+        body["velocity"] *= unit_factor("velocity")
+        units = {"young": "stress", "density": "density"}
+        body["material"] = {key: value * unit_factor(units[key]) for key, value in body["material"].items()}
+    for contact in out["contacts"].values():
+        if "wall" in contact:
+            contact["wall"] *= unit_factor("length")
+    for load in out.get("loads", {}).values():
+        load["constant"] *= unit_factor("force")
     return out
 
 
 def converted_options(subject: Subject, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options in the other units, each by the unit that it states; defaults that have one are among them."""
+    """Return options converted to the other units by their stated units, including defaults whose value changes."""
     from percuss.case.options import options_of
 
-    known = options_of(subject.component)
+    declared = options_of(subject.component)
     defaults = {
         key: option.default
-        for key, option in known.items()
-        if isinstance(option.default, int | float) and factor(option.unit or "1") != 1.0
+        for key, option in declared.items()
+        if isinstance(option.default, int | float) and unit_factor(option.unit or "1") != 1.0
     }
 
-    def scaled(value: Any, by: float) -> Any:
+    def scaled(value: Any, scale: float) -> Any:
         if isinstance(value, tuple | list):
-            return tuple(scaled(one, by) for one in value)
-        return value * by if isinstance(value, int | float) and not isinstance(value, bool) and by != 1.0 else value
+            return tuple(scaled(item, scale) for item in value)
+        return (
+            value * scale if isinstance(value, int | float) and not isinstance(value, bool) and scale != 1.0 else value
+        )
 
-    return {key: scaled(value, factor(known[key].unit or "1")) for key, value in {**defaults, **options}.items()}
+    return {
+        key: scaled(value, unit_factor(declared[key].unit or "1")) for key, value in {**defaults, **options}.items()
+    }
 
 
 # --------------------------------------------------------------------------------------------------- comparing
 
 
 def round_off(subject: Subject, case: Mapping[str, Any], base: Any) -> float | None:
-    """Return what round-off may do to the histories of a run, over their peaks; None where it hangs on it."""
+    """Return a bound of the effect of round-off on the histories of a run, relative to their peaks.
+
+    It is None for a run that is decided by round-off and cannot be compared with another.
+    """
     worst = FLOOR
     for sign in (1.0, -1.0):
         other = copy.deepcopy(dict(case))
-        for place, one in enumerate(other["bodies"].values()):
-            one["velocity"] *= 1.0 + sign * NUDGE * (1.0 + 0.3 * place)
-            one["area"] *= 1.0 + sign * 0.1 * NUDGE * (place + 1)
-        moved = apart(base, subject.run(other))
-        if not moved < HANGS:
+        for index, body in enumerate(other["bodies"].values()):
+            body["velocity"] *= 1.0 + sign * PERTURBATION * (1.0 + 0.3 * index)
+            body["area"] *= 1.0 + sign * 0.1 * PERTURBATION * (index + 1)
+        difference = largest_difference(base, subject.run(other))
+        if not difference < TOO_SENSITIVE:
             return None
-        worst = max(worst, SLACK * moved)
+        worst = max(worst, SAFETY_FACTOR * difference)
     return worst
 
 
-def apart(one: Any, other: Any, factors: Mapping[str, float] | None = None) -> float:
-    """Return by how much two runs differ, the largest over their histories, over the peak of each.
+def largest_difference(result: Any, other: Any, factors: Mapping[str, float] | None = None) -> float:
+    """Return the largest difference between the histories of two runs, each relative to its peak.
 
-    Gaps are differences of displacements, and are held against these.
+    A gap is a difference of displacements, so the difference of gaps is taken relative to the largest displacement
+    where that is larger. The histories of `other` are divided by `factors` first.
     """
     worst = 0.0
-    sizes = {name: float(np.abs(one.arrays[name]).max(initial=0.0)) for name in COMPARED}
+    sizes = {name: float(np.abs(result.arrays[name]).max(initial=0.0)) for name in COMPARED}
     sizes["gap"] = max(sizes["gap"], sizes["displacement"])
     for name in COMPARED:
-        mine, theirs = one.arrays[name], other.arrays[name] / (factors or {}).get(name, 1.0)
-        if name == "displacement" and mine.ndim == 3:  # of turned cases: how far, whichever way
-            mine, theirs = np.linalg.norm(mine, axis=2), np.linalg.norm(theirs, axis=2)
-        if mine.shape != theirs.shape:
-            raise CheckFailed(f"{name} has shape {theirs.shape} in place of {mine.shape}")
-        if sizes[name] > 0.0 and mine.size:
-            worst = max(worst, float(np.abs(mine - theirs).max()) / sizes[name])
+        history, compared = result.arrays[name], other.arrays[name] / (factors or {}).get(name, 1.0)
+        # the vectors of a rotated case have another direction and other components, so their norms are compared
+        if name == "displacement" and history.ndim == 3:
+            history, compared = np.linalg.norm(history, axis=2), np.linalg.norm(compared, axis=2)
+        if history.shape != compared.shape:
+            raise CheckFailed(f"{name} has shape {compared.shape} in place of {history.shape}")
+        if sizes[name] > 0.0 and history.size:
+            worst = max(worst, float(np.abs(history - compared).max()) / sizes[name])
     return worst
 
 
@@ -374,10 +392,13 @@ def must_agree(
     subject: Subject,
     case: Mapping[str, Any],
     other: Mapping[str, Any],
-    what: str,
+    change: str,
     factors: Mapping[str, float] | None = None,
 ) -> None:
-    """Run two cases that are the same in truth, and raise unless they agree to what round-off may do."""
+    """Run two equivalent cases, and raise `CheckFailed` unless their results differ by no more than round-off explains.
+
+    `change` names the difference between the cases in the message; for `factors` see `largest_difference`.
+    """
     base = subject.run(case)
     allowed = round_off(subject, case, base)
     if allowed is None:
@@ -385,16 +406,19 @@ def must_agree(
     try:
         changed = subject.run(other)
     except PercussError as error:
-        raise CheckFailed(f"{what} stops the run: {error}") from None
-    moved = apart(base, changed, factors)
-    if not moved <= allowed:
-        raise CheckFailed(f"{what} changes the answer by {moved:.2g} of its peak; round-off explains {allowed:.1g}")
+        raise CheckFailed(f"{change} stops the run: {error}") from None
+    difference = largest_difference(base, changed, factors)
+    if not difference <= allowed:
+        raise CheckFailed(
+            f"{change} changes the answer by {difference:.2g} of its peak; round-off explains {allowed:.1g}"
+        )
 
 
 def with_examples(subject: Subject, strategy: SearchStrategy[Any]) -> SearchStrategy[Any]:
-    """Return triples of a drawn case, an option set of the subject's examples and the name of a partner.
+    """Return a strategy for triples of a drawn case, an option set of the subject's examples and a partner's name.
 
-    A partner that declares to fail the check that is running is no partner for it.
+    A partner that declares the running check as an expected failure is left out. The name is empty if
+    no partner is left.
     """
     from hypothesis import strategies as st
 
@@ -410,13 +434,13 @@ def with_examples(subject: Subject, strategy: SearchStrategy[Any]) -> SearchStra
     return st.tuples(strategy, st.sampled_from(subject.examples), st.sampled_from(partners))
 
 
-def replaced(registry_case: Mapping[str, Any], **parts: Any) -> dict[str, Any]:
-    """Return a case with some of its parts replaced."""
-    return {**copy.deepcopy(dict(registry_case)), **parts}
+def replaced(case: Mapping[str, Any], **parts: Any) -> dict[str, Any]:
+    """Return a copy of a case with some of its parts replaced."""
+    return {**copy.deepcopy(dict(case)), **parts}
 
 
 def is_frozen_dataclass(component: type) -> bool:
-    """Return whether a class is a frozen dataclass of its own."""
+    """Return whether a class itself, and not only a base class of it, is a frozen dataclass."""
     parameters = vars(component).get("__dataclass_params__")
     return dataclasses.is_dataclass(component) and bool(parameters and parameters.frozen)
 

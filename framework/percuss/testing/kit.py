@@ -1,9 +1,9 @@
-"""Checks of the conformance kit, how they are run on a component, and what comes out.
+"""The conformance kit: it runs its checks on a component and reports the outcomes.
 
-A check is a plain function of a `Subject` that returns where the component does as the contract demands, and raises
-where it does not. One that takes a partner is run once for each registered method it may be paired with. The only way
-round a check is `Component.expected_failures`: it is run all the same, and a declared failure that does not occur is
-an error.
+A check is a plain function of a `Subject` that returns if the component meets the demand of the contract, and raises
+if it does not. A check that takes a partner is run once with each registered method that the component may be paired
+with. Only `Component.expected_failures` excuses a failure: the check is still run, and a declared failure that does not
+occur is an error.
 """
 
 from __future__ import annotations
@@ -36,22 +36,23 @@ __all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subjec
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a check.
+    """The outcome of one check of a component.
 
     Attributes
     ----------
     check
-        The check.
+        Check that was run.
     partner
-        Name of the partner, empty for a check that is not one of pairs.
+        Name of the partner, empty for a check that is not run in pairs.
     status
         ``passed``, ``failed``, ``expected failure``, ``passes unexpectedly`` or ``not applicable``.
     message
-        What was found, or why it does not apply.
+        Deviation from the demand, or the reason why the check does not apply.
     reason
-        Why a failure is expected.
+        Reason why a failure is expected.
     case
-        Text of the case file that the check read last before it failed, to be saved and run; empty if it read none.
+        Text of the case that the check read last before it failed, as a case file that can be saved and run; empty if
+        the check read no case.
     """
 
     check: Check
@@ -63,122 +64,126 @@ class Outcome:
 
     @property
     def name(self) -> str:
-        """Name of the check, with that of the partner."""
+        """Name of the check, followed by the name of the partner if there is one."""
         return named(self.check, self.partner)
 
     @property
     def good(self) -> bool:
-        """Whether the component does as it should, or as it says."""
+        """Whether the component meets the demand, fails as declared, or the check does not apply."""
         return self.status not in {"failed", "passes unexpectedly"}
 
     def __str__(self) -> str:
-        told = f"{self.status:>20}  {self.name}"
+        title = f"{self.status:>20}  {self.name}"
         if self.status == "failed":
-            demanded = _filled(f"demanded: {self.check.demand}")
-            parts = [self.message, demanded]
+            demand = _filled(f"demanded: {self.check.demand}")
+            parts = [self.message, demand]
             parts += [f"the case of {self.name}, to be saved and run:\n{self.case}"] if self.case else []
-            return "\n".join([told, *map(_indented, parts)])
+            return "\n".join([title, *map(_indented, parts)])
         if self.status == "passes unexpectedly":
-            return f"{told}\n{_indented(f'declared to fail ({self.reason}), and does not: take the entry out')}"
-        more = self.reason or self.message
-        return f"{told}{f' ({more})' if more else ''}"
+            return f"{title}\n{_indented(f'declared to fail ({self.reason}), and does not: take the entry out')}"
+        remark = self.reason or self.message
+        return f"{title}{f' ({remark})' if remark else ''}"
 
 
 @dataclass(frozen=True)
 class Report:
-    """What came of all checks of a component."""
+    """The outcomes of all checks of a component."""
 
     component: type[Component]
     outcomes: tuple[Outcome, ...]
 
     @property
     def passed(self) -> bool:
-        """Whether every check is as it should be."""
-        return all(one.good for one in self.outcomes)
+        """Whether no check failed and every declared failure occurred."""
+        return all(outcome.good for outcome in self.outcomes)
 
     def count(self, status: str) -> int:
-        """Return how many outcomes have a status."""
-        return sum(one.status == status for one in self.outcomes)
+        """Return the number of outcomes with a status."""
+        return sum(outcome.status == status for outcome in self.outcomes)
 
     def __str__(self) -> str:
         return "\n".join([self.verdict, *map(str, self.outcomes)])
 
     @property
     def verdict(self) -> str:
-        """One line: whether it passed, and how many checks came out how."""
-        counts = {one.status: self.count(one.status) for one in self.outcomes}
-        told = ", ".join(f"{number} {status}" for status, number in counts.items())
+        """One line that states whether the component conforms, and the number of outcomes of each status."""
+        counts = {outcome.status: self.count(outcome.status) for outcome in self.outcomes}
+        counted = ", ".join(f"{number} {status}" for status, number in counts.items())
         word = "conforms" if self.passed else "DOES NOT CONFORM"
-        return f"{self.component.name} ({self.component.family}) {word}: {told}"
+        return f"{self.component.name} ({self.component.family}) {word}: {counted}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the report in the terms of JSON."""
+        """Return the report as a dictionary that can be written as JSON."""
         return {
             "name": self.component.name,
             "family": self.component.family,
             "passed": self.passed,
             "checks": [
                 {
-                    "name": one.name,
-                    "status": one.status,
-                    "message": one.message,
-                    "reason": one.reason,
-                    "demand": one.check.demand,
-                    "case": one.case,
+                    "name": outcome.name,
+                    "status": outcome.status,
+                    "message": outcome.message,
+                    "reason": outcome.reason,
+                    "demand": outcome.check.demand,
+                    "case": outcome.case,
                 }
-                for one in self.outcomes
+                for outcome in self.outcomes
             ],
         }
 
 
 def known_checks() -> list[Check]:
-    """Return all checks, in the order in which they are run."""
+    """Return all checks of the kit in the order in which they are run."""
     from percuss.testing.checks import bulk, common, contacts, integrators, loads, others, pairs  # noqa: F401
 
     return list(CHECKS)
 
 
 def checks_of(subject: Subject) -> Iterator[tuple[Check, str]]:
-    """Yield every check that is for a subject, once with each partner where it is one of pairs."""
+    """Yield each check of a subject with an empty partner, or once with each partner if the check is run in pairs."""
     known_checks()
     yield from registered_checks(subject)
 
 
-def expected(one: Check, subject: Subject, partner: str) -> str:
-    """Return why a check is known to fail, as the component or its partner declares it; empty where it is not."""
-    mine = subject.component.expected_failures
-    found = mine.get(one.name, "") or (mine.get(named(one, partner), "") if partner else "")
-    if partner and not found:
-        theirs = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
-        found = theirs.get(one.name, "") or theirs.get(named(one, subject.name), "")
-    return found
+def expected(kit_check: Check, subject: Subject, partner: str) -> str:
+    """Return the reason for an expected failure declared by the component or its partner, empty if there is none."""
+    failures = subject.component.expected_failures
+    reason = failures.get(kit_check.name, "") or (failures.get(named(kit_check, partner), "") if partner else "")
+    if partner and not reason:
+        failures_of_partner = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
+        reason = failures_of_partner.get(kit_check.name, "") or failures_of_partner.get(
+            named(kit_check, subject.name), ""
+        )
+    return reason
 
 
-def perform(one: Check, subject: Subject, partner: str = "") -> Outcome:
-    """Run a check on a subject and return what came of it."""
-    subject = dataclasses.replace(subject, check=one.name, loaded=[])
-    outcome = _performed(one, subject, partner)
+def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
+    """Run a check on a subject and return its outcome."""
+    subject = dataclasses.replace(subject, check=kit_check.name, loaded=[])
+    outcome = _performed(kit_check, subject, partner)
     return dataclasses.replace(outcome, case=subject.last_case()) if outcome.status == "failed" else outcome
 
 
-def _performed(one: Check, subject: Subject, partner: str) -> Outcome:
-    reason = expected(one, subject, partner)
+def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
+    """Return the outcome of a check, without the text of the case that it read last."""
+    reason = expected(kit_check, subject, partner)
     try:
-        one.function(subject, partner) if partner else one.function(subject)
-    except NotApplicable as why:
-        return Outcome(one, partner, "not applicable", str(why), reason)
+        kit_check.function(subject, partner) if partner else kit_check.function(subject)
+    except NotApplicable as exemption:
+        return Outcome(kit_check, partner, "not applicable", str(exemption), reason)
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] == "hypothesis":
             raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-        return Outcome(one, partner, "failed", _told(error, subject))
+        return Outcome(kit_check, partner, "failed", _error_with_line(error, subject))
     except (CheckFailed, PercussError) as error:
-        told = str(error) if isinstance(error, CheckFailed) else _told(error, subject)
-        return Outcome(one, partner, "expected failure" if reason else "failed", told, reason)
-    except Exception as error:  # noqa: BLE001  whatever a plug-in does is what the kit is there to find
-        return Outcome(one, partner, "failed", _told(error, subject))  # nobody expects this
+        message = str(error) if isinstance(error, CheckFailed) else _error_with_line(error, subject)
+        return Outcome(kit_check, partner, "expected failure" if reason else "failed", message, reason)
+    except Exception as error:  # noqa: BLE001  the kit reports any error that a plug-in raises
+        # an expected failure excuses a broken demand, never an error of the program
+        return Outcome(kit_check, partner, "failed", _error_with_line(error, subject))
     if reason:
-        return Outcome(one, partner, "passes unexpectedly", reason=reason)
-    return Outcome(one, partner, "passed")
+        return Outcome(kit_check, partner, "passes unexpectedly", reason=reason)
+    return Outcome(kit_check, partner, "passed")
 
 
 def conformance(
@@ -191,39 +196,39 @@ def conformance(
     component
         Class of the method; it need not be registered.
     registry
-        What else there is; by default everything installed.
+        Registered components from which partners are taken; by default everything installed.
     draws
-        How many cases a check draws.
+        Number of cases that a check draws.
     strict
-        Whether to raise if anything failed.
+        Whether to raise an error if a check failed or a declared failure did not occur.
 
     Returns
     -------
     Report
-        What came of each check; as text, a report to read.
+        Outcome of each check; converted to text, it is a readable report.
 
     Raises
     ------
     AssertionError
-        If a check failed, or one declared to fail did not; the message is the report.
+        If `strict` and a check failed or a declared failure did not occur; the message is the report.
     """
     subject = Subject.of(component, registry, draws)
-    report = Report(component, tuple(perform(one, subject, partner) for one, partner in checks_of(subject)))
+    report = Report(component, tuple(perform(kit_check, subject, partner) for kit_check, partner in checks_of(subject)))
     if strict and not report.passed:
         raise AssertionError(str(report))
     return report
 
 
 def conformance_test(component: type[Component], *, draws: int = DRAWS) -> Callable[..., None]:
-    """Return a pytest function of all checks, one test a check: ``test_conformance = conformance_test(MyLaw)``."""
+    """Return a pytest function with one test for each check: ``test_conformance = conformance_test(MyLaw)``."""
     import pytest
 
     subject = Subject.of(component, draws=draws)
-    every = list(checks_of(subject))
+    checks = list(checks_of(subject))
 
-    @pytest.mark.parametrize(("one", "partner"), every, ids=[named(*each) for each in every])
-    def test_conformance(one: Check, partner: str) -> None:
-        outcome = perform(one, subject, partner)
+    @pytest.mark.parametrize(("kit_check", "partner"), checks, ids=[named(*pair) for pair in checks])
+    def test_conformance(kit_check: Check, partner: str) -> None:
+        outcome = perform(kit_check, subject, partner)
         if outcome.status == "not applicable":
             pytest.skip(outcome.message)
         if outcome.status == "expected failure":
@@ -234,20 +239,22 @@ def conformance_test(component: type[Component], *, draws: int = DRAWS) -> Calla
     return test_conformance
 
 
-def _told(error: BaseException, subject: Subject) -> str:
-    """Return an error with the line of the plug-in that it came from."""
+def _error_with_line(error: BaseException, subject: Subject) -> str:
+    """Return the text of an error with its notes and the last line of the plug-in in its traceback."""
     file = subject.registry.sources[subject.family, subject.name].file
-    steps = [f"{s.filename}:{s.lineno}" for s in traceback.extract_tb(error.__traceback__) if s.filename == file]
+    lines = [f"{f.filename}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
     notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
-    place = f" [{steps[-1]}]" if steps else ""
+    place = f" [{lines[-1]}]" if lines else ""
     return f"{type(error).__name__}: {error}{place}{notes}"
 
 
 def _filled(text: str) -> str:
+    """Return a text wrapped to lines of at most 96 characters."""
     import textwrap
 
     return textwrap.fill(text, 96, break_long_words=False, break_on_hyphens=False)
 
 
 def _indented(text: str) -> str:
+    """Return a text with every line indented below the names of the checks."""
     return "\n".join(f"{'':22}{line}" for line in text.splitlines())

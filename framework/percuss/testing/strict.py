@@ -1,7 +1,8 @@
-"""A minimal host: rows of bars in full matrices, in plain NumPy, that gives a method what the contract promises.
+"""A minimal reference implementation of the time loop for chains of bars, with full matrices in plain NumPy.
 
-It shares no code with the march. What it hands out cannot be written, has nothing but the promised attributes, and a
-kernel finds its output filled with nan.
+It shares no code with the time loop of the solver and gives a method no more than the contract promises: all arrays are
+read-only, objects have no other than the promised attributes, and the output of a kernel is filled with nan before the
+call.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from percuss.testing.subject import CheckFailed, NotApplicable
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, Floats, Integrator
 
-TOUCHING = 1e-9  # of an element: a smaller initial gap is none
+TOUCHING = 1e-9  # relative to the element length; a smaller initial gap counts as zero
 
 
 @dataclass(frozen=True)
 class Histories:
-    """What a march gives at t_n, n = 0 ... N: (N + 1, contacts) and (N + 1, nodes) arrays."""
+    """Histories of a run at t_n, n = 0 ... N, as (N + 1, contacts) and (N + 1, nodes) arrays."""
 
     contact_force: Floats
     gap: Floats
@@ -34,22 +35,22 @@ class Histories:
 
 
 class StrictSystem:
-    """A row of bars along x with contacts, marched by an integrator and a contact law through the contract alone.
+    """A chain of bars along x with contacts, stepped by an integrator and a contact law through the contract alone.
 
     Parameters
     ----------
     case
-        Mapping of a case in one dimension: bodies that are bars of one element size, contacts between them and with
-        walls, fixed ends, constant forces on ends. Its method is not looked at.
+        Mapping of a case in one dimension: bars, each with elements of equal length, contacts between them and with
+        walls, fixed ends, constant forces on ends. The method of the case is ignored.
     integrator, law
-        Instances of the methods.
+        Instances of the integrator and of the contact law.
 
     Attributes
     ----------
     dt, steps
         Time step and number of steps.
     points : ContactPoints
-        What the law is handed.
+        Contact points as the law receives them.
     """
 
     def __init__(self, case: Mapping[str, Any], integrator: Integrator, law: ContactLaw) -> None:
@@ -58,33 +59,34 @@ class StrictSystem:
         fastest = max(frequency for _, frequency in self._ends.values())
         self.dt: float = case["time"].get("step") or case["time"]["courant"] * 2.0 / fastest
         self.steps: int = case["time"]["steps"]
-        self._meet(case)
-        self._middle = 0.5 * self.dt  # of the step that is made
+        self._assemble_contacts(case)
+        self._middle = 0.5 * self.dt  # middle of the current step, which decides whether a law acts in an interval
         self.scheme = integrator.bind(self.dt)
         self.bound = read_only(law.bind(self.points, self.dt))
 
     def _assemble(self, case: Mapping[str, Any]) -> None:
-        sizes = {name: one["bar"]["elements"] + 1 for name, one in case["bodies"].items()}
+        """Set stiffness matrix, lumped mass, loads, initial velocity and held degrees of freedom of the bodies."""
+        sizes = {name: body["bar"]["elements"] + 1 for name, body in case["bodies"].items()}
         total = sum(sizes.values())
         self.stiffness, self.mass = np.zeros((total, total)), np.zeros(total)
         self.force, self.velocity = np.zeros(total), np.zeros(total)
         self.held = np.zeros(total, dtype=bool)
         self._nodes: dict[str, int] = {}
-        self._place: dict[str, float] = {}
-        self._size: dict[str, float] = {}  # of an element
+        self._positions: dict[str, float] = {}
+        self._element_length: dict[str, float] = {}
         self._ends: dict[str, tuple[float, float]] = {}  # EA/h and 2c/h
         first = 0
-        for name, one in case["bodies"].items():
-            n, area = one["bar"]["elements"], one["area"]
-            young, density, h = one["material"]["young"], one["material"]["density"], one["bar"]["length"] / n
+        for name, body in case["bodies"].items():
+            n, area = body["bar"]["elements"], body["area"]
+            young, density, h = body["material"]["young"], body["material"]["density"], body["bar"]["length"] / n
             for e in range(first, first + n):
                 self.stiffness[e : e + 2, e : e + 2] += young * area / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
                 self.mass[e : e + 2] += 0.5 * density * area * h
-            self.velocity[first : first + n + 1] = one["velocity"]
+            self.velocity[first : first + n + 1] = body["velocity"]
             self._nodes |= {f"{name}.left": first, f"{name}.right": first + n}
-            self._place |= {f"{name}.left": one["at"], f"{name}.right": one["at"] + one["bar"]["length"]}
-            self._size[name], self._ends[name] = h, (young * area / h, 2.0 * math.sqrt(young / density) / h)
-            for end in one.get("fixed", ()):
+            self._positions |= {f"{name}.left": body["at"], f"{name}.right": body["at"] + body["bar"]["length"]}
+            self._element_length[name], self._ends[name] = h, (young * area / h, 2.0 * math.sqrt(young / density) / h)
+            for end in body.get("fixed", ()):
                 self.held[self._nodes[f"{name}.{end}"]] = True
             first += n + 1
         for load in case.get("loads", {}).values():
@@ -92,29 +94,30 @@ class StrictSystem:
         self.velocity[self.held] = 0.0
         self.response = np.where(self.held, 0.0, 1.0 / self.mass)
 
-    def _meet(self, case: Mapping[str, Any]) -> None:
+    def _assemble_contacts(self, case: Mapping[str, Any]) -> None:
+        """Set contact normals, initial gaps, Delassus operator and contact points."""
         contacts = case["contacts"]
         self.normal = np.zeros((self.mass.size, len(contacts)))
         self.initial_gap = np.zeros(len(contacts))
         sides = []
-        for p, one in enumerate(contacts.values()):
-            ends = one["between"] if "between" in one else [one["body"]]
+        for p, contact in enumerate(contacts.values()):
+            ends = contact["between"] if "between" in contact else [contact["body"]]
             sign = 1.0 if ends[0].endswith(".right") else -1.0
-            other = self._place[ends[1]] if len(ends) == 2 else one["wall"]
-            gap = sign * (other - self._place[ends[0]])
+            opposite = self._positions[ends[1]] if len(ends) == 2 else contact["wall"]
+            gap = sign * (opposite - self._positions[ends[0]])
             for end, normal in zip(ends, (-sign, sign), strict=False):
                 self.normal[self._nodes[end], p] = normal
             sides.append([self._ends[end.partition(".")[0]] for end in ends])
-            size = min(self._size[end.partition(".")[0]] for end in ends)
-            self.initial_gap[p] = 0.0 if gap <= TOUCHING * size else gap
+            shortest = min(self._element_length[end.partition(".")[0]] for end in ends)
+            self.initial_gap[p] = 0.0 if gap <= TOUCHING * shortest else gap
         self.delassus = self.normal.T @ (self.response[:, None] * self.normal)
-        softer = [min(row) for row in sides]
+        softer = [min(pair) for pair in sides]
         self.points = ContactPoints(
             names=tuple(contacts),
-            stiffness=_locked([row[0] for row in softer]),
-            frequency=_locked([min(one[1] for one in row) for row in sides]),
-            mass=_locked([2.0 * s[0] / s[1] ** 2 for s in softer]),
-            equal_sides=_locked([all(np.allclose(one, row[0], rtol=1e-12) for one in row) for row in sides], bool),
+            stiffness=_locked([side[0] for side in softer]),
+            frequency=_locked([min(side[1] for side in pair) for pair in sides]),
+            mass=_locked([2.0 * side[0] / side[1] ** 2 for side in softer]),
+            equal_sides=_locked([all(np.allclose(side, pair[0], rtol=1e-12) for side in pair) for pair in sides], bool),
             delassus=_locked(np.diag(self.delassus)),
             coupling=_locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
             weight=_locked([1.0] * len(sides)),
@@ -122,7 +125,7 @@ class StrictSystem:
         )
 
     def _limits(self) -> Floats:
-        """Return `ContactPoints.stiffness_limit` by dense inverses of the bodies' matrices."""
+        """Return `ContactPoints.stiffness_limit`, computed with dense inverses of the matrices of the bodies."""
         in_contact = np.flatnonzero(self.normal.any(axis=1))
         uses = np.count_nonzero(self.normal, axis=1)
         share = np.zeros(self.mass.size)
@@ -141,26 +144,31 @@ class StrictSystem:
         return np.asarray(1.0 / (np.abs(self.normal) > 0).T.dot(share))
 
     def march(self) -> Histories:
-        """March to the end and one trial step beyond, which gives the last force."""
-        made = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
-        return Histories(*(np.array(column) for column in zip(*made, strict=True)))
+        """Return the histories of all steps and of one more step, whose force is the last one of the histories."""
+        records = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
+        return Histories(*(np.array(column) for column in zip(*records, strict=True)))
 
     def _leap_frog(self, table: LeapFrog) -> Iterator[tuple[Floats, Floats, Floats]]:
-        """Yield force, gap and displacement of each step."""
+        """Yield contact forces, gaps and displacements of each step of a leap-frog scheme."""
         dt, u = self.dt, np.zeros(self.mass.size)
         v = self.velocity - 0.5 * dt * self.response * self.force
         for n in range(self.steps + 1):
             self._middle = (n + 0.5) * dt
             bulk = self.response * (self.force - self.stiffness @ u)
             gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
-            ahead = rate + dt * acceleration
-            multiplier = self.multipliers(table, (gap, gap + dt * ahead), (rate, ahead), acceleration, n * dt)
+            predicted_rate = rate + dt * acceleration
+            multiplier = self.multipliers(
+                table, (gap, gap + dt * predicted_rate), (rate, predicted_rate), acceleration, n * dt
+            )
             yield multiplier, gap, u
             v = v + dt * (bulk + self.response * (self.normal @ multiplier))
             u = u + dt * v
 
     def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
-        """Yield the same of a scheme with a step of its own; force is impulse over step."""
+        """Yield contact forces, gaps and displacements of each step of a multi-stage scheme.
+
+        The contact force of a step is its contact impulse over dt.
+        """
         from percuss.methods import slots
         from percuss.solver.compiler.specialise import Specialiser
 
@@ -174,15 +182,16 @@ class StrictSystem:
             bulk = self.response * (self.force - self.stiffness @ u[:size])
             gap, rate = self.initial_gap + self.normal.T @ u[:size], self.normal.T @ v[:size]
             acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]
-            ahead = gap + r_v * rate + r_a * acceleration, rate + s_a * acceleration
+            predicted = gap + r_v * rate + r_a * acceleration, rate + s_a * acceleration
             table = LeapFrog(
                 ContactState("current", "current", "bulk", (0.0, 0.0, 1.0)),
                 ContactState("predicted", "predicted", "bulk", (r_a, s_a, 1.0)),
             )
             time = clock[0] + stages.times[stage] * dt
-            multiplier = self.multipliers(table, (gap, ahead[0]), (rate, ahead[1]), acceleration, time)
+            multiplier = self.multipliers(table, (gap, predicted[0]), (rate, predicted[1]), acceleration, time)
             a[:size] = bulk + self.response * (self.normal @ multiplier)
-            a[size:] = multiplier  # every entry of a state is treated alike: this one's velocity is the impulse
+            # a scheme treats all entries of a state alike, so that the velocity of these entries becomes the impulse
+            a[size:] = multiplier
 
         step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
         u, v = np.zeros(size + points), np.append(self.velocity, np.zeros(points))
@@ -204,14 +213,14 @@ class StrictSystem:
         acceleration: Floats,
         time: float,
     ) -> Floats:
-        """Return the multipliers, (contacts,), from gaps and gap rates as they are and as the bulk predicts them."""
+        """Return the multipliers, (contacts,), from current gaps and gap rates and those after the bulk update."""
         if isinstance(self.bound, LinearLaw):
-            return self._by_rows(self.bound, table, gaps, rates, acceleration)
+            return self._by_linear_law(self.bound, table, gaps, rates, acceleration)
         multiplier = np.full(len(self.points.names), np.nan)
-        seen = [_locked(one) for one in (*gaps, *rates)]
+        locked = [_locked(values) for values in (*gaps, *rates)]
         responses = table.end.response
         trial = Trial(
-            seen[0], seen[1], seen[2], seen[3], _locked(np.diag(self.delassus)), self.dt, time,
+            locked[0], locked[1], locked[2], locked[3], _locked(np.diag(self.delassus)), self.dt, time,
             responses[0], responses[1], *self._neighbours(),
         )  # fmt: skip
         kernel: Any = getattr(type(self.law), "multipliers", None)
@@ -223,7 +232,10 @@ class StrictSystem:
         return multiplier
 
     def _neighbours(self) -> tuple[Any, Any, Any, Any]:
-        """Return what a law sees of S off its diagonal, row by row; all contacts are of the one law."""
+        """Return the last four fields of a `Trial`: the off-diagonal entries of S by rows, and zero for other laws.
+
+        All contacts obey the same law, so that no other law acts at their ends.
+        """
         count = len(self.points.names)
         off = self.delassus - np.diag(np.diag(self.delassus))
         if not self.law.uses_coupling:
@@ -232,52 +244,56 @@ class StrictSystem:
         first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
         return _locked(first, int), _locked(column, int), _locked(off[row, column]), _locked(np.zeros(count))
 
-    def _by_rows(
+    def _by_linear_law(
         self,
-        rows: LinearLaw,
+        law: LinearLaw,
         table: LeapFrog,
         gaps: tuple[Floats, Floats],
         rates: tuple[Floats, Floats],
         acceleration: Floats,
     ) -> Floats:
+        """Return the multipliers, (contacts,), of a linear law."""
         count = len(self.points.names)
-        judged: ContactState = getattr(table, rows.at)
-        gap, rate = gaps[judged.gap == "predicted"], rates[judged.rate == "predicted"]
-        weights = [np.broadcast_to(np.asarray(one, float), count) for one in (rows.gap, rows.rate, rows.acceleration)]
-        sigma = np.broadcast_to(np.asarray(rows.sigma, dtype=float), count)
-        response = sum(weight * one for weight, one in zip(weights, judged.response, strict=True))
+        state: ContactState = getattr(table, law.at)
+        gap, rate = gaps[state.gap == "predicted"], rates[state.rate == "predicted"]
+        weights = [
+            np.broadcast_to(np.asarray(weight, float), count) for weight in (law.gap, law.rate, law.acceleration)
+        ]
+        sigma = np.broadcast_to(np.asarray(law.sigma, dtype=float), count)
+        response = sum(weight * unit for weight, unit in zip(weights, state.response, strict=True))
         right = -weights[0] * gap - weights[1] * rate
-        if judged.acceleration == "bulk":
+        if state.acceleration == "bulk":
             right = right - weights[2] * acceleration
-        intervals = [(-math.inf, math.inf)] if rows.during is None else rows.during
+        intervals = [(-math.inf, math.inf)] if law.during is None else law.during
         acts = any(start < self._middle < stop for start, stop in intervals)
-        active = np.flatnonzero(((gap < 0.0) | (rows.active == "all")) & acts)
+        active = np.flatnonzero(((gap < 0.0) | (law.active == "all")) & acts)
         left = np.diag(sigma) + np.asarray(response)[:, None] * self.delassus
         out = np.zeros(count)
-        out[active] = _solved(left[np.ix_(active, active)], right[active], free=rows.sign == "free")
+        out[active] = _solved(left[np.ix_(active, active)], right[active], free=law.sign == "free")
         return out
 
 
 def _solved(left: Floats, right: Floats, *, free: bool) -> Floats:
-    """Return x with ``left x = right``, or with ``0 <= x, left x - right >= 0, x (left x - right) = 0``."""
+    """Return the solution x of ``left x = right``, or of ``0 <= x, left x - right >= 0, x (left x - right) = 0``."""
     count = right.size
     if free and count:
         return np.asarray(np.linalg.solve(left, right), dtype=float)
     best, least = np.zeros(count), math.inf
     scale = float(np.abs(right).max(initial=0.0))
     for size in range(count + 1):
-        for some in itertools.combinations(range(count), size):
+        for subset in itertools.combinations(range(count), size):
             x = np.zeros(count)
-            which = list(some)
-            x[which] = np.linalg.lstsq(left[np.ix_(which, which)], right[which], rcond=None)[0]
-            spare = left @ x - right
-            miss = max(-float(spare.min(initial=0.0)), -float((x * np.diag(left)).min(initial=0.0)))
-            if miss < least - 1e-13 * scale:
-                best, least = x, miss
+            closed = list(subset)
+            x[closed] = np.linalg.lstsq(left[np.ix_(closed, closed)], right[closed], rcond=None)[0]
+            residual = left @ x - right
+            violation = max(-float(residual.min(initial=0.0)), -float((x * np.diag(left)).min(initial=0.0)))
+            if violation < least - 1e-13 * scale:
+                best, least = x, violation
     return best
 
 
 def _locked(values: Any, kind: type = float) -> Any:
+    """Return a read-only array of values."""
     array: Any = np.array(values, dtype=kind)
     array.flags.writeable = False
     return array

@@ -1,4 +1,4 @@
-"""A component under test, and the checks that are registered for its family."""
+"""The subject of the conformance kit, a component under test, and the register of checks of each family."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 
-DRAWS = 12  # cases a check draws
+DRAWS = 12  # number of cases that a check draws
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
 Status = Literal["passed", "failed", "expected failure", "passes unexpectedly", "not applicable"]
 
 
 class CheckFailed(AssertionError):
-    """A component does not do what a check demands; the message says what was found."""
+    """Raised by a check when a component does not meet its demand; the message states the deviation."""
 
 
 class NotApplicable(Exception):
-    """A check has nothing to say of a component; the message says why."""
+    """Raised by a check that does not apply to a component; the message gives the reason."""
 
 
-def forbidden(stopped: RunError) -> bool:
-    """Whether a run was not started because of its certificate, in place of being stopped."""
+def was_not_started(stopped: RunError) -> bool:
+    """Return whether a run was refused before its first step because of its certificate, not stopped during it."""
     from percuss.solver.stop import NOT_STARTED
 
     return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
@@ -37,20 +37,20 @@ def forbidden(stopped: RunError) -> bool:
 
 @dataclass(frozen=True)
 class Subject:
-    """A component under test, with everything else that is registered beside it.
+    """A component under test, together with all other registered components.
 
     Attributes
     ----------
     component
-        The class.
+        Class of the component.
     registry
-        All components, the one under test among them.
+        All components, including the component under test.
     draws
-        How many cases a check draws.
+        Number of cases that a check draws.
     check
-        Name of the check that is running.
+        Name of the running check.
     loaded
-        The case that the check that is running has read last; a failure tells it.
+        Case that the running check read last, as a list of one entry; a failure reports it.
     """
 
     component: type[Component]
@@ -61,7 +61,7 @@ class Subject:
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
-        """Return a class as a subject; it need not be registered, and takes the place of one of its name."""
+        """Return the subject of a class, which need not be registered and replaces a registered class of its name."""
         if not (isinstance(component, type) and issubclass(component, Component) and "name" in vars(component)):
             raise PluginError(f"{component!r} is no finished component: pass the class of a method")
         registry = registry or Registry.load()
@@ -73,28 +73,28 @@ class Subject:
                 registry,
                 components={**registry.components, key: component},
                 sources={**registry.sources, key: source},
-                clashes={one: who for one, who in registry.clashes.items() if one != key},
+                clashes={clash: sources for clash, sources in registry.clashes.items() if clash != key},
             )
         return Subject(component, registry, draws)
 
     @property
     def family(self) -> str:
-        """Its family."""
+        """Family of the component."""
         return self.component.family
 
     @property
     def name(self) -> str:
-        """Its name in a case."""
+        """Name of the component in a case."""
         return self.component.name
 
     @property
     def examples(self) -> list[dict[str, Any]]:
-        """The option sets that it says make sense; a data file stands beside the file of the component."""
+        """Option sets that the component gives as examples, with absolute paths of the data files beside its file."""
         from percuss.case.options import options_of, takes_file
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
         files = [key for key, option in options_of(self.component).items() if takes_file(option.annotation)]
-        out = [dict(one) for one in self.component.examples]
+        out = [dict(options) for options in self.component.examples]
         for example in out:
             example |= {
                 key: str((folder / example[key]).resolve())
@@ -104,16 +104,16 @@ class Subject:
         return out
 
     def make(self, options: Mapping[str, Any]) -> Any:
-        """Return an instance, its options checked as those of a case are."""
+        """Return an instance of the component whose options were checked in the same way as the options of a case."""
         from percuss.case.options import validate
 
         made, faults = validate(self.component, options, kind=f"the {self.family} {self.name}", folder=Path())
         if made is None:
-            raise CheckFailed("; ".join(f"{'.'.join(map(str, one.path))}: {one.message}" for one in faults))
+            raise CheckFailed("; ".join(f"{'.'.join(map(str, fault.path))}: {fault.message}" for fault in faults))
         return made
 
     def placed(self, case: Mapping[str, Any], options: Mapping[str, Any], partner: Any = "") -> dict[str, Any]:
-        """Return a case in which the component has its part, with `options`, and `partner` the other part of a pair."""
+        """Return a case that uses the component with `options`, and `partner` as the other method of its pair."""
         named = {"name": self.name, **options}
         out = dict(case)
         method = dict(case.get("method", {}))
@@ -134,16 +134,16 @@ class Subject:
         return out
 
     def load(self, case: Mapping[str, Any]) -> Any:
-        """Return a case given as a mapping, read with the component at hand."""
+        """Return a case read from a mapping, with the component under test among the registered components."""
         from percuss.case.case import load
 
         self.loaded[:] = [case]
         return load(case, registry=self.registry)
 
     def last_case(self) -> str:
-        """Return the case that was read last as the text of a case file, to be saved and run; empty if there is none.
+        """Return the text of a case file, ready to be saved and run, of the case read last; empty if none was read.
 
-        It names the file that registers the component, where that is a single file.
+        The case file names the plug-in file of the component if the plug-in is a single file.
         """
         import yaml
 
@@ -164,7 +164,7 @@ class Subject:
         Raises
         ------
         NotApplicable
-            If its pair refuses one another.
+            If integrator and contact law refuse each other.
         """
         from percuss.results.runner import run
 
@@ -176,20 +176,20 @@ class Subject:
 
 @dataclass(frozen=True)
 class Check:
-    """A demand on components of some families.
+    """A demand on the components of some families, with the function that checks it.
 
     Attributes
     ----------
     name
-        By which a component declares that it is known to fail it.
+        Name by which a component declares the check as an expected failure.
     families
-        Whom it is for.
+        Families of the components to which the check applies.
     demand
-        What is demanded and why: the docstring of the function.
+        Demand and its reason: the docstring of the function.
     function
-        Called with the `Subject`, and with the name of a partner where the check is one of pairs.
+        Function called with the `Subject`, and with the name of a partner where the check is run in pairs.
     in_pairs
-        Whether it is run with every partner.
+        Whether the check is run once with each possible partner.
     """
 
     name: str
@@ -203,7 +203,7 @@ CHECKS: list[Check] = []
 
 
 def check(*families: str, in_pairs: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Register a function ``check_what_it_says`` as the check ``what-it-says`` of some families, by default of all."""
+    """Register a function ``check_energy_drift`` as the check ``energy-drift`` of some families, by default of all."""
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         name = function.__name__.removeprefix("check_").replace("_", "-")
@@ -214,29 +214,29 @@ def check(*families: str, in_pairs: bool = False) -> Callable[[Callable[..., Non
     return register
 
 
-def named(one: Check, partner: str) -> str:
-    """Return the name of a check with its partner's."""
-    return f"{one.name} with {partner}" if partner else one.name
+def named(kit_check: Check, partner: str) -> str:
+    """Return the name of a check, followed by the name of the partner if there is one."""
+    return f"{kit_check.name} with {partner}" if partner else kit_check.name
 
 
 def registered_checks(subject: Subject) -> Iterator[tuple[Check, str]]:
-    """Yield every check that is for a subject, once with each partner where it is one of pairs."""
-    for one in CHECKS:
-        if subject.family not in one.families:
+    """Yield each check of a subject with an empty partner, or once with each partner if the check is run in pairs."""
+    for kit_check in CHECKS:
+        if subject.family not in kit_check.families:
             continue
-        if one.in_pairs:
-            yield from ((one, partner) for partner in subject.registry.names(PARTNERS[subject.family]))
+        if kit_check.in_pairs:
+            yield from ((kit_check, partner) for partner in subject.registry.names(PARTNERS[subject.family]))
         else:
-            yield one, ""
+            yield kit_check, ""
 
 
-def known_names(subject: Subject) -> list[str]:
-    """Return the names by which a subject may declare expected failures."""
-    every = list(registered_checks(subject))
-    return list(dict.fromkeys([*(one.name for one, _ in every), *(named(*each) for each in every)]))
+def names_of_checks(subject: Subject) -> list[str]:
+    """Return the names of checks, alone and with each partner, that a subject may declare as expected failures."""
+    checks = list(registered_checks(subject))
+    return list(dict.fromkeys([*(kit_check.name for kit_check, _ in checks), *(named(*pair) for pair in checks)]))
 
 
-def did_you_mean(text: str, known: list[str]) -> str:
-    """Return advice with the nearest known name."""
-    near = nearest(text, known)
-    return f"; did you mean '{near}'?" if near else ""
+def did_you_mean(text: str, names: list[str]) -> str:
+    """Return advice that suggests the name nearest to `text`, or an empty text if no name is near."""
+    nearest_name = nearest(text, names)
+    return f"; did you mean '{nearest_name}'?" if nearest_name else ""

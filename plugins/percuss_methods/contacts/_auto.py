@@ -1,4 +1,4 @@
-"""The rule by which ``beta_s: auto`` chooses the stiffness of a penalty from bars and step."""
+"""The rule by which ``beta_s: auto`` chooses the penalty stiffness from the bars and the time step."""
 
 from __future__ import annotations
 
@@ -17,64 +17,64 @@ BetaS = (
 
 MOST_BETA_S = 0.5
 MOST_THETA = 0.8
-UNLIKE = 0.5
+MOST_OF_UNLIKE_SIDES = 0.5  # largest ``x - 4 y`` between unlike sides, see `choose_beta_s`
 DRAWN = "energy gained by 400 drawn rows of 2 to 4 unlike bars (tests/benchmarks/gain.py, seed 0), each until its \
 contacts closed ten times or for 64 transits: "
 
 
 class Choice(NamedTuple):
-    """The chosen beta_s of each point, (P,), and what bounds it there, in words."""
+    """The chosen beta_s of each contact point, (P,), and in words the bound that determines it."""
 
     beta_s: Floats
     why: tuple[str, ...]
 
 
-def chosen(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: Any = 0.0) -> Choice:
-    """Return ``beta_s = 1/2``, lowered where theta or the closed step of central difference asks for it.
+def choose_beta_s(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: Any = 0.0) -> Choice:
+    """Return ``beta_s = 1/2``, or less where theta or the critical step of central difference in contact requires it.
 
-    A law does not know its integrator, so both are kept. With ``x = dt^2 eps_s s`` and ``y = eps_m s``, s the sum of
-    the absolute entries of a point's row of S: ``theta = x / (1 + y) <= 0.8`` for Wu's predictor-corrector. For central
-    difference ``eps_s - 4 eps_m / dt^2`` is at most half the stiffness limit of the point, and between unlike sides
-    ``x - 4 y <= 1/2``. The stiffness limit is `percuss.ContactPoints.stiffness_limit`; of two half-infinite equal bars
-    it is where ``x - 4 y = 4 sqrt(1 - C^2)``.
-    Contacts that share an end and obey different laws may ask for less; the certificate tells.
+    A law does not know its integrator, so both limits are kept. With ``x = dt^2 eps_s s`` and ``y = eps_m s``, s the
+    sum of the absolute entries of a point's row of S: ``theta = x / (1 + y) <= 0.8`` for Wu's predictor-corrector. For
+    central difference ``eps_s - 4 eps_m / dt^2`` is at most half the stiffness limit of the point, and between unlike
+    sides ``x - 4 y <= 1/2``. The stiffness limit is `percuss.ContactPoints.stiffness_limit`; between two half-infinite
+    equal bars it is reached at ``x - 4 y = 4 sqrt(1 - C^2)``.
+    Contacts that share an end and obey different laws may require less; the certificate reports it.
 
-    Stiffer than 1/2, penalty rings and bipenalty overshoots and gains energy as contacts switch, with central
-    difference; softer, bodies overlap the more and the force comes late.
+    Above 1/2, with central difference, the force of the penalty method oscillates, and bipenalty overshoots and gains
+    energy as contacts open and close; below 1/2, bodies overlap more and the force is delayed.
 
     Parameters
     ----------
     points, dt
-        As in `ContactLaw.bind`.
+        Contact points and time step, as in `ContactLaw.bind`.
     own_mass, share
-        The penalty mass is ``own_mass + share eps_s``, each a number or (P,).
+        Parts of the penalty mass ``own_mass + share eps_s``, each a number or (P,) [mass, time^2].
     """
     s = points.delassus * points.coupling
-    x, y = dt**2 * points.stiffness * s, share * points.stiffness * s  # of beta_s = 1
+    x, y = dt**2 * points.stiffness * s, share * points.stiffness * s  # for beta_s = 1
     own = own_mass * s
     limit = dt**2 * s * points.stiffness_limit
-    closed = np.where(points.equal_sides, 0.5 * limit, np.minimum(0.5 * limit, UNLIKE))
+    closed = np.where(points.equal_sides, 0.5 * limit, np.minimum(0.5 * limit, MOST_OF_UNLIKE_SIDES))
     with np.errstate(divide="ignore", invalid="ignore"):
         by_theta = np.where(x > MOST_THETA * y, MOST_THETA * (1.0 + own) / (x - MOST_THETA * y), np.inf)
         by_closed = np.where(x > 4.0 * y, (closed + 4.0 * own) / (x - 4.0 * y), np.inf)
     bounds = np.stack([np.full(x.shape, MOST_BETA_S), by_theta, by_closed])
-    words = (
+    reasons = (
         "the most that auto gives",
         f"so that theta <= {MOST_THETA:g}",
         "so that central difference keeps its step",
     )
-    return Choice(bounds.min(axis=0), tuple(words[k] for k in bounds.argmin(axis=0)))
+    return Choice(bounds.min(axis=0), tuple(reasons[k] for k in bounds.argmin(axis=0)))
 
 
-def told(choice: Choice) -> Mapping[str, str]:
-    """Return a choice as `ContactLaw.chosen` gives it."""
+def described(choice: Choice) -> Mapping[str, str]:
+    """Return the description of a choice for `ContactLaw.chosen`: its range over the points and the reasons."""
     low, high = choice.beta_s.min(), choice.beta_s.max()
     values = f"{low:.3g}" if high <= low * (1.0 + 1e-9) else f"{low:.3g} to {high:.3g}"
     return {"beta_s": f"auto: {values}, {' or '.join(dict.fromkeys(choice.why))}"}
 
 
-def keep_one(law: ContactLaw, names: tuple[str, ...], what: str) -> None:
-    """Raise where more than one of the options `names` is given."""
+def refuse_several(law: ContactLaw, names: tuple[str, ...], quantity: str) -> None:
+    """Raise `ValueError` if more than one of the options `names`, which all give the same quantity, is given."""
     given = [name for name in names if getattr(law, name) is not None]
     if len(given) > 1:
-        raise ValueError(f"{' and '.join(given)} {'both' if len(given) == 2 else 'all'} give the {what}: keep one")
+        raise ValueError(f"{' and '.join(given)} {'both' if len(given) == 2 else 'all'} give the {quantity}: keep one")

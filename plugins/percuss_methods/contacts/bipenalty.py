@@ -12,26 +12,27 @@ from percuss import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, LinearLaw,
 from percuss_methods.contacts import _auto
 
 DEFAULT_RATIO = "matched"
-SHARES = {"matched": 1.0, "free-step": 0.25}  # of eps_s dt^2
+SHARES = {"matched": 1.0, "free-step": 0.25}  # eps_m over eps_s dt^2
 
 
 @dataclass(frozen=True)
 class Bipenalty(ContactLaw):
-    """Bipenalty: stiffness and inertia of the overlap are penalised together, eq. (3) of Kolman et al.
+    """Bipenalty: a penalty on both stiffness and inertia of the overlap, eq. (3) of Kolman et al.
 
     Formula: ``lambda / eps_s = -g - (eps_m / eps_s) g''``, with ``K_p = eps_s N N^T`` and the full (consistent)
     ``M_p = eps_m N N^T``. The force may pull before release; it is never clamped.
 
-    ``eps_s = beta_s EA/h`` and ``eps_m = eps_s / (ratio omega^2)``, omega = 2c/h, both on the softer side. With
-    central difference ``ratio <= 1`` keeps every step up to Courant number 1 of the smallest element; a coarse or a
-    graded mesh by itself may allow a longer one, which ``ratio = 1`` may lower. ``matched``, the default
-    (eps_m = eps_s dt^2), keeps the free step with Wu's predictor-corrector (theta <= 1) and with central difference,
-    whatever the bars and the mesh; ``free-step`` (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central
-    difference.
-    ``auto``, the default, is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its step up to
-    a Courant number of 0.99, never with ``matched``. On the shipped cases, at Courant numbers .5 and .9: penetration at
-    most 2.8 compressions of an end element under the peak force with central difference, 2.4 with Wu; L1 error of the
-    force at most 9 %, peak at most 20 % too high, no energy gained beyond 1 % with central difference, none with Wu.
+    ``eps_s = beta_s EA/h`` with EA/h of the softer side, and ``eps_m = eps_s / (ratio omega^2)`` with omega the smaller
+    2c/h of the two sides. With central difference and ``ratio <= 1`` every step up to a Courant number of 1 of the
+    smallest element is stable; without contact a coarse or a graded mesh may allow a longer step, which ``ratio = 1``
+    may lower. ``matched``, the default (eps_m = eps_s dt^2), keeps the critical step of the free bodies with Wu's
+    predictor-corrector (theta <= 1) and with central difference, whatever the bars and the mesh; ``free-step``
+    (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central difference.
+    ``auto``, the default of beta_s, is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its
+    step up to a Courant number of 0.99; with ``matched`` it is never lowered. On the shipped cases, at Courant numbers
+    .5 and .9, the penetration is at most 2.8 times the compression of an end element under the peak force with central
+    difference, and 2.4 times with Wu's predictor-corrector; the L1 error of the force is at most 9 %, the peak at most
+    20 % too high, and no energy beyond 1 % is gained with central difference, none with Wu's predictor-corrector.
     """
 
     name = "bipenalty"
@@ -73,22 +74,22 @@ class Bipenalty(ContactLaw):
     epsilon_m: Annotated[float, Ge(0), Unit("mass"), Doc("mass; instead of ratio or beta_m")] | None = None
 
     def __post_init__(self) -> None:
-        _auto.keep_one(self, ("beta_s", "epsilon_s"), "stiffness")
-        _auto.keep_one(self, ("ratio", "beta_m", "epsilon_m"), "mass")
+        _auto.refuse_several(self, ("beta_s", "epsilon_s"), "stiffness")
+        _auto.refuse_several(self, ("ratio", "beta_m", "epsilon_m"), "mass")
 
     def penalties(self, points: ContactPoints, dt: float) -> tuple[Any, Any]:
-        """Return eps_s [force/length] and eps_m [mass] at each point, (P,) each."""
+        """Return eps_s [force/length] and eps_m [mass] at each contact point, (P,) each."""
         own, share = self.mass(points, dt)
         if self.epsilon_s is not None:
             stiffness = self.epsilon_s * points.weight
         elif self.beta_s in {None, "auto"}:
-            stiffness = _auto.chosen(points, dt, own, share).beta_s * points.stiffness
+            stiffness = _auto.choose_beta_s(points, dt, own, share).beta_s * points.stiffness
         else:
             stiffness = self.beta_s * points.stiffness
         return stiffness, own + share * stiffness
 
     def mass(self, points: ContactPoints, dt: float) -> tuple[Any, Any]:
-        """Return what of eps_m is given outright [mass] and what is its share in eps_s [time^2]."""
+        """Return the two parts of ``eps_m = own + share eps_s``: own [mass] and share [time^2]."""
         if self.epsilon_m is not None:
             return self.epsilon_m * points.weight, 0.0
         if self.beta_m is not None and not points.equal_sides.all():
@@ -100,12 +101,12 @@ class Bipenalty(ContactLaw):
         return 0.0, SHARES[ratio] * dt**2 if isinstance(ratio, str) else 1.0 / (ratio * points.frequency**2)
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
-        """Return the row ``lambda / eps_s = -g - (eps_m / eps_s) g''``."""
+        """Return the linear law ``lambda / eps_s = -g - (eps_m / eps_s) g''``."""
         eps_s, eps_m = self.penalties(points, dt)
         return LinearLaw(at="explicit", sigma=1.0 / eps_s, acceleration=eps_m / eps_s)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
-        """Return both penalties and their dimensionless forms."""
+        """Return both penalty parameters and their dimensionless forms."""
         eps_s, eps_m = self.penalties(points, dt)
         with np.errstate(divide="ignore"):
             ratio = eps_s / (eps_m * points.frequency**2)
@@ -113,6 +114,6 @@ class Bipenalty(ContactLaw):
         return {"epsilon_s": eps_s, "epsilon_m": eps_m, **betas}
 
     def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:
-        """Return what the automatic beta_s came to."""
-        by_itself = self.epsilon_s is None and self.beta_s in {None, "auto"}
-        return _auto.told(_auto.chosen(points, dt, *self.mass(points, dt))) if by_itself else {}
+        """Return the automatic beta_s with the reason for it, in words."""
+        automatic = self.epsilon_s is None and self.beta_s in {None, "auto"}
+        return _auto.described(_auto.choose_beta_s(points, dt, *self.mass(points, dt))) if automatic else {}

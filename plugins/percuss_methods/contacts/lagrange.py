@@ -14,7 +14,7 @@ class Lagrange(ContactLaw):
     Formula: ``0 <= lambda_n``, ``g(u_{n+1}) >= 0``, ``lambda_n g(u_{n+1}) = 0``: the multiplier of step n is the one
     that keeps the bodies apart at its end.
 
-    Keeps the critical step of the free bodies. Energy minus work never grows; each closing loses some.
+    Keeps the critical step of the free bodies. Energy minus work never grows, and each closing of a contact loses some.
     """
 
     name = "lagrange"
@@ -27,5 +27,5 @@ class Lagrange(ContactLaw):
     guarantees = ("never pulls", "no penetration", "keeps the free step")
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
-        """Return the row ``0 <= lambda``, ``gap at the end of the step >= 0``."""
+        """Return the complementarity of ``0 <= lambda`` and ``gap at the end of the step >= 0`` as a linear law."""
         return LinearLaw(at="end", sigma=0.0, active="all", sign=">= 0")

@@ -19,18 +19,20 @@ class Penalty(ContactLaw):
     Formula: ``lambda = eps_s <-g>``; ``eps_s = beta_s EA/h`` on the softer side, or ``eps_s = scale / (s dt^2)``.
 
     ``auto``, the default, is beta_s = 1/2, lowered so that ``theta = dt^2 eps_s s <= 0.8`` and eps_s is at most half of
-    what the closed step of central difference allows, whichever contacts are closed: ``theta <= 2 sqrt(1 - C^2)`` of
-    long equal bars, and ``theta <= 1/2`` of unlike sides. Both limits are kept up to a Courant number of 0.99. On the
-    shipped cases, at Courant numbers .5 and .9: penetration at most 4.5 compressions of an end element under the
-    peak force with central difference, 1.8 with Wu's predictor-corrector; L1 error of the force at most 17 % and 6 %;
-    peak at most 20 % too high; no energy gained beyond 0.1 %.
+    the largest stiffness with which the step of central difference is stable, whichever contacts are closed:
+    ``theta <= 2 sqrt(1 - C^2)`` for long equal bars, and ``theta <= 1/2`` for unlike sides. Both limits are kept up to
+    a Courant number of 0.99. On the shipped cases, at Courant numbers .5 and .9, the penetration is at most 4.5 times
+    the compression of an end element under the peak force with central difference, and 1.8 times with Wu's
+    predictor-corrector; the L1 error of the force is at most 17 % and 6 %, respectively; the peak is at most 20 % too
+    high, and no energy beyond 0.1 % is gained.
 
-    ``stiffness: from-step`` is what LS-DYNA's SOFT = 1 takes from the step: k = SOFSCL m / (2 dt^2), m the smaller
-    nodal mass. Between equal nodes 1/s = m/2, so that `scale` is SOFSCL, 0.1 there and here. LS-DYNA takes it only
-    where it is above its stiffness from the material, which is not so here. With Wu, theta is `scale`.
+    ``stiffness: from-step`` is the stiffness that LS-DYNA's SOFT = 1 derives from the step: k = SOFSCL m / (2 dt^2), m
+    the smaller nodal mass. Between equal nodes 1/s = m/2, so that `scale` is SOFSCL; the default of both is 0.1.
+    LS-DYNA uses this stiffness only where it exceeds its stiffness from the material; this law has no such condition.
+    With Wu's predictor-corrector theta is `scale`.
 
     With central difference a closed contact lowers the critical step; on a rigid wall to the Courant number
-    ``sqrt(2 / (1 + sqrt(1 + beta_s^2)))``. With Wu theta must stay below 1.
+    ``sqrt(2 / (1 + sqrt(1 + beta_s^2)))``. With Wu's predictor-corrector theta must stay below 1.
     """
 
     name = "penalty"
@@ -53,32 +55,32 @@ class Penalty(ContactLaw):
     scale: Annotated[float, Gt(0), Unit("1"), Doc("of the stiffness from-step; 0.1 unless given")] | None = None
 
     def __post_init__(self) -> None:
-        _auto.keep_one(self, ("beta_s", "epsilon_s", "stiffness"), "stiffness")
+        _auto.refuse_several(self, ("beta_s", "epsilon_s", "stiffness"), "stiffness")
         if self.scale is not None and self.stiffness is None:
             raise ValueError("scale is that of `stiffness: from-step`: give both or neither")
 
     def epsilon(self, points: ContactPoints, dt: float) -> Any:
-        """Return eps_s at each point, (P,) [force/length]."""
+        """Return eps_s at each contact point, (P,) [force/length]."""
         if self.epsilon_s is not None:
             return self.epsilon_s * points.weight
         if self.stiffness is not None:
             return (self.scale or SCALE) / (points.delassus * dt**2)
-        beta_s = _auto.chosen(points, dt).beta_s if self.beta_s in {None, "auto"} else self.beta_s
+        beta_s = _auto.choose_beta_s(points, dt).beta_s if self.beta_s in {None, "auto"} else self.beta_s
         return beta_s * points.stiffness
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
-        """Return the row ``lambda / eps_s = -g``."""
+        """Return the linear law ``lambda / eps_s = -g``."""
         return LinearLaw(at="explicit", sigma=1.0 / self.epsilon(points, dt))
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
-        """Return stiffness and its dimensionless form."""
+        """Return the stiffness eps_s and its dimensionless form beta_s."""
         stiffness = self.epsilon(points, dt)
         return {"epsilon_s": stiffness, "beta_s": stiffness / points.stiffness}
 
     def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:
-        """Return what the automatic beta_s came to, or the stiffness from the step."""
+        """Return the automatic beta_s with the reason for it, or the stiffness from the step, in words."""
         if self.stiffness is not None:
             scale = self.scale or SCALE
             return {"stiffness": f"from-step: {scale:g} / (s dt^2), theta = {scale:g}"}
-        by_itself = self.epsilon_s is None and self.beta_s in {None, "auto"}
-        return _auto.told(_auto.chosen(points, dt)) if by_itself else {}
+        automatic = self.epsilon_s is None and self.beta_s in {None, "auto"}
+        return _auto.described(_auto.choose_beta_s(points, dt)) if automatic else {}

@@ -1,4 +1,4 @@
-"""A tied interface."""
+"""Mesh tying: an interface that is tied in given intervals of time."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from percuss import ContactLaw, ContactPoints, Doc, LinearLaw, Unit
 
 @dataclass(frozen=True)
 class Tied(ContactLaw):
-    """An interface that moves as one node: a continuous bar, as long as it is tied.
+    """Mesh tying: both sides of the interface move as one node, so that the bars are continuous while they are tied.
 
-    Formula: ``g'_{n+1/2} = 0``, which of an end in no other contact makes ``lambda = -g'* / (dt s)``, g'* the gap rate
-    after the bulk update. The force pulls as well as it pushes. Tied while the exact contact is closed, it is the twin
-    whose error is that of the bulk alone. Keeps the critical step of the free bodies. While tied the energy is
-    conserved; the first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be more than nothing.
+    Formula: ``g'_{n+1/2} = 0``, which at ends in no other contact gives ``lambda = -g'* / (dt s)``, g'* the gap rate
+    after the bulk update. The force pulls as well as it pushes. In a run that is tied while the exact contact is
+    closed, the error is that of the bulk alone. Keeps the critical step of the free bodies. While tied the energy is
+    conserved; the first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be positive.
     """
 
     name = "tied"
@@ -38,6 +38,6 @@ class Tied(ContactLaw):
                 raise ValueError(f"the interval from {start:g} to {stop:g} ends before it starts")
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
-        """Return the row ``g' = 0`` at the end of the step, in the intervals."""
+        """Return the linear law ``g' = 0`` at the end of the step, active in the intervals."""
         during = None if self.during is None else np.array(self.during, dtype=float).reshape(-1, 2)
         return LinearLaw(at="end", sigma=0.0, gap=0.0, rate=1.0, active="all", during=during)

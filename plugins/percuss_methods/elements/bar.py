@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class BarArrays(NamedTuple):
-    """One row an element."""
+    """Arrays of the elements of one body, with one row for each element."""
 
     inverse_length: Floats  # (elements,)
     area: Floats  # (elements,)
@@ -58,7 +58,7 @@ class BarElement(Element):
         inverse = element.inverse_length[first : first + m]
         area = element.area[first]
         if dim == 1:
-            # each axial force is evaluated at both its nodes: a loop without recurrence runs in vector registers
+            # each axial force is evaluated at both its nodes, because a loop without recurrence can be vectorised
             sign = element.direction[first, 0]
             area *= sign
             force[0] = area * stress(parameters, sign * (displacement[1] - displacement[0]) * inverse[0])
@@ -92,7 +92,7 @@ class BarElement(Element):
         velocity: Floats,
         dt: float,
     ) -> float:
-        """Return the sum of volume times energy density."""
+        """Return the sum of volume times energy density over the elements."""
         m = displacement.size // dim - 1
         total = 0.0
         direction = element.direction[first]

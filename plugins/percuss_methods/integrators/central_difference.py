@@ -1,4 +1,4 @@
-"""Central difference: contact judged at the current state."""
+"""Central difference in leap-frog form, with contact evaluated at the current state."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ class CentralDifference(Integrator):
     """Central difference in leap-frog form, eq. (5) of Kolman et al.
 
     Formula: ``a = M^-1 (f_ext - f_int(u_n) + N lambda)``, ``v_{n+1/2} = v_{n-1/2} + dt a``,
-    ``u_{n+1} = u_n + dt v_{n+1/2}``, with lambda judged at u_n and the gap's bulk acceleration. A law judged at the
-    end of the step sees the predicted gap.
+    ``u_{n+1} = u_n + dt v_{n+1/2}``, with lambda evaluated at u_n and the gap's bulk acceleration. A law evaluated at
+    the end of the step sees the predicted gap.
 
     Stable for ``dt <= 2 / omega_max`` of (K + K_p, M + M_p); conserves the staggered energy without contact. While a
-    penalty contact stays closed, that energy with ``(eps_s g_n g_{n+1} + eps_m r_{n+1/2}^2) / 2`` (r the gap rate).
+    penalty contact stays closed, it conserves the sum of that energy and
+    ``(eps_s g_n g_{n+1} + eps_m r_{n+1/2}^2) / 2``, r the gap rate.
     """
 
     name = "central-difference"

@@ -1,4 +1,4 @@
-"""The explicit scheme of Noh and Bathe: two sub-steps, which damp what the mesh cannot carry."""
+"""The explicit scheme of Noh and Bathe, with two sub-steps and damping of frequencies that the mesh cannot resolve."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ class NohBathe(Integrator):
     ``v_{n+1} = v_{n+p} + r dt (q0 a_n + (1/2 + q1) a_{n+p} + q2 a_{n+1})``; q1 = (1 - 2p)/(2 p r), q2 = 1/2 - p q1,
     q0 = 1/2 - q1 - q2; ``a = M^-1 (f_ext - f_int(u) + N lambda)``.
 
-    Two evaluations a step, stable without contact up to ``omega dt = 3.745`` for p = .54: a Courant number of 1.87.
-    Damps the highest frequencies, those near the limit the most; p below 1/2 amplifies some. Contact at the current
-    state sees u_{n+p} and u_{n+1}, at the end of the step the displacement of the sub-step that follows.
+    The accelerations are evaluated twice in each step. Stable without contact up to ``omega dt = 3.745`` for p = .54, a
+    Courant number of 1.87. Damps the highest frequencies, those near the limit the most; p below 1/2 amplifies some
+    frequencies. Laws evaluated at the current state see u_{n+p} and u_{n+1}, laws evaluated at the end of the step the
+    displacement at the end of the sub-step that follows.
     """
 
     name = "noh-bathe"
@@ -53,24 +54,24 @@ class NohBathe(Integrator):
     p: Annotated[float, Gt(0.0), Lt(1.0), Unit("1"), Doc("first sub-step over the step")] = 0.54
 
     def bind(self, dt: float) -> Stages:
-        """Return the stages at t_{n+p} and t_{n+1}, and where the displacement goes from there."""
+        """Return the stages at t_{n+p} and t_{n+1}, each with the prediction of the displacement of the next stage."""
         p, r = self.p, 1.0 - self.p
         q1 = (1.0 - 2.0 * p) / (2.0 * p * r)
         q2 = 0.5 - p * q1
-        reached = (r * dt, 0.5 * r * dt**2), (p * dt, (r * q2 + 0.5 * p) * p * dt**2)
-        end = tuple((r_v, r_a, r_a / r_v) for r_v, r_a in reached)
+        weights = (r * dt, 0.5 * r * dt**2), (p * dt, (r * q2 + 0.5 * p) * p * dt**2)
+        end = tuple((r_v, r_a, r_a / r_v) for r_v, r_a in weights)
         return Stages(times=(p, 1.0), numbers=Weights(p, 0.5 - q1 - q2, q1, q2), end=end)
 
     @staticmethod
     def step(numbers: Weights, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
-        """Make the two sub-steps."""
+        """Advance u, v and kept by the two sub-steps in place."""
         a, first, second = kept[0], numbers.p * dt, (1.0 - numbers.p) * dt
-        between = 0.0 * a
+        a_first = 0.0 * a
         u += first * v + 0.5 * first**2 * a
         v += 0.5 * first * a
-        accelerations(system, 0, u, v, between)
-        v += 0.5 * first * between
-        u += second * v + 0.5 * second**2 * between
-        v += second * (numbers.q0 * a + (0.5 + numbers.q1) * between)
+        accelerations(system, 0, u, v, a_first)
+        v += 0.5 * first * a_first
+        u += second * v + 0.5 * second**2 * a_first
+        v += second * (numbers.q0 * a + (0.5 + numbers.q1) * a_first)
         accelerations(system, 1, u, v, a)
         v += second * numbers.q2 * a

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gravity(Load):
-    """A constant acceleration of all bodies: a number along x, or a vector.
+    """A constant acceleration of all bodies, given as a number along x or as a vector.
 
     Formula: ``A(t) = |value|`` along `value`, or ``A(t) = value`` along x; the force on each node is its mass times A.
     """
@@ -30,11 +30,11 @@ class Gravity(Load):
     value: Annotated[float | tuple[float, ...], Unit("length/time^2"), Doc("acceleration along x, or a vector")]
 
     def vector(self) -> tuple[float, ...]:
-        """Return the direction, x where a number was given."""
+        """Return the given vector, or the direction x if a number was given."""
         return self.value if isinstance(self.value, tuple) else (1.0,)
 
     def amplitude(self, time: Floats) -> Floats:
-        """Return the magnitude at each time."""
+        """Return the magnitude of the vector, or the given number, at each time."""
         size = float(np.linalg.norm(self.value)) if isinstance(self.value, tuple) else self.value
         return np.full(time.shape, size)
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PrescribedVelocity(Load):
-    """A constant prescribed velocity: the end moves so, whatever force that takes.
+    """A constant prescribed velocity of an end, whatever force it requires.
 
     Formula: ``v(t) = value`` at the middle of each step, along the direction of the load.
     """

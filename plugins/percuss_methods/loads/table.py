@@ -1,4 +1,4 @@
-"""A load from a table."""
+"""A load interpolated in a table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Table(Load):
-    """A piecewise-linear amplitude through given points; its first and last values are held outside them.
+    """A piecewise-linear amplitude through given points, with the first and the last value held outside them.
 
     Formula: ``A(t) = value_i + (value_{i+1} - value_i) (t - time_i) / (time_{i+1} - time_i)`` between ``time_i`` and
     ``time_{i+1}``.
@@ -48,7 +48,7 @@ class Table(Load):
 
     @cached_property
     def points(self) -> tuple[Floats, Floats]:
-        """Times and values; an exact solution asks for them thousands of times."""
+        """Times and values of the points, cached because an exact solution uses them thousands of times."""
         if self.file is not None:
             columns = self.file.as_columns(2)
             return columns[0], columns[1]

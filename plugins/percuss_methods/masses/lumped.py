@@ -25,7 +25,7 @@ class Lumped(Mass):
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 7",)
 
     def nodal(self, element_mass: Floats) -> Floats:
-        """Return the nodal masses."""
+        """Return the nodal masses, (n + 1,), from the element masses, (n,) [mass]."""
         nodal = np.zeros(element_mass.size + 1)
         nodal[:-1] += 0.5 * element_mass
         nodal[1:] += 0.5 * element_mass

@@ -1,1 +1,1 @@
-"""The measures that come with percuss, beside those that every comparison shows."""
+"""The measures that come with percuss, in addition to those that every comparison shows."""

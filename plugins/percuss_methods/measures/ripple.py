@@ -1,4 +1,4 @@
-"""Ripple: how unsteady a contact force is while the exact one presses."""
+"""Ripple: the deviation of a contact force from the exact one while the exact force presses."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Ripple(Measure):
-    """Ripple of the contact force: its standard deviation from the exact one while that presses.
+    """Ripple of the contact force: its standard deviation from the exact force while the exact force presses.
 
     Formula: ``sqrt(mean (lambda_n - F_n)^2) / mean F_n``, F_n the exact force averaged over the step around t_n, both
-    means over the steps in which it is above a tenth of its peak; of the contact with the largest.
+    means over the steps in which F_n is above a tenth of its peak; the largest value of all contacts.
     """
 
     name = "ripple"
@@ -26,13 +26,15 @@ class Ripple(Measure):
     what = "standard deviation of force less exact force over the mean exact force, steps in which that presses"
 
     def of(self, result: Result) -> float | None:
-        """Return the ripple, None where no exact solution covers the whole run or nothing presses."""
+        """Return the ripple, or None if no exact solution covers the whole run or no exact contact force presses."""
         exact = result.arrays.get("contact_force_exact")
         if exact is None or result.summary["exact"] is None:
             return None
-        found = []
-        for force, true in zip(result.arrays["contact_force"].T, exact.T, strict=True):
-            presses = true > 0.1 * true.max(initial=0.0)
+        ripples = []
+        for force, exact_force in zip(result.arrays["contact_force"].T, exact.T, strict=True):
+            presses = exact_force > 0.1 * exact_force.max(initial=0.0)
             if presses.any():
-                found.append(float(np.sqrt(np.mean((force - true)[presses] ** 2)) / np.mean(true[presses])))
-        return max(found, default=None)
+                ripples.append(
+                    float(np.sqrt(np.mean((force - exact_force)[presses] ** 2)) / np.mean(exact_force[presses]))
+                )
+        return max(ripples, default=None)

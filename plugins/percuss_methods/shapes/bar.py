@@ -18,7 +18,7 @@ class Bar(Shape):
     """A straight bar from its start (`left`) along `direction` to its end (`right`).
 
     Formula: ``h_i = h_0 grading^(i / (n - 1))`` for i = 0 to n - 1, ``sum of h_i = length``: elements are of equal
-    length, or in a geometric row whose last is `grading` times as long as the first.
+    length, or their lengths form a geometric sequence whose last is `grading` times the first.
     """
 
     name = "bar"
@@ -41,17 +41,17 @@ class Bar(Shape):
             raise ValueError("direction is the zero vector: give one that points along the bar")
 
     def dimension(self) -> int | None:
-        """Return the length of `direction`, if given."""
+        """Return the number of components of `direction`, or None if it is not given."""
         return None if self.direction is None else len(self.direction)
 
     def mesh(self, at: Floats, refine: int) -> Mesh:
-        """Return nodes from `at` along the direction."""
+        """Return the mesh from `at` along the direction."""
         dim = at.size
         direction = np.zeros(dim)
         if self.direction is None:
             direction[0] = 1.0
         else:
-            # scaled first: a square of 1e-200 or 1e200 would be lost
+            # divided by its largest component first, because the square of 1e-200 or 1e200 is out of range
             vector = np.asarray(self.direction) / np.max(np.abs(self.direction))
             direction[: vector.size] = vector / np.linalg.norm(vector)
         n = self.elements * refine

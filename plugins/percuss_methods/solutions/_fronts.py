@@ -1,11 +1,12 @@
 """The event loop of `bars-in-a-row`: waves as piecewise polynomials at the ends of bars, exact but for round-off.
 
-A uniform bar carries two simple waves, p to the right and q to the left: velocity p + q, compressive force Z (p - q).
-What leaves an end arrives at the other one a transit T later, changed only by gravity, g T / 2. So the state of a row
-is what has left each end of each bar: a history of pieces ``c0 + c1 s + c2 s^2 + ...``, s since the piece began, with
-two coefficients where all loads are straight lines between their kinks.
-A junction (a free, fixed, driven or touching end, two bars that meet) turns arriving waves into leaving ones. It can
-be worked out alone up to a transit beyond the clocks of its neighbours.
+A uniform bar carries two simple waves, p to the right and q to the left: velocity p + q, compressive force Z (p - q). A
+wave that leaves one end arrives at the other end one transit time T later, changed only by gravity, g T / 2. The state
+of a chain is therefore the history of the waves that left each end of each bar, in pieces ``c0 + c1 s + c2 s^2 + ...``
+with s the time since the start of the piece, and with two coefficients where all loads are straight lines between their
+kinks.
+A junction (a free, fixed or driven end, an end at a wall, two bars that meet) turns arriving waves into leaving waves.
+It can be computed independently of all others up to one transit time beyond the times reached by its neighbours.
 """
 
 from __future__ import annotations
@@ -15,32 +16,33 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-ABSENT, FREE, DRIVEN, WALL = 0, 1, 2, 3  # what a side of a junction is
+ABSENT, FREE, DRIVEN, WALL = 0, 1, 2, 3  # kinds of a side of a junction; a fixed end is a driven one without load
 
-# columns of `Row.side`: which history arrives and leaves, which load or velocity acts, what the side is, and the
-# junction at the other end of its bar
+# columns of `Junctions.side`: numbers of the arriving history, of the leaving history and of the load or velocity that
+# acts, kind of the side, and number of the junction at the other end of its bar
 ARRIVES, LEAVES, LOAD, KIND, NEIGHBOUR = 0, 1, 2, 3, 4
-# columns of `Row.number`: transit, impedance and gravity of the side's bar
+# columns of `Junctions.number`: transit time, impedance and gravity of the side's bar
 TRANSIT, IMPEDANCE, GRAVITY = 0, 1, 2
-# rows of the scratch: arriving waves, loads, closing speed, force, leaving wave
+# indices of the polynomials in the work array `c`: arriving waves and loads of both sides, closing speed, contact
+# force, leaving wave, and a spare one
 WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 
 DONE, FULL, STUCK = 0, 1, 2
-INSTANT = 4.0  # quanta: a shorter time is none
-MOST_AT_ONCE = 1000  # events of no length in a row at one junction
+INSTANT = 4.0  # number of quanta up to which a duration counts as zero
+MOST_AT_ONCE = 1000  # largest number of consecutive events without duration at a junction
 
 
-class Row(NamedTuple):
-    """J junctions of two sides each; the first is where waves to the right arrive."""
+class Junctions(NamedTuple):
+    """J junctions with two sides each; waves to the right arrive at the first side."""
 
     side: Any  # (J, 2, 5) integers
     number: Any  # (J, 2, 3)
-    contact: Any  # (J,) 1 where it is one
-    closed: Any  # (J,)
+    contact: Any  # (J,) 1 for a contact, 0 for any other end
+    closed: Any  # (J,) 1 while a contact is closed, else 0
     gap: Any  # (J,)
-    clock: Any  # (J,) time up to which it is worked out
-    pointer: Any  # (J, 4) piece that arrives, and piece of the load, of either side
-    size: Any  # (J, 2) size of the velocities at either side, whose round-off they carry
+    clock: Any  # (J,) time up to which the junction is computed
+    pointer: Any  # (J, 4) number of the arriving piece, and of the piece of the load, of both sides
+    size: Any  # (J, 2) size of the velocities at both sides, to which round-off is relative
 
 
 class Histories(NamedTuple):
@@ -48,20 +50,23 @@ class Histories(NamedTuple):
 
     times: Any  # (H, capacity)
     pieces: Any  # (H, capacity, K)
-    count: Any  # (H,)
+    count: Any  # (H,) number of pieces
 
 
 class Forces(NamedTuple):
-    """What each junction did: pieces of the contact force, and whether it was closed."""
+    """Histories of the junctions: pieces of the contact force, and whether the contact was closed."""
 
     times: Any  # (J, capacity)
     pieces: Any  # (J, capacity, K)
     closed: Any  # (J, capacity)
-    count: Any  # (J,)
+    count: Any  # (J,) number of pieces
 
 
 class Limits(NamedTuple):
-    """End, closing speed that is none over the size of the velocities at a contact, and round-off of the times."""
+    """End of the computation, relative tolerance of the closing speed, and quantum of the times.
+
+    A closing speed counts as zero up to `tolerance` times the size of the velocities at the contact.
+    """
 
     end: float
     tolerance: float
@@ -69,8 +74,8 @@ class Limits(NamedTuple):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def moved(c: Any, s: float, out: Any) -> None:
-    """Set `out` to the polynomial `c` seen from s later."""
+def shifted(c: Any, s: float, out: Any) -> None:
+    """Set `out` to the polynomial `c` with its origin shifted by s."""
     out[:] = c
     if s != 0.0:
         for low in range(c.shape[0] - 1):
@@ -80,7 +85,7 @@ def moved(c: Any, s: float, out: Any) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def value(c: Any, s: float) -> float:
-    """Return the polynomial at s."""
+    """Return the value of the polynomial at s."""
     out = c[c.shape[0] - 1]
     for m in range(c.shape[0] - 2, -1, -1):
         out = out * s + c[m]
@@ -89,7 +94,7 @@ def value(c: Any, s: float) -> float:
 
 @numba.njit(cache=True, error_model="numpy")
 def derivative(c: Any, order: int, s: float) -> float:
-    """Return a derivative of the polynomial at s."""
+    """Return the derivative of an order of the polynomial at s."""
     out = 0.0
     for m in range(c.shape[0] - 1, order - 1, -1):
         factor = 1.0
@@ -100,7 +105,7 @@ def derivative(c: Any, order: int, s: float) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def area(c: Any, s: float) -> float:
+def integral(c: Any, s: float) -> float:
     """Return the integral of the polynomial from 0 to s."""
     out = 0.0
     for m in range(c.shape[0] - 1, -1, -1):
@@ -110,7 +115,7 @@ def area(c: Any, s: float) -> float:
 
 @numba.njit(cache=True, error_model="numpy")
 def variation(c: Any, span: float) -> float:
-    """Return a bound of how far the polynomial departs from its first value within the span."""
+    """Return a bound of the deviation of the polynomial from its value at 0 within the span."""
     reach, out = 1.0, 0.0
     for m in range(1, c.shape[0]):
         reach *= span
@@ -119,17 +124,18 @@ def variation(c: Any, span: float) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def straight(c: Any) -> bool:
-    """Return whether the polynomial is a line."""
+def is_line(c: Any) -> bool:
+    """Return whether the polynomial is a straight line."""
     return not np.any(c[2:])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def stretches(c: Any, order: int, span: float, ends: Any, spare: Any) -> int:
-    """Write the ends of the stretches of (0, span] on which a derivative of the polynomial keeps its sign.
+def sign_intervals(c: Any, order: int, span: float, ends: Any, spare: Any) -> int:
+    """Write the ends of the intervals of (0, span] in which a derivative of the polynomial keeps its sign.
 
-    From the highest derivative down: between two zeros of the next higher one a derivative is monotone, and has one
-    zero at most, found by bisection. Return how many stretches there are; order 0 is the polynomial itself.
+    The derivatives are treated from the highest one down: between two zeros of the next higher derivative a derivative
+    is monotone and has at most one zero, which is found by bisection. Return the number of intervals; order 0 is the
+    polynomial itself.
     """
     degree = c.shape[0] - 1
     while degree > 0 and c[degree] == 0.0:
@@ -163,8 +169,8 @@ def stretches(c: Any, order: int, span: float, ends: Any, spare: Any) -> int:
 
 @numba.njit(cache=True, error_model="numpy")
 def crossing(c: Any, lo: float, hi: float) -> float:
-    """Return where the polynomial, monotone and not negative at lo, becomes negative before hi."""
-    if straight(c):
+    """Return the zero between lo and hi of a polynomial that is monotone there and not negative at lo."""
+    if is_line(c):
         return min(max(-c[0] / c[1], lo), hi)
     for _ in range(200):
         mid = 0.5 * (lo + hi)
@@ -179,10 +185,10 @@ def crossing(c: Any, lo: float, hi: float) -> float:
 
 @numba.njit(cache=True, error_model="numpy")
 def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
-    """Return the first place in (0, span) behind which the polynomial is below zero, or inf."""
+    """Return the first point of (0, span) after which the polynomial is negative, or inf."""
     if c[0] - variation(c, span) >= -tolerance:
         return np.inf
-    n = stretches(c, 1, span, ends, spare)
+    n = sign_intervals(c, 1, span, ends, spare)
     lo = 0.0
     for k in range(n):
         hi = ends[k]
@@ -193,8 +199,8 @@ def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def used_up(gap: float, speed: float, half: float) -> float:
-    """Return the first time behind 0 at which ``gap - speed s - half s^2`` is zero, or inf."""
+def closing_time(gap: float, speed: float, half: float) -> float:
+    """Return the first time s > 0 at which ``gap - speed s - half s^2`` is zero, or inf."""
     if half == 0.0:
         return gap / speed if speed > 0.0 and gap > 0.0 else np.inf
     disc = speed * speed + 4.0 * half * gap
@@ -202,30 +208,33 @@ def used_up(gap: float, speed: float, half: float) -> float:
         return np.inf
     root = np.sqrt(disc)
     if speed >= 0.0:
-        # in this form nothing is lost; a gap of zero that opens has no root behind 0
+        # this form of the root has no cancellation; a gap of zero that opens has no root s > 0
         return 2.0 * gap / (speed + root) if gap > 0.0 else np.inf
     return (root - speed) / (2.0 * half) if half > 0.0 else np.inf
 
 
 @numba.njit(cache=True, error_model="numpy")
 def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
-    """Return when a gap that shrinks at the speed `c` is used up, or inf; at `tolerance` on average it does not."""
-    if straight(c):
-        found = used_up(gap, c[0], 0.5 * c[1])
-        return found if found < span else np.inf
+    """Return the first time at which a gap closes at the closing speed `c`, or inf.
+
+    An average closing speed of at most `tolerance` does not close it.
+    """
+    if is_line(c):
+        time = closing_time(gap, c[0], 0.5 * c[1])
+        return time if time < span else np.inf
     if gap > (abs(c[0]) + variation(c, span)) * span:
         return np.inf
-    # between the zeros of the speed the gap is monotone
-    count = stretches(c, 0, span, ends, spare)
+    # the gap is monotone between the zeros of the closing speed
+    count = sign_intervals(c, 0, span, ends, spare)
     lo = 0.0
     for k in range(count):
         hi = ends[k]
-        if gap - area(c, hi) < -tolerance * hi and value(c, 0.5 * (lo + hi)) > 0.0:
+        if gap - integral(c, hi) < -tolerance * hi and value(c, 0.5 * (lo + hi)) > 0.0:
             while True:
                 mid = 0.5 * (lo + hi)
                 if mid <= lo or mid >= hi:
                     return hi
-                if gap - area(c, mid) < 0.0:
+                if gap - integral(c, mid) < 0.0:
                     hi = mid
                 else:
                     lo = mid
@@ -234,8 +243,8 @@ def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def leaning(c: Any, tolerance: float, span: float) -> int:
-    """Return the sign that the polynomial takes right behind 0: -1, 0 or 1."""
+def initial_sign(c: Any, tolerance: float, span: float) -> int:
+    """Return the sign of the polynomial just after 0: -1, 1, or 0 if all its terms are within the tolerance."""
     reach = 1.0
     for k in range(c.shape[0]):
         term = c[k] * reach
@@ -249,9 +258,9 @@ def leaning(c: Any, tolerance: float, span: float) -> int:
 
 @numba.njit(cache=True, error_model="numpy")
 def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, work: Any) -> bool:
-    """Return whether a history goes on at t as its last piece said it would."""
+    """Return whether the polynomial `c` that begins at t continues the last piece of a history up to round-off."""
     last = waves.count[h] - 1
-    moved(waves.pieces[h, last], t - waves.times[h, last], work)
+    shifted(waves.pieces[h, last], t - waves.times[h, last], work)
     reach = 1.0
     for m in range(c.shape[0]):
         if abs(work[m] - c[m]) * reach > 1e-15 * scale:
@@ -261,160 +270,170 @@ def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, w
 
 
 @numba.njit(cache=True, error_model="numpy")
-def measure_sizes(row: Row, j: int, c: Any) -> None:
-    """Let the sizes of the velocities at a junction grow with what arrives there, and with what comes through it.
+def measure_sizes(junctions: Junctions, j: int, c: Any) -> None:
+    """Increase the sizes of the velocities at a junction to those that arrive there and those that it transmits.
 
-    Round-off is that of the velocities which took part. Of those at the other side of a contact no more comes through
-    than the impedances let pass: bars 1e10 times stiffer than their neighbours move 1e10 times less, and exactly so.
+    Round-off is relative to the velocities that take part. A contact transmits no more of the velocity of its other
+    side than the impedances allow: bars 1e10 times stiffer than their neighbours move 1e10 times less, with a round-off
+    that is as much smaller.
     """
     for k in range(2):
-        neighbour = row.side[j, k, NEIGHBOUR]
+        neighbour = junctions.side[j, k, NEIGHBOUR]
         if neighbour >= 0:
-            arrived = max(abs(c[WAVE + k, 0]), row.size[neighbour, 1 - k])
-            row.size[j, k] = max(row.size[j, k], arrived)
-    if row.contact[j] == 1:
+            arrived = max(abs(c[WAVE + k, 0]), junctions.size[neighbour, 1 - k])
+            junctions.size[j, k] = max(junctions.size[j, k], arrived)
+    if junctions.contact[j] == 1:
         for k in range(2):
-            if row.side[j, k, KIND] == FREE:
+            if junctions.side[j, k, KIND] == FREE:
                 share = 1.0
-                if row.side[j, 1 - k, KIND] == FREE:
-                    own, other = row.number[j, k, IMPEDANCE], row.number[j, 1 - k, IMPEDANCE]
+                if junctions.side[j, 1 - k, KIND] == FREE:
+                    own, other = junctions.number[j, k, IMPEDANCE], junctions.number[j, 1 - k, IMPEDANCE]
                     share = min(1.0, 2.0 * other / (own + other))
-                row.size[j, k] = max(row.size[j, k], share * row.size[j, 1 - k])
+                junctions.size[j, k] = max(junctions.size[j, k], share * junctions.size[j, 1 - k])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def horizon(row: Row, j: int, end: float) -> tuple[float, float]:
-    """Return up to when a junction can be worked out, and the shortest transit of its bars."""
+def horizon(junctions: Junctions, j: int, end: float) -> tuple[float, float]:
+    """Return the time up to which a junction can be computed, and the shortest transit time of its bars."""
     limit, span = end, np.inf
     for k in range(2):
-        neighbour = row.side[j, k, NEIGHBOUR]
+        neighbour = junctions.side[j, k, NEIGHBOUR]
         if neighbour >= 0:
-            limit = min(limit, row.clock[neighbour] + row.number[j, k, TRANSIT])
-            span = min(span, row.number[j, k, TRANSIT])
+            limit = min(limit, junctions.clock[neighbour] + junctions.number[j, k, TRANSIT])
+            span = min(span, junctions.number[j, k, TRANSIT])
     return limit, span
 
 
 @numba.njit(cache=True, error_model="numpy")
-def seen(history: Histories, h: int, i: int, t: float, near: float, late: float, out: Any) -> tuple[int, float]:
-    """Set `out` to the piece of a history that arrives at t, `late` after it left; return its place and the next time.
+def arriving_piece(
+    history: Histories, h: int, i: int, t: float, near: float, late: float, out: Any
+) -> tuple[int, float]:
+    """Set `out` to the piece of a history that arrives at t with a delay `late`, and find the next arrival.
 
-    Pieces within `near` of t count as arrived: fronts that differ by round-off are settled as one event.
+    Pieces that arrive within `near` after t count as arrived, so that fronts that differ by round-off form one event.
+    Return the number of the piece and the time at which the next piece arrives.
     """
     while i + 1 < history.count[h] and history.times[h, i + 1] + late <= t + near:
         i += 1
-    moved(history.pieces[h, i], max(t - late - history.times[h, i], 0.0), out)
+    shifted(history.pieces[h, i], max(t - late - history.times[h, i], 0.0), out)
     following = history.times[h, i + 1] + late if i + 1 < history.count[h] else np.inf
     return i, following
 
 
 @numba.njit(cache=True, error_model="numpy")
-def arrivals(row: Row, waves: Histories, loads: Histories, j: int, near: float, c: Any) -> float:
-    """Gather what arrives and acts at a junction now; return when something else does."""
-    t = row.clock[j]
+def arrivals(junctions: Junctions, waves: Histories, loads: Histories, j: int, near: float, c: Any) -> float:
+    """Collect the waves and loads that arrive at a junction now; return the time of the next arrival."""
+    t = junctions.clock[j]
     following = np.inf
     for k in range(2):
         c[WAVE + k, :] = 0.0
         c[ACTING + k, :] = 0.0
-        h = row.side[j, k, ARRIVES]
+        h = junctions.side[j, k, ARRIVES]
         if h >= 0:
-            late = row.number[j, k, TRANSIT]
-            row.pointer[j, k], next_ = seen(waves, h, row.pointer[j, k], t, near, late, c[WAVE + k])
-            c[WAVE + k, 0] += 0.5 * row.number[j, k, GRAVITY] * late
-            following = min(following, next_)
-        h = row.side[j, k, LOAD]
+            late = junctions.number[j, k, TRANSIT]
+            junctions.pointer[j, k], next_time = arriving_piece(
+                waves, h, junctions.pointer[j, k], t, near, late, c[WAVE + k]
+            )
+            c[WAVE + k, 0] += 0.5 * junctions.number[j, k, GRAVITY] * late
+            following = min(following, next_time)
+        h = junctions.side[j, k, LOAD]
         if h >= 0:
-            row.pointer[j, 2 + k], next_ = seen(loads, h, row.pointer[j, 2 + k], t, near, 0.0, c[ACTING + k])
-            following = min(following, next_)
+            junctions.pointer[j, 2 + k], next_time = arriving_piece(
+                loads, h, junctions.pointer[j, 2 + k], t, near, 0.0, c[ACTING + k]
+            )
+            following = min(following, next_time)
     return following
 
 
 @numba.njit(cache=True, error_model="numpy")
-def closing(row: Row, j: int, c: Any) -> float:
-    """Set how fast the gap closes where no contact force acts; return how much a unit force gives way."""
-    give = 0.0
+def closing_speed(junctions: Junctions, j: int, c: Any) -> float:
+    """Set the closing speed of the gap without contact force; return the admittance, its decrease by a unit force."""
+    admittance = 0.0
     c[CLOSING, :] = 0.0
     for k in range(2):
         sign = 1.0 if k == 0 else -1.0
-        kind = row.side[j, k, KIND]
+        kind = junctions.side[j, k, KIND]
         if kind == FREE:
-            impedance = row.number[j, k, IMPEDANCE]
-            give += 1.0 / impedance
+            impedance = junctions.number[j, k, IMPEDANCE]
+            admittance += 1.0 / impedance
             for m in range(c.shape[1]):
                 c[CLOSING, m] += sign * (2.0 * c[WAVE + k, m] + c[ACTING + k, m] / impedance)
         elif kind == DRIVEN:
             for m in range(c.shape[1]):
                 c[CLOSING, m] += sign * c[ACTING + k, m]
-    return give
+    return admittance
 
 
 @numba.njit(cache=True, error_model="numpy")
-def settle(row: Row, j: int, reach: float, span: float, limits: Limits, c: Any, roots: Any) -> float:
-    """Close or open a contact that must be now; return how long it will stay so, or inf if past `reach`.
+def switch_contact(
+    junctions: Junctions, j: int, reach: float, span: float, limits: Limits, c: Any, roots: Any
+) -> float:
+    """Close or open a contact that must switch now; return the time for which it keeps its state, inf beyond `reach`.
 
-    A closing speed within the tolerance of zero is zero: what follows decides, and where nothing does the contact
-    stays as it is. So a grazing contact, gap and force both zero, does not chatter.
+    A closing speed within the tolerance of zero counts as zero: the higher terms decide, and if these are zero too the
+    contact keeps its state. A grazing contact, with gap and force both zero, therefore does not chatter.
     """
-    tolerance = limits.tolerance * max(row.size[j, 0], row.size[j, 1])
-    lean = leaning(c[CLOSING], tolerance, reach)
-    if row.closed[j] == 1 and lean < 0 and c[CLOSING, 0] <= tolerance:
-        row.closed[j] = 0
-        row.gap[j] = 0.0
-    elif row.closed[j] == 0 and row.gap[j] <= tolerance * span and lean > 0:
-        row.closed[j] = 1
-        row.gap[j] = 0.0
+    tolerance = limits.tolerance * max(junctions.size[j, 0], junctions.size[j, 1])
+    sign = initial_sign(c[CLOSING], tolerance, reach)
+    if junctions.closed[j] == 1 and sign < 0 and c[CLOSING, 0] <= tolerance:
+        junctions.closed[j] = 0
+        junctions.gap[j] = 0.0
+    elif junctions.closed[j] == 0 and junctions.gap[j] <= tolerance * span and sign > 0:
+        junctions.closed[j] = 1
+        junctions.gap[j] = 0.0
     speed = c[CLOSING, 0]
     for _ in range(2):
-        closed = row.closed[j] == 1
+        closed = junctions.closed[j] == 1
         if abs(speed) <= tolerance:
             c[CLOSING, 0] = max(speed, 0.0) if closed else min(speed, 0.0)
         if closed:
             switch = first_negative(c[CLOSING], reach, tolerance, roots[0], roots[1])
         else:
-            switch = first_contact(row.gap[j], c[CLOSING], reach, tolerance, roots[0], roots[1])
+            switch = first_contact(junctions.gap[j], c[CLOSING], reach, tolerance, roots[0], roots[1])
         if switch > INSTANT * limits.quantum:
             return switch
-        row.closed[j] = 1 - row.closed[j]  # it would not stay so for any time
-        row.gap[j] = 0.0
+        junctions.closed[j] = 1 - junctions.closed[j]  # the contact would keep its state for an instant only
+        junctions.gap[j] = 0.0
     return np.inf
 
 
 @numba.njit(cache=True, error_model="numpy")
-def leave(row: Row, waves: Histories, j: int, near: float, span: float, c: Any) -> None:
-    """Send the leaving waves of a junction off."""
-    t = row.clock[j]
+def send_waves(junctions: Junctions, waves: Histories, j: int, near: float, span: float, c: Any) -> None:
+    """Append the leaving waves of a junction to their histories, unless they continue the last pieces."""
+    t = junctions.clock[j]
     for k in range(2):
-        h = row.side[j, k, LEAVES]
+        h = junctions.side[j, k, LEAVES]
         if h < 0:
             continue
         sign = -1.0 if k == 0 else 1.0
         for m in range(c.shape[1]):
-            if row.side[j, k, KIND] == FREE:
+            if junctions.side[j, k, KIND] == FREE:
                 push = c[ACTING + k, m] + sign * c[FORCE, m]
-                c[LEAVING, m] = c[WAVE + k, m] + push / row.number[j, k, IMPEDANCE]
+                c[LEAVING, m] = c[WAVE + k, m] + push / junctions.number[j, k, IMPEDANCE]
             else:
                 c[LEAVING, m] = c[ACTING + k, m] - c[WAVE + k, m]
-        if continues(waves, h, t, c[LEAVING], row.size[j, k], span, c[SPARE]):
+        if continues(waves, h, t, c[LEAVING], junctions.size[j, k], span, c[SPARE]):
             continue
         if waves.count[h] > 1 and t <= waves.times[h, waves.count[h] - 1] + near:
-            waves.count[h] -= 1  # the same instant, settled anew
+            waves.count[h] -= 1  # an event at the same instant replaces the last piece
         waves.times[h, waves.count[h]] = t
         waves.pieces[h, waves.count[h]] = c[LEAVING]
         waves.count[h] += 1
 
 
 @numba.njit(cache=True, error_model="numpy")
-def room(row: Row, waves: Histories, forces: Forces, j: int) -> bool:
+def has_room(junctions: Junctions, waves: Histories, forces: Forces, j: int) -> bool:
     """Return whether the histories of a junction have room for another event."""
     for k in range(2):
-        h = row.side[j, k, LEAVES]
+        h = junctions.side[j, k, LEAVES]
         if h >= 0 and waves.count[h] >= waves.times.shape[1] - 1:
             return False
     return forces.count[j] < forces.times.shape[1] - 1
 
 
 @numba.njit(cache=True, error_model="numpy")
-def event(
-    row: Row,
+def advance(
+    junctions: Junctions,
     waves: Histories,
     loads: Histories,
     forces: Forces,
@@ -425,59 +444,61 @@ def event(
     c: Any,
     roots: Any,
 ) -> float:
-    """Work a junction off up to its next event, at most to `limit`; return how long that took."""
-    t = row.clock[j]
+    """Compute a junction up to its next event, at most to `limit`; return the duration covered."""
+    t = junctions.clock[j]
     near = max(1e-12 * span, 2.0 * limits.quantum)
-    next_ = min(arrivals(row, waves, loads, j, near, c), limit)
-    measure_sizes(row, j, c)
-    give = closing(row, j, c)
+    next_time = min(arrivals(junctions, waves, loads, j, near, c), limit)
+    measure_sizes(junctions, j, c)
+    admittance = closing_speed(junctions, j, c)
     switch = np.inf
-    if row.contact[j] == 1:
-        switch = settle(row, j, next_ - t, span, limits, c, roots)
-        if switch < next_ - t:
+    if junctions.contact[j] == 1:
+        switch = switch_contact(junctions, j, next_time - t, span, limits, c, roots)
+        if switch < next_time - t:
             ticks = max(np.rint((t + switch) / limits.quantum), np.rint(t / limits.quantum) + 1.0)
-            next_ = min(ticks * limits.quantum, next_)
+            next_time = min(ticks * limits.quantum, next_time)
         else:
             switch = np.inf
     for m in range(c.shape[1]):
-        c[FORCE, m] = c[CLOSING, m] / give if row.contact[j] == 1 and row.closed[j] == 1 else 0.0
+        c[FORCE, m] = c[CLOSING, m] / admittance if junctions.contact[j] == 1 and junctions.closed[j] == 1 else 0.0
     f = forces.count[j]
     forces.times[j, f] = t
-    forces.closed[j, f] = row.closed[j]
+    forces.closed[j, f] = junctions.closed[j]
     forces.pieces[j, f] = c[FORCE]
     forces.count[j] += 1
-    leave(row, waves, j, near, span, c)
-    if row.contact[j] == 1:
-        if row.closed[j] == 1 or switch < np.inf:
-            row.gap[j] = 0.0
+    send_waves(junctions, waves, j, near, span, c)
+    if junctions.contact[j] == 1:
+        if junctions.closed[j] == 1 or switch < np.inf:
+            junctions.gap[j] = 0.0
         else:
-            row.gap[j] = max(row.gap[j] - area(c[CLOSING], next_ - t), 0.0)
-    row.clock[j] = next_
-    return next_ - t
+            junctions.gap[j] = max(junctions.gap[j] - integral(c[CLOSING], next_time - t), 0.0)
+    junctions.clock[j] = next_time
+    return next_time - t
 
 
 @numba.njit(cache=True, error_model="numpy")
-def march(row: Row, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
-    """Work the junctions off up to the end; return DONE, FULL where a history is full, STUCK where events pile up.
+def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
+    """Compute all junctions up to the end; return DONE, FULL if a history is full, or STUCK.
 
-    All times are multiples of the quantum, a round-off of the end: so sums of transits are exact, and fronts that took
-    the same transits in another order since a common closing arrive at the same instant and merge.
+    STUCK means that more than `MOST_AT_ONCE` consecutive events of a junction had no duration.
+
+    All times are multiples of the quantum, the round-off of the end time. Sums of transit times are therefore exact,
+    and fronts that took the same transits in another order since a common closing arrive at the same instant and merge.
     """
     c = np.zeros((SPARE + 1, waves.pieces.shape[2]))
     roots = np.zeros((2, c.shape[1] + 1))
-    for _ in range(row.clock.size):
-        for j in range(row.clock.size):
-            measure_sizes(row, j, c)
+    for _ in range(junctions.clock.size):
+        for j in range(junctions.clock.size):
+            measure_sizes(junctions, j, c)
     while True:
-        j = np.argmin(row.clock)
-        if row.clock[j] >= limits.end:
+        j = np.argmin(junctions.clock)
+        if junctions.clock[j] >= limits.end:
             return DONE
-        limit, span = horizon(row, j, limits.end)
+        limit, span = horizon(junctions, j, limits.end)
         stuck = 0
-        while row.clock[j] < limit:
-            if not room(row, waves, forces, j):
+        while junctions.clock[j] < limit:
+            if not has_room(junctions, waves, forces, j):
                 return FULL
-            took = event(row, waves, loads, forces, j, limit, span, limits, c, roots)
-            stuck = stuck + 1 if took <= INSTANT * limits.quantum else 0
+            duration = advance(junctions, waves, loads, forces, j, limit, span, limits, c, roots)
+            stuck = stuck + 1 if duration <= INSTANT * limits.quantum else 0
             if stuck > MOST_AT_ONCE:
                 return STUCK

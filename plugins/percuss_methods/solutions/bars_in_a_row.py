@@ -1,4 +1,4 @@
-"""Exact solution of rows of uniform elastic bars."""
+"""Exact solution of the longitudinal impact of uniform elastic bars along one line."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from percuss import Floats
-    from percuss_methods.solutions._row import RowOfBars
+    from percuss_methods.solutions._row import BarChain
 
 
 @dataclass(frozen=True)
 class BarsInARow(Solution):
-    """Exact solution by characteristics, as a finite list of events; no mesh and no time step.
+    """Exact solution by the method of characteristics as a finite list of events, without mesh and time step.
 
     Formula: ``v = p + q``, ``force = Z (p - q)``, ``Z = A sqrt(E rho)``. A closed contact of ends a and b moves at the
     common velocity ``v = 2 (Z_a p + Z_b q) / (Z_a + Z_b)`` and presses with ``Z_a (2 p - v)``; it closes when the gap
-    is used up and opens when the force would pull. Piecewise-constant and piecewise-linear data stay so and are exact;
-    smooth loads are followed by polynomials to 1e-12 of their size.
+    is zero and opens when the force would pull. The solution of piecewise-constant and piecewise-linear data is exact;
+    smooth loads are approximated by polynomials with an error of at most 1e-12 of their largest value.
 
     Covers uniform linear-elastic bars along one line: free, fixed and driven ends, walls, gaps or touching, initial
     velocities, loads on ends, steady acceleration.
@@ -44,8 +44,8 @@ class BarsInARow(Solution):
     )
 
     def covers(self, model: Any) -> str | None:
-        """Return why a case is not covered, or None."""
-        reasons = [*_of_bodies(model), *_of_loads(model)]
+        """Return the reason why a case is not covered, or None if it is."""
+        reasons = [*_reasons_of_bodies(model), *_reasons_of_loads(model)]
         nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         if len(nodes) != len(set(nodes)):
             reasons.append("an end takes part in several contacts")
@@ -53,258 +53,265 @@ class BarsInARow(Solution):
 
     def solve(self, model: Any, end: float) -> Exact:
         """Return the exact solution of a covered case up to `end`, or up to the time that `most_fronts` allows."""
-        from percuss_methods.solutions._row import RowOfBars  # numba is imported with it
+        from percuss_methods.solutions._row import BarChain  # imported here because it imports numba, which takes long
 
-        row = RowOfBars(model)
-        row.march(end, self.most_fronts)
-        return RowSolution(row, end)
+        chain = BarChain(model)
+        chain.march(end, self.most_fronts)
+        return ChainSolution(chain, end)
 
 
-def _of_bodies(model: Any) -> Iterator[str]:
-    """Yield what about the bodies is not covered."""
+def _reasons_of_bodies(model: Any) -> Iterator[str]:
+    """Yield the reasons why the bodies of a case are not covered."""
     line = next(iter(model.bodies.values())).mesh.direction
     for name, body in model.bodies.items():
-        if _aside(body.mesh.direction, line):
+        if _has_transverse_part(body.mesh.direction, line):
             yield f"body '{name}' lies across the first one"
         if body.spec.shape.name != "bar":
             yield f"body '{name}' is a {body.spec.shape.name}, not a bar"
-        if body.velocity.any() and _aside(body.velocity, body.mesh.direction):
+        if body.velocity.any() and _has_transverse_part(body.velocity, body.mesh.direction):
             yield f"body '{name}' moves across its axis"
 
 
-def _of_loads(model: Any) -> Iterator[str]:
-    """Yield what about the loads is not covered."""
+def _reasons_of_loads(model: Any) -> Iterator[str]:
+    """Yield the reasons why the loads of a case are not covered."""
     bodies = list(model.bodies.values())
-    for push in model.nodal_forces:
-        if push.load.acts_as == "acceleration":
-            yield f"load '{push.load.name}' accelerates an end, which has no mass but that of its mesh"
-    drives = [hold for hold in model.constraints if hold.load is not None]
-    acting = [(push.load, push.force, model.body_of(push.node)) for push in model.nodal_forces]
-    acting += [(hold.load, hold.direction, model.body_of(hold.node)) for hold in drives]
-    acting += [(pull.load, pull.acceleration, bodies[pull.body]) for pull in model.body_forces]
-    for spec, vector, body in acting:
-        if _aside(vector, body.mesh.direction):
+    for nodal_force in model.nodal_forces:
+        if nodal_force.load.acts_as == "acceleration":
+            yield f"load '{nodal_force.load.name}' accelerates an end, which has no mass but that of its mesh"
+    drives = [constraint for constraint in model.constraints if constraint.load is not None]
+    loads = [(force.load, force.force, model.body_of(force.node)) for force in model.nodal_forces]
+    loads += [(drive.load, drive.direction, model.body_of(drive.node)) for drive in drives]
+    loads += [(force.load, force.acceleration, bodies[force.body]) for force in model.body_forces]
+    for spec, vector, body in loads:
+        if _has_transverse_part(vector, body.mesh.direction):
             yield f"load '{spec.name}' acts across body '{body.name}'"
         if spec.load.kinks() is None:
             yield f"load '{spec.name}' ({spec.load.name}) does not say where it is smooth"
-    for hold in drives:
-        if hold.load.start > 0 or hold.load.stop < np.inf:
-            yield f"the drive '{hold.load.name}' is switched on or off in time"
-    for pull in model.body_forces:
-        if pull.load.start > 0 or pull.load.stop < np.inf or pull.load.load.name not in {"gravity", "constant"}:
-            yield f"the load '{pull.load.name}' on a whole body changes in time"
+    for drive in drives:
+        if drive.load.start > 0 or drive.load.stop < np.inf:
+            yield f"the drive '{drive.load.name}' is switched on or off in time"
+    for force in model.body_forces:
+        if force.load.start > 0 or force.load.stop < np.inf or force.load.load.name not in {"gravity", "constant"}:
+            yield f"the load '{force.load.name}' on a whole body changes in time"
 
 
-def _aside(vector: Floats, axis: Floats) -> bool:
+def _has_transverse_part(vector: Floats, axis: Floats) -> bool:
+    """Return whether a vector has a part across the unit vector of an axis, beyond round-off."""
     size = float(np.linalg.norm(vector))
     return bool(size > 0 and np.linalg.norm(vector - (vector @ axis) * axis) > 1e-9 * size)
 
 
-class RowContact(ExactContact):
-    """The exact history of one contact."""
+class ChainContact(ExactContact):
+    """The exact history of one contact of a chain of bars."""
 
-    def __init__(self, row: RowOfBars, junction: int, displacement: Any) -> None:
-        self._force = row.force(junction)
+    def __init__(self, chain: BarChain, junction: int, displacement: Any) -> None:
+        self._force = chain.force(junction)
         self._displacement = displacement
-        known = np.searchsorted(self._force.times, row.reached)  # of an end that was worked out further, no more
-        times, pieces = self._force.times[:known], self._force.pieces[:known]
-        ends = np.append(times, row.reached)
+        # a junction may be computed beyond the time that the solution as a whole has reached
+        count = np.searchsorted(self._force.times, chain.reached)
+        times, pieces = self._force.times[:count], self._force.pieces[:count]
+        ends = np.append(times, chain.reached)
         size = (np.abs(pieces) * np.diff(ends)[:, None] ** np.arange(pieces.shape[1])).max(axis=1)
-        pushing = (row.forces.closed[junction, : times.size] == 1) & (size > row.slight[junction])
+        pushing = (chain.forces.closed[junction, : times.size] == 1) & (size > chain.negligible_force[junction])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], pushing.astype(int), [0]])))
         self._intervals = tuple((float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
     def force(self, time: Floats) -> Floats:
-        """Contact force."""
+        """Return the contact force, compression positive."""
         return self._force(np.asarray(time, dtype=float))
 
     def impulse(self, time: Floats) -> Floats:
-        """Cumulative impulse."""
+        """Return the impulse of the contact force from 0 to `time`."""
         return self._force.integral(np.maximum(np.asarray(time, dtype=float), 0.0))
 
     def gap(self, time: Floats) -> Floats:
-        """Gap."""
+        """Return the gap, open positive."""
         return self._displacement(np.asarray(time, dtype=float))
 
     def largest_force(self, start: float, stop: float) -> float:
-        """Least upper bound of the force between two times."""
+        """Return the least upper bound of the force between two times."""
         return self._force.supremum(start, stop)
 
     @property
     def closed(self) -> tuple[tuple[float, float], ...]:
-        """Intervals with a force."""
+        """Intervals (start, stop) in which the contact presses."""
         return self._intervals
 
 
-class RowSolution(Exact):
-    """The exact solution of a row, evaluated."""
+class ChainSolution(Exact):
+    """The exact solution of a chain of bars, evaluated from the histories of its waves and contact forces."""
 
-    def __init__(self, row: RowOfBars, end: float) -> None:
-        self.row, self.reached, self.fronts, self.stopped = row, row.reached, row.fronts, row.stopped
+    def __init__(self, chain: BarChain, end: float) -> None:
+        self.chain, self.reached, self.fronts, self.stopped = chain, chain.reached, chain.fronts, chain.stopped
         self.end = end
-        w = row.waves
-        self._waves = [PiecewisePolynomial(w.times[h, :n], w.pieces[h, :n]) for h, n in enumerate(w.count)]
-        self._names = [body.name for body in row.bodies]
+        waves = chain.waves
+        self._waves = [PiecewisePolynomial(waves.times[h, :n], waves.pieces[h, :n]) for h, n in enumerate(waves.count)]
+        self._names = [body.name for body in chain.bodies]
         self.contacts = {}
-        for j, name in enumerate(row.contact_names):
-            self.contacts[name] = RowContact(row, j, self._gap(j))
+        for j, name in enumerate(chain.contact_names):
+            self.contacts[name] = ChainContact(chain, j, self._gap(j))
 
     def _gap(self, j: int) -> Any:
-        row = self.row
+        """Return the gap of a junction as a function of time."""
+        chain = self.chain
 
         def gap(time: Any) -> Any:
-            out = np.full(time.shape, row.gaps[j])
+            out = np.full(time.shape, chain.gaps[j])
             for k, sign in ((0, -1.0), (1, 1.0)):
-                b = row.bar[j, k]
+                b = chain.bar[j, k]
                 if b >= 0:
-                    x = row.length[b] if k == 0 else 0.0
+                    x = chain.length[b] if k == 0 else 0.0
                     out = out + sign * self._line_displacement(b, np.full(time.shape, x), time)
             return out
 
         return gap
 
-    # -- on the common line: x from a bar's left end ------------------------------------------------------
+    # -- on the common line, with x measured from the left end of a bar -----------------------------------
 
     def _line_waves(self, b: int, x: Any, t: Any) -> tuple[Any, Any]:
-        row = self.row
-        late, early = x / row.speed[b], (row.length[b] - x) / row.speed[b]
-        p = self._waves[2 * b](t - late) + 0.5 * row.gravity[b] * late
-        q = self._waves[2 * b + 1](t - early) + 0.5 * row.gravity[b] * early
+        """Return the waves p and q in a bar."""
+        chain = self.chain
+        from_left, from_right = x / chain.speed[b], (chain.length[b] - x) / chain.speed[b]
+        p = self._waves[2 * b](t - from_left) + 0.5 * chain.gravity[b] * from_left
+        q = self._waves[2 * b + 1](t - from_right) + 0.5 * chain.gravity[b] * from_right
         return p, q
 
     def _line_displacement(self, b: int, x: Any, t: Any) -> Any:
-        row = self.row
-        total = 0.5 * row.gravity[b] * row.transit[b] * t
-        for h, late in ((2 * b, x / row.speed[b]), (2 * b + 1, (row.length[b] - x) / row.speed[b])):
-            total = total + self._waves[h].integral(t - late) - self._waves[h].integral(-late)
+        """Return the displacement of a bar along the common line."""
+        chain = self.chain
+        total = 0.5 * chain.gravity[b] * chain.transit[b] * t
+        for h, delay in ((2 * b, x / chain.speed[b]), (2 * b + 1, (chain.length[b] - x) / chain.speed[b])):
+            total = total + self._waves[h].integral(t - delay) - self._waves[h].integral(-delay)
         return total
 
     def _line(self, body: str, x: Any) -> tuple[int, Any, float]:
-        """Return the bar, the place from its left end on the common line, and the sign of its own axis."""
+        """Return the number of a bar, the distance from its left end on the common line, and the sign of its axis."""
         b = self._names.index(body)
         x = np.asarray(x, dtype=float)
-        return b, x if self.row.flip[b] > 0 else self.row.length[b] - x, float(self.row.flip[b])
+        return b, x if self.chain.flip[b] > 0 else self.chain.length[b] - x, float(self.chain.flip[b])
 
     def displacement(self, body: str, x: Floats, time: Floats) -> Floats:
-        """Displacement along the body's own direction."""
-        b, place, sign = self._line(body, x)
-        place, time = np.broadcast_arrays(place, np.asarray(time, dtype=float))
-        return sign * self._line_displacement(b, place, time)
+        """Return the displacement along the body's own direction."""
+        b, distance, sign = self._line(body, x)
+        distance, time = np.broadcast_arrays(distance, np.asarray(time, dtype=float))
+        return sign * self._line_displacement(b, distance, time)
 
     def velocity(self, body: str, x: Floats, time: Floats) -> Floats:
-        """Velocity along the body's own direction."""
-        b, place, sign = self._line(body, x)
-        p, q = self._line_waves(b, *np.broadcast_arrays(place, np.asarray(time, dtype=float)))
+        """Return the velocity along the body's own direction."""
+        b, distance, sign = self._line(body, x)
+        p, q = self._line_waves(b, *np.broadcast_arrays(distance, np.asarray(time, dtype=float)))
         return sign * (p + q)
 
     def stress(self, body: str, x: Floats, time: Floats) -> Floats:
-        """Stress, tension positive."""
-        b, place, _ = self._line(body, x)
-        p, q = self._line_waves(b, *np.broadcast_arrays(place, np.asarray(time, dtype=float)))
-        return -self.row.impedance[b] * (p - q) / self.row.bodies[b].spec.area
+        """Return the stress, tension positive."""
+        b, distance, _ = self._line(body, x)
+        p, q = self._line_waves(b, *np.broadcast_arrays(distance, np.asarray(time, dtype=float)))
+        return -self.chain.impedance[b] * (p - q) / self.chain.bodies[b].spec.area
 
-    # -- sums ---------------------------------------------------------------------------------------------
+    # -- sums over all bars -------------------------------------------------------------------------------
 
     def energy(self, time: float) -> tuple[float, float]:
-        """Kinetic and elastic energy."""
+        """Return kinetic and elastic energy."""
         kinetic = elastic = 0.0
         for b in range(len(self._names)):
             for x, w in self._quadrature(b, time):
                 p, q = self._line_waves(b, x, np.full(x.shape, time))
-                rho_a = self.row.impedance[b] / self.row.speed[b]
+                rho_a = self.chain.impedance[b] / self.chain.speed[b]
                 kinetic += 0.5 * rho_a * float(w @ (p + q) ** 2)
                 elastic += 0.5 * rho_a * float(w @ (p - q) ** 2)
         return kinetic, elastic
 
     def momentum(self, time: float) -> float:
-        """Momentum along the line of the first body."""
+        """Return the momentum along the line of the first body."""
         total = 0.0
         for b in range(len(self._names)):
             for x, w in self._quadrature(b, time):
                 p, q = self._line_waves(b, x, np.full(x.shape, time))
-                total += self.row.impedance[b] / self.row.speed[b] * float(w @ (p + q))
+                total += self.chain.impedance[b] / self.chain.speed[b] * float(w @ (p + q))
         return total
 
     def _quadrature(self, b: int, time: float) -> list[tuple[Any, Any]]:
         """Return points and weights that integrate the squares of the waves in a bar exactly."""
-        row = self.row
-        breaks = [0.0, float(row.length[b])]
+        chain = self.chain
+        breaks = [0.0, float(chain.length[b])]
         for h, sign in ((2 * b, 1.0), (2 * b + 1, -1.0)):
             times = self._waves[h].times
-            inside = times[(times > time - row.transit[b]) & (times < time)]
-            place = (time - inside) * row.speed[b]
-            breaks += (place if sign > 0 else row.length[b] - place).tolist()
-        edges = np.unique(np.clip(breaks, 0.0, row.length[b]))
-        nodes, weights = np.polynomial.legendre.leggauss(row.waves.pieces.shape[2])
+            inside = times[(times > time - chain.transit[b]) & (times < time)]
+            distance = (time - inside) * chain.speed[b]
+            breaks += (distance if sign > 0 else chain.length[b] - distance).tolist()
+        edges = np.unique(np.clip(breaks, 0.0, chain.length[b]))
+        nodes, weights = np.polynomial.legendre.leggauss(chain.waves.pieces.shape[2])
         half = 0.5 * np.diff(edges)
         x = edges[:-1, None] + half[:, None] * (1.0 + nodes)
         return [(x.ravel(), (half[:, None] * weights).ravel())]
 
     def work(self, time: float) -> float:
-        """Work of loads, drives and steady acceleration up to `time`."""
+        """Return the work of loads, drives and steady acceleration up to `time`."""
         return float(self._accounts[0].integral(np.asarray(time, dtype=float)))
 
     def impulse(self, time: float) -> float:
-        """Impulse of loads, supports, drives, walls and steady acceleration along the line, up to `time`."""
+        """Return the impulse of loads, supports, drives, walls and steady acceleration along the line, up to `time`."""
         return float(self._accounts[1].integral(np.asarray(time, dtype=float)))
 
     def largest_energy(self) -> float:
-        """Least upper bound of the energy: nothing but the work from outside changes it."""
+        """Return the least upper bound of the energy, which external work alone changes."""
         return sum(self.energy(0.0)) + self._accounts[0].antiderivative().supremum(0.0, self.reached)
 
     @cached_property
     def _accounts(self) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
-        """Power and force of all that acts from outside, over the whole time; between two fronts they are polynomials.
+        """Power and force of all external actions over time, which are polynomials between two fronts.
 
-        The pieces begin wherever a wave leaves or arrives at any end, and wherever a load changes.
+        The pieces begin at the times at which a wave leaves or arrives at any end, or a load changes.
         """
-        row = self.row
-        marks = [row.forces.times[j, : row.forces.count[j]] for j in range(row.side.shape[0])]
-        marks += [row.loads.times[k, : row.loads.count[k]] for k in range(row.loads.count.size) if row.functions]
+        chain = self.chain
+        marks = [chain.forces.times[j, : chain.forces.count[j]] for j in range(chain.side.shape[0])]
+        marks += [
+            chain.loads.times[k, : chain.loads.count[k]] for k in range(chain.loads.count.size) if chain.functions
+        ]
         for b in range(len(self._names)):
             for wave in self._waves[2 * b : 2 * b + 2]:
-                marks += [wave.times, wave.times + row.transit[b]]
+                marks += [wave.times, wave.times + chain.transit[b]]
         times = np.concatenate([[0.0], *marks])
         times = np.unique(times[(times >= 0.0) & (times < self.reached)])
-        terms = row.waves.pieces.shape[2]
+        terms = chain.waves.pieces.shape[2]
         force, power = np.zeros((times.size, terms)), np.zeros((times.size, 2 * terms - 1))
         for b in range(len(self._names)):
-            if row.gravity[b] != 0.0:
+            if chain.gravity[b] != 0.0:
                 weight, velocity = self._weight(b, times)
                 force[:, 0] += weight
                 power[:, : terms + 1] += weight * velocity
-        for j in range(row.side.shape[0]):
-            for k, sign in ((0, 1.0), (1, -1.0)):  # +1 at the right end of a bar
-                b, load = row.bar[j, k], row.side[j, k, 2]
+        for j in range(chain.side.shape[0]):
+            for k, sign in ((0, 1.0), (1, -1.0)):  # first side: the right end of a bar
+                b, load = chain.bar[j, k], chain.side[j, k, 2]
                 if b < 0:
-                    if row.is_wall[j, k]:
-                        force += sign * row.force(j).pieces_from(times)
+                    if chain.is_wall[j, k]:
+                        force += sign * chain.force(j).pieces_from(times)
                     continue
-                if row.is_free[j, k] and load < 0:
+                if chain.is_free[j, k] and load < 0:
                     continue
-                velocity, pressed = self._end(b, k == 0, times)
-                if row.is_free[j, k]:
-                    acting = row.load(load).pieces_from(times)
+                velocity, compression = self._end(b, k == 0, times)
+                if chain.is_free[j, k]:
+                    external = chain.load(load).pieces_from(times)
                 else:
-                    acting = sign * (row.force(j).pieces_from(times) - pressed)
-                force += acting
-                power += product(acting, velocity)
+                    external = sign * (chain.force(j).pieces_from(times) - compression)
+                force += external
+                power += product(external, velocity)
         return PiecewisePolynomial(times, power), PiecewisePolynomial(times, force)
 
     def _end(self, b: int, right: bool, times: Any) -> tuple[Any, Any]:
         """Return velocity and compressive force at an end of a bar, in pieces that begin at `times`."""
-        row = self.row
+        chain = self.chain
         leaving, arriving = self._waves[2 * b + 1 if right else 2 * b], self._waves[2 * b if right else 2 * b + 1]
-        out, back = leaving.pieces_from(times), arriving.pieces_from(times, row.transit[b])
-        back[:, 0] += 0.5 * row.gravity[b] * row.transit[b]
-        return out + back, row.impedance[b] * ((back - out) if right else (out - back))
+        outgoing, incoming = leaving.pieces_from(times), arriving.pieces_from(times, chain.transit[b])
+        incoming[:, 0] += 0.5 * chain.gravity[b] * chain.transit[b]
+        return outgoing + incoming, chain.impedance[b] * ((incoming - outgoing) if right else (outgoing - incoming))
 
     def _weight(self, b: int, times: Any) -> tuple[float, Any]:
-        """Return the weight of a bar, and its mean velocity in pieces: what its ends and its weight make of it."""
-        row = self.row
-        mass = row.impedance[b] * row.transit[b]
+        """Return the weight of a bar, and its mean velocity in pieces, from the forces at its ends and its weight."""
+        chain = self.chain
+        mass = chain.impedance[b] * chain.transit[b]
         resultant = self._end(b, False, times)[1] - self._end(b, True, times)[1]
-        resultant[:, 0] += mass * row.gravity[b]
+        resultant[:, 0] += mass * chain.gravity[b]
         momentum = PiecewisePolynomial(times, resultant).antiderivative().pieces
-        momentum[:, 0] += mass * row.velocity[b]
-        return mass * row.gravity[b], momentum / mass
+        momentum[:, 0] += mass * chain.velocity[b]
+        return mass * chain.gravity[b], momentum / mass

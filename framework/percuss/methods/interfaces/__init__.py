@@ -1,10 +1,10 @@
-"""The families of components: what a method must say, with shapes and units.
+"""Interfaces of the component families: the attributes and functions of each method, with shapes and units.
 
-A component is a frozen dataclass. Its fields are its options, filled from YAML; ``Annotated`` bounds and units on
-them are what validation, schema and help read. Its class facts (`name`, `summary`, `references`, ...) stand beside
-them as plain class attributes. What depends on a model or on the time step appears in `bind`, never in the options.
+A component is a frozen dataclass. Its fields are its options, filled from YAML; validation, schema and help read the
+bounds and units in their ``Annotated`` types. Facts about the class (`name`, `summary`, `references`, ...) are plain
+class attributes. Values that depend on a model or on the time step belong in `bind`, never in the options.
 
-A kernel is a static method that the time loop calls. Where it can be compiled it is; it may read its arguments and
+A kernel is a static method that the time loop calls. It is compiled if possible. It may read its arguments and
 module-level constants and call plain helper functions, and it keeps nothing between calls.
 """
 

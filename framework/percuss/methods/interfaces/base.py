@@ -1,4 +1,4 @@
-"""What every family of components shares: facts, options with units and bounds, data files."""
+"""Base of all component families: facts of a class, units and bounds of options, data files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class AllowInf:
-    """Marks a number that may be infinite; every other one is finite. ``nan`` is never a value."""
+    """Mark of a numerical option that may be infinite; all others must be finite, and ``nan`` is always refused."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> dict[str, Any]:
         schema: dict[str, Any] = handler(source)
@@ -41,7 +41,7 @@ class AllowInf:
 
 @dataclass(frozen=True)
 class Doc:
-    """One line that says what an option is; shown in the schema and by ``percuss plugins NAME``."""
+    """Description of an option in one line, shown in the schema and by ``percuss plugins NAME``."""
 
     text: str
 
@@ -53,23 +53,23 @@ class Doc:
 
 @dataclass(frozen=True, eq=False)
 class DataFile:
-    """A CSV file of numbers named in a case, relative to it; read once, when the case is checked.
+    """A CSV file of numbers that a case names by a path relative to its own; read once, when the case is checked.
 
-    Two data files are equal where path and numbers are.
+    Two data files are equal if their paths and numbers are equal.
 
     Attributes
     ----------
     path
-        As written in the case.
+        Path as written in the case.
     table : (columns, rows) array
-        Its numbers; a first line of which no field begins as a number does is skipped.
+        Numbers of the file; a first line in which no field begins like a number is skipped.
     """
 
     path: str
     table: Floats
 
     def __eq__(self, other: object) -> bool:
-        # an array has no truth value, so that the comparison that a dataclass writes for itself would fail
+        # An array has no truth value, so the comparison that a dataclass generates would fail.
         if not isinstance(other, DataFile):
             return NotImplemented
         return self.path == other.path and np.array_equal(self.table, other.table, equal_nan=True)
@@ -91,26 +91,26 @@ class DataFile:
 
 
 class Component(ABC):
-    r"""Root of every contract. A class is either a contract or a finished method, never both.
+    r"""Base class of all contracts; a class is either a contract or a finished method, never both.
 
     Attributes
     ----------
     name
-        As written in a case; matches ``[A-Za-z][\w-]*``.
+        Name in a case; matches ``[A-Za-z][\w-]*``.
     summary
-        One line for tables and help.
+        Description in one line, for tables and help.
     references
-        Sources, with DOI where there is one.
+        Sources, with DOI if there is one.
     examples
-        Option sets that make sense; the conformance kit runs them.
+        Sensible sets of options; the conformance kit runs them.
     shorthand
-        Name of the option meant where a case gives a bare value in place of a mapping; empty if none.
+        Option that a bare value in a case sets if it stands in place of a mapping; empty if there is none.
     expected_failures
-        Checks that the method is known not to pass, to the reason: ``"energy-never-grows"``, or with one partner only
-        ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
+        Reasons for the checks that the method is known to fail, by check: ``"energy-never-grows"``, or for a single
+        partner ``"energy-never-grows with penalty"``. A declared failure that does not occur is an error.
     contract_version
-        The `percuss.CONTRACT` that it was written for; may be left out. A percuss that no longer keeps that contract
-        refuses the component and says what changed, an older percuss asks to be upgraded.
+        The `percuss.CONTRACT` for which the component was written; may be left out. A percuss that no longer supports
+        that contract refuses the component and lists the changes; an older percuss asks for an upgrade.
     """
 
     family: ClassVar[str]
@@ -134,10 +134,10 @@ class Component(ABC):
         for fact in ("name", "summary"):
             if not isinstance(vars(cls).get(fact), str):
                 raise TypeError(f'{cls.__name__} does not say its `{fact}`: add `{fact} = "..."` to the class')
-        known = {fact for base in cls.__mro__[1:] for fact in (*vars(base), *vars(base).get("__annotations__", {}))}
+        inherited = {fact for base in cls.__mro__[1:] for fact in (*vars(base), *vars(base).get("__annotations__", {}))}
         for option, value in vars(cls).items():
             plain = isinstance(value, int | float | str | None) and option.islower() and not option.startswith("_")
-            if plain and option not in known and option not in vars(cls).get("__annotations__", {}):
+            if plain and option not in inherited and option not in vars(cls).get("__annotations__", {}):
                 raise TypeError(
                     f"{cls.__name__}.{option} has no annotation, so that no case can set it: write "
                     f"`{option}: {type(value).__name__} = {value!r}`, or {option.upper()} for a constant"

@@ -1,4 +1,4 @@
-"""The interfaces that make a body: shape, material, element and mass."""
+"""Interfaces of the components of a body: shape, material, element and mass."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from percuss.methods.interfaces.base import Component, Floats
 
 
 class Region(NamedTuple):
-    """A named part of a body's boundary: its nodes, and the unit vector that points out of the body there."""
+    """A named part of a body's boundary: its nodes, and the unit vector that points out of the body at them."""
 
     nodes: tuple[int, ...]
     outward: Floats
 
 
 class Mesh(NamedTuple):
-    """A body's line mesh: element i joins nodes i and i + 1.
+    """The mesh of a body along a line: element i joins nodes i and i + 1.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Mesh(NamedTuple):
     direction : (dim,) array
         Unit vector along the line.
     regions
-        Named ends; ``BODY.REGION`` is the only address there is.
+        Named ends; a case refers to places of a body only as ``BODY.REGION``.
     """
 
     nodes: Floats
@@ -39,15 +39,15 @@ class Mesh(NamedTuple):
 
 
 class Shape(Component, contract="shapes"):
-    """The geometry of a body; its name is the key in the body's mapping.
+    """The geometry of a body; the name of the shape is a key in the body's mapping.
 
     Attributes
     ----------
     regions
-        Names of its ends.
+        Names of the ends of the body.
     without_mesh
-        Options that say nothing but how it is meshed, with the value that is taken where an exact solution alone is
-        asked for and a case leaves them out.
+        Options that only control the mesh, with the values used if only an exact solution is computed and the case
+        leaves these options out.
     """
 
     regions: ClassVar[tuple[str, ...]]
@@ -55,11 +55,11 @@ class Shape(Component, contract="shapes"):
 
     @abstractmethod
     def dimension(self) -> int | None:
-        """Return the number of dimensions the options imply, or None where any will do."""
+        """Return the number of space dimensions that the options imply, or None if any number is possible."""
 
     @abstractmethod
     def mesh(self, at: Floats, refine: int) -> Mesh:
-        """Return the mesh of the body whose start is `at`, with `refine` times the elements asked for.
+        """Return the mesh of the body that starts at `at`, with `refine` times the number of elements in the options.
 
         Parameters
         ----------
@@ -71,19 +71,20 @@ class Shape(Component, contract="shapes"):
 
 
 class Material(Component, contract="materials"):
-    """A one-dimensional material: stress from strain.
+    """A one-dimensional material law: stress as a function of strain.
 
-    The kernel ``stress(parameters, strain)`` gets the (k,) array that `parameters` returned and a float, and
-    returns a float. ``energy_density(parameters, before, after)`` is the staggered strain energy per volume of the
-    strains at t_n and t_n+1; for a linear material half the product of the one's stress and the other's strain.
+    The kernel ``stress(parameters, strain)`` takes the (k,) array that `parameters` returned and a float, and returns a
+    float. ``energy_density(parameters, before, after)`` returns the staggered strain energy per volume for the strains
+    at t_n and t_n+1; for a linear material it is half the product of the stress at one time and the strain at the
+    other.
 
     Attributes
     ----------
     linear
-        Whether the stress is `modulus` times the strain, whatever the strain. A body is linear if its element and its
-        material both say so. Exact solutions, certificates, the guarantees of energy and the energy identity to
-        round-off are for linear bodies; of any other body percuss says that it does not know. The conformance kit
-        holds the declaration against the kernels.
+        Whether the stress is `modulus` times the strain for any strain. A body is linear if its element and its
+        material are both declared linear. Exact solutions, certificates, energy guarantees and the energy identity to
+        round-off hold for linear bodies; for any other body percuss reports them as unknown. The conformance kit
+        compares the declaration with the kernels.
     """
 
     linear: ClassVar[bool] = False
@@ -91,16 +92,16 @@ class Material(Component, contract="materials"):
     @property
     @abstractmethod
     def rho(self) -> float:
-        """Density [mass/length^3]."""
+        """Mass density [mass/length^3]."""
 
     @property
     @abstractmethod
     def modulus(self) -> float:
-        """Largest tangent modulus, from which wave speed, step and penalty scales follow [force/length^2]."""
+        """Largest tangent modulus, which sets wave speed, time step and penalty scales [force/length^2]."""
 
     @abstractmethod
     def parameters(self) -> tuple[float, ...]:
-        """Return what the kernels need, as plain numbers."""
+        """Return the numbers that the kernels need."""
 
     @staticmethod
     @abstractmethod
@@ -115,14 +116,14 @@ class Material(Component, contract="materials"):
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """What an element may know of the body it fills.
+    """The data of a body that an element of it can use.
 
     Attributes
     ----------
     mesh : Mesh
         Nodes, element lengths and direction.
     area : float
-        Cross-section [length^2].
+        Area of the cross-section [length^2].
     """
 
     mesh: Mesh
@@ -132,39 +133,39 @@ class BodyMesh:
 class Element(Component, contract="elements"):
     """A two-node line element.
 
-    Both kernels work on a run of consecutive elements, of which `first` is the number of the first in the bound
-    arrays; displacement, velocity and force are flat, node by node, `dim` components each.
+    Both kernels work on consecutive elements; `first` is the number of the first of them in the bound arrays.
+    Displacement, velocity and force are flat arrays, node by node, with `dim` components per node.
 
-    ``internal_force(element, parameters, first, dim, displacement, force)`` *sets* `force` to what the stretched
-    elements do to their nodes. ``energy(element, parameters, first, dim, displacement, velocity, dt)`` returns their
-    staggered strain energy, where `displacement` is at n + 1 and ``displacement - dt * velocity`` at n. They call the
-    material by the slots `percuss.stress` and `percuss.energy_density`, with the strain of the element's own measure.
+    ``internal_force(element, parameters, first, dim, displacement, force)`` *sets* `force` to the forces of the
+    stretched elements on their nodes. ``energy(element, parameters, first, dim, displacement, velocity, dt)`` returns
+    their staggered strain energy, where `displacement` is at n + 1 and ``displacement - dt * velocity`` at n. Both call
+    the material by the slots `percuss.stress` and `percuss.energy_density`, with the strain measure of the element.
 
-    The stress that a result shows of an element is what `stress` returned when `internal_force` was asked for the force
-    of that element alone, the mean over its calls: whatever the strain measure, it is that of the force.
+    The element stress in a result is the mean of the values that `stress` returned while `internal_force` computed the
+    force of that element alone. It is therefore the stress behind the force for any strain measure.
 
     Attributes
     ----------
     linear
-        Whether the strain that is handed to the material, and the direction of the force, are linear in the
-        displacement: the force is then proportional to the displacement wherever the material is linear too. A body is
-        linear if its element and its material both say so (see `Material`). The conformance kit holds the declaration
-        against the kernels.
+        Whether the strain passed to the material is linear in the displacement and the direction of the force is
+        constant: the force is then proportional to the displacement if the material is linear too. A body is linear if
+        its element and its material are both declared linear (see `Material`). The conformance kit compares the
+        declaration with the kernels.
     """
 
     linear: ClassVar[bool] = False
 
     @abstractmethod
     def bind(self, body: BodyMesh) -> Any:
-        """Return a NamedTuple of (elements, ...) float arrays for one body."""
+        """Return the element data of one body for the kernels: a NamedTuple of (elements, ...) float arrays."""
 
     @abstractmethod
     def axial_stiffness(self, body: BodyMesh, modulus: float) -> Floats:
-        """Return the stiffness of each element along the line, (elements,) [force/length]."""
+        """Return the axial stiffness of each element, (elements,) [force/length]."""
 
     @abstractmethod
     def highest_frequency(self, body: BodyMesh, wave_speed: float) -> Floats:
-        """Return an upper bound of each element's own angular frequency with lumped mass, (elements,) [1/time]."""
+        """Return an upper bound of the angular frequency of each element with lumped mass, (elements,) [1/time]."""
 
     @staticmethod
     @abstractmethod
@@ -188,8 +189,8 @@ class Element(Component, contract="elements"):
 
 
 class Mass(Component, contract="masses"):
-    """How element masses become nodal masses; always diagonal."""
+    """A rule that turns element masses into nodal masses; the mass matrix is always diagonal."""
 
     @abstractmethod
     def nodal(self, element_mass: Floats) -> Floats:
-        """Return the (n + 1,) nodal masses of a line of (n,) element masses [mass]."""
+        """Return the (n + 1,) nodal masses [mass] for the (n,) element masses of a line mesh."""

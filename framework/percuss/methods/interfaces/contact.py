@@ -1,4 +1,4 @@
-"""The interface of a contact law: a line in multiplier, gap, gap rate and gap acceleration, or a kernel of its own."""
+"""Interface of a contact law: a linear law in multiplier, gap, gap rate and gap acceleration, or a kernel."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from percuss.methods.interfaces.integrator import Integrator
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """What a contact law may know of its points; every array is read-only with one value a point.
+    """The data of its contact points that a contact law can use; arrays are read-only, with one value per point.
 
     Attributes
     ----------
     names : tuple of str
-        The contact of each point, as the case names it.
+        Name of the contact of each point in the case.
     stiffness : (P,) array
         EA/h of the softer of the two sides [force/length].
     frequency : (P,) array
@@ -32,14 +32,15 @@ class ContactPoints:
     equal_sides : (P,) bool array
         Whether both sides have the same EA/h and 2c/h; true at a rigid wall.
     delassus : (P,) array
-        s, the point's own entry of S = N^T M^-1 N [1/mass]: the largest of the run, where a support or a drive holds
-        an end for a part of it.
+        s, the diagonal entry of S = N^T M^-1 N for the point [1/mass]; its largest value in the run if a support or a
+        drive holds an end for a part of the run.
     coupling : (P,) array
-        Sum of the absolute entries of the point's row of S over s: 1 for a point that shares no end with another [1].
+        Sum of the absolute values in the point's row of S, divided by s [1]; 1 for a point that shares no end with
+        another point.
     weight : (P,) array
-        Share of the contact surface that belongs to the point; 1 for a bar's end.
+        Share of the contact surface that belongs to the point; 1 for the end of a bar.
     limits
-        Function that computes `stiffness_limit`, which few laws ask for.
+        Function that computes `stiffness_limit`, so that only laws that use the limit pay for it.
     """
 
     names: tuple[str, ...]
@@ -54,36 +55,38 @@ class ContactPoints:
 
     @cached_property
     def stiffness_limit(self) -> Floats:
-        """Contact stiffness up to which the closed step of central difference is stable, (P,) [force/length].
+        """Largest contact stiffness with which central difference is stable with closed contacts, (P,) [force/length].
 
-        It is so whichever contacts are closed, as long as none is stiffer than its own limit, and for the step that the
-        points were made for; above 0.99 of the Courant limit of a body for that of 0.99.
+        It holds for any set of closed contacts, as long as no contact is stiffer than its own limit, and for the time
+        step for which the points were made. If that step exceeds 0.99 of the Courant limit of a body, the limit is
+        computed for 0.99.
         """
         return self.limits()
 
 
 class LinearLaw(NamedTuple):
-    """A contact law as a linear relation of the multiplier lambda, the gap, its rate and its acceleration at a point.
+    """A contact law that is a linear relation of the multiplier lambda, the gap, its rate and its acceleration.
 
-    The framework solves ``(diag(sigma) + diag(w) S) lambda = gamma`` over all active points of a step, where w is
-    (gap, rate, acceleration) times the integrator's response, and gamma minus (gap, rate, acceleration) times the
-    judged state.
+    The framework solves ``(diag(sigma) + diag(w) S) lambda = gamma`` for all active points of a step. Here w is the
+    product of the weights (gap, rate, acceleration) with the response of the integrator, and gamma is minus their
+    product with the gap, gap rate and gap acceleration at which the law is evaluated (see `ContactState`).
 
     Attributes
     ----------
     at
-        ``"explicit"`` or ``"end"`` of the step.
+        Time of evaluation: ``"explicit"``, before the step is corrected, or ``"end"`` of the step.
     sigma : float or (P,) array
         Compliance [length/force]: 1/stiffness for a penalty, 0 for an exact constraint.
     gap, rate, acceleration : float or (P,) array
-        Weights [1, time, time^2].
+        Weights of gap, gap rate and gap acceleration [1, time, time^2].
     active
-        ``"gap < 0"`` or ``"all"``.
+        Active set: points with ``"gap < 0"``, or ``"all"``.
     sign
-        ``"free"``: an equation; ``">= 0"``: complementarity, the contact never pulls.
+        Sign of the multiplier: ``"free"`` for an equation; ``">= 0"`` for a complementarity condition, in which the
+        contact never pulls.
     during : (K, 2) array or None
-        Intervals of time (start, stop) in which the law acts: it does so in each step whose middle lies in one of
-        them. None: always.
+        Time intervals (start, stop) in which the law acts: it acts in each step whose middle lies in one of them. None
+        means always.
     """
 
     at: Literal["explicit", "end"]
@@ -97,38 +100,38 @@ class LinearLaw(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """The state that the kernel of a law is handed, for all its points in one step; (P,) arrays, read-only.
+    """The state that the kernel of a contact law receives, for all its points in one step; (P,) arrays, read-only.
 
-    It is the same with every leap-frog integrator: two of them differ in what they show to linear laws alone. `gap` is
-    that of the displacement the forces of the step are evaluated at (u_{n+1} of papers that update it before the
-    balance is solved), `predicted_gap` where the bodies would be a step later without contact. Gaps of bodies that
-    touch are round-off about zero: ``gap <= 0`` hangs on it, ``gap < 0`` less so.
+    The state is the same for all leap-frog integrators; they differ only in the state that linear laws receive. `gap`
+    belongs to the displacement at which the forces of the step are evaluated (u_{n+1} in papers that update it before
+    the balance is solved), `predicted_gap` to the bodies one step later without contact. Gaps of touching bodies are
+    zero up to round-off: the result of ``gap <= 0`` depends on that round-off, that of ``gap < 0`` less so.
 
-    With an integrator of `Stages` it is called in every stage, and sees there g(u) and N^T v, and predicted the state
-    that the integrator's `end` says; where that is empty, ``g + dt g' + dt^2 g''`` and ``g' + dt g''`` with the bulk
-    acceleration g''.
+    With an integrator that returns `Stages` the kernel is called in every stage. It then receives g(u) and N^T v, and
+    as predicted values those defined by `Stages.end`; if that is empty, ``g + dt g' + dt^2 g''`` and ``g' + dt g''``
+    with the bulk acceleration g''.
 
     Attributes
     ----------
     gap, predicted_gap
-        g(u_n), and the gap after the bulk update.
+        Gap g(u_n), and the gap after the bulk update [length].
     rate, predicted_rate
-        Gap rate at n - 1/2, and after the bulk update at n + 1/2.
+        Gap rate at n - 1/2, and after the bulk update at n + 1/2 [length/time].
     delassus
         s of each point [1/mass].
     dt, time
-        Step, and t_n or the time of the stage.
+        Time step, and t_n or the time of the stage.
     gap_response, rate_response
-        What a multiplier of 1/s adds to the predicted gap and to the predicted rate: dt^2 and dt of a leap-frog step.
+        Change of the predicted gap and of the predicted rate by a multiplier of 1/s: dt^2 and dt in a leap-frog step.
     first_neighbour, neighbour, coupling
-        The entries of S off its diagonal, between points of this law that share an end: those of point p are
-        ``coupling[k]`` [1/mass] with the point ``neighbour[k]``, for k from ``first_neighbour[p]`` up to, not
-        including, ``first_neighbour[p + 1]``; integer arrays (P + 1,) and (K,), and (K,) floats. There are none for a
-        law that does not declare `ContactLaw.uses_coupling`.
+        The off-diagonal entries of S between points of this law that share an end. Those of point p are ``coupling[k]``
+        [1/mass] with the point ``neighbour[k]``, for k from ``first_neighbour[p]`` up to, but not including,
+        ``first_neighbour[p + 1]``. The arrays are (P + 1,) integers, (K,) integers and (K,) floats. They are empty
+        (K = 0) for a law that does not declare `ContactLaw.uses_coupling`.
     pushed_by_others
-        The gap acceleration that the contacts of other laws at the same ends bring in this step, as far as their
-        forces are found: the kernel is called again until all of them fit together. Zero for a law that does not
-        declare `ContactLaw.uses_coupling`.
+        Gap acceleration caused in this step by contacts of other laws at the same ends, with their latest computed
+        forces: the kernel is called again until the forces of all laws agree. Zero for a law that does not declare
+        `ContactLaw.uses_coupling`.
     """
 
     gap: Floats
@@ -147,18 +150,18 @@ class Trial(NamedTuple):
 
 
 class ContactLaw(Component, contract="contacts"):
-    """A way to enforce contact: a linear law wherever it can be written so, else a kernel `multipliers`.
+    """A method that enforces contact: a linear law if it can be written as such, otherwise a kernel `multipliers`.
 
-    A law whose `bind` returns `LinearLaw` is complete. Any other law returns a NamedTuple of arrays of its own and
-    has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`,
-    compression positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call
-    every multiplier is nan: one that the kernel leaves unset ends the run, with the contact named. What the kernel is
-    handed to read cannot be written, and nothing may be kept from one call to the next.
+    A law whose `bind` returns `LinearLaw` is complete. Any other law returns a NamedTuple of its own arrays and has a
+    static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`, compression
+    positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call all multipliers
+    are nan; a multiplier that the kernel leaves unset ends the run with an error that names the contact. The other
+    arguments of the kernel are read-only, and nothing may be kept from one call to the next.
 
-    Where contacts share an end, the force of one changes the motion that the other is judged by. Linear laws are solved
-    together. A kernel sees each point by itself, as if no other force acted in the step, unless it declares
-    `uses_coupling`; then `percuss.coupled_gap` and `percuss.coupled_rate` are the predicted gap and rate with what all
-    contacts at that end press, and a few sweeps over the points solve them together::
+    If contacts share an end, the force of one contact changes the motion of the other. Linear laws are solved together.
+    A kernel receives the state of each point as if no other contact force acted in the step, unless it declares
+    `uses_coupling`; then `percuss.coupled_gap` and `percuss.coupled_rate` give the predicted gap and rate including the
+    forces of all contacts at the ends of the point, and a few sweeps over the points solve them together::
 
         @staticmethod
         def multipliers(bound, trial, multiplier):  # no overlap at the end of the step
@@ -176,28 +179,30 @@ class ContactLaw(Component, contract="contacts"):
     Attributes
     ----------
     uses_coupling
-        Whether the kernel takes account of other contacts at the same end. Where it does not and contacts share an
-        end, `percuss check` and the notes of the run say so.
+        Whether the kernel takes account of other contacts at the same end. If it does not and contacts share an end,
+        `percuss check` and the notes of the run report it.
     measured
-        Name of an integrator -> in words what was measured with it where nothing guarantees the energy.
+        Measured energy behaviour, in words, by name of the integrator, for combinations without an energy guarantee.
     guarantees
-        What holds whatever the options and the integrator: ``"never pulls"``, ``"no penetration"`` (at the end of
-        each step), ``"keeps the free step"``; the conformance kit holds it against drawn runs.
+        Properties that hold for all options and integrators: ``"never pulls"``, ``"no penetration"`` (at the end of
+        each step), ``"keeps the free step"`` (contact does not lower the critical time step). The conformance kit
+        checks them in randomly drawn runs.
     stiffening
-        Options, numbers all of them, that make a closed contact stiffer as they grow. A certificate that says no names
-        the largest value of each with which the step is stable.
+        Numerical options that make a closed contact stiffer as they grow. The certificate of an unstable step names the
+        largest stable value of each.
     tied_during
-        Option that takes intervals of time, of a law that ties its contacts in them; empty of any other law. The tied
-        twin of a comparison is made with such a law.
+        Option with the time intervals during which the law ties its contacts; empty for a law that does not tie. A
+        comparison uses such a law for tied twins: runs with the contacts tied while the exact contact is closed.
     headline
         Resolved parameters that a table of results shows beside the name of the law.
     needs_only_response_of
-        Quantities of the row (so far ``"acceleration"`` alone can be missing) -> why the law is still itself with an
-        integrator that does not show their bulk value (`ContactState.acceleration` is ``"none"``), so that the weight
-        acts on what the multiplier itself adds to them and on nothing else. A penalty mass is such a weight: Wu's
-        predictor-corrector lets it resist the corrector's acceleration alone. A law that reads the bulk acceleration,
-        as Nitsche's method reads the normal stress of the bodies from it, is not, and would silently become another
-        method. A pair whose row has a weight that is neither shown nor named here is refused.
+        Reasons, by quantity of the linear law, why the law remains valid with an integrator that does not supply the
+        bulk value of that quantity. So far only ``"acceleration"`` can be missing (`ContactState.acceleration` is
+        ``"none"``). The weight then acts only on the change that the multiplier itself causes. A penalty mass has such
+        a weight: Wu's predictor-corrector lets it resist the acceleration of the corrector alone. A law that uses the
+        bulk acceleration, as Nitsche's method derives the normal stress of the bodies from it, has no such weight and
+        would silently become another method. A law with a weight on a quantity that is neither supplied nor named here
+        is refused.
     """
 
     uses_coupling: ClassVar[bool] = False
@@ -210,16 +215,16 @@ class ContactLaw(Component, contract="contacts"):
 
     @abstractmethod
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw | Any:
-        """Return the law's `LinearLaw` at `points` for the step `dt`, or the bound arrays of its `multipliers`."""
+        """Return the `LinearLaw` at `points` for the time step `dt`, or the arrays for the kernel `multipliers`."""
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:  # noqa: ARG002
-        """Return the parameters as they came out at `points` for the step `dt`; they go into the provenance."""
+        """Return the resolved parameters at `points` for the time step `dt`; they go into the provenance."""
         return {}
 
     def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:  # noqa: ARG002
-        """Return, for each option the law sets by itself at `points` for the step `dt`, what it came to and why."""
+        """Return value and reason, in words, of each option that the law itself sets at `points` for a step `dt`."""
         return {}
 
     def refuses(self, integrator: Integrator) -> str | None:  # noqa: ARG002
-        """Return why `integrator` makes no sense with this law, or None."""
+        """Return the reason why `integrator` makes no sense with this law, or None."""
         return None

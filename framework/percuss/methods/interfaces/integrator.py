@@ -1,4 +1,4 @@
-"""The interface of a time integrator: a leap-frog scheme is a table, any other scheme a kernel of stages."""
+"""Interface of a time integrator: a table for a leap-frog scheme, a kernel for a multi-stage scheme."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from percuss.methods.interfaces.base import Component
 
 
 class ContactState(NamedTuple):
-    """The state at which a contact law is judged, and how much a multiplier changes it.
+    """The state at which a contact law is evaluated, and its response to a multiplier.
 
     Attributes
     ----------
     gap, rate
-        ``"current"``: g(u_n) and the rate at n - 1/2; ``"predicted"``: the same after the bulk update of the step.
+        ``"current"``: g(u_n) and the gap rate at n - 1/2; ``"predicted"``: both after the bulk update of the step.
     acceleration
-        ``"bulk"``: the gap's bulk acceleration; ``"none"``: zero is shown to the law. A law whose row has a weight on
-        the acceleration is then refused, unless it says that it needs the response to its multiplier alone
+        ``"bulk"``: the bulk acceleration of the gap; ``"none"``: the law receives zero. A linear law with a weight on
+        the acceleration is then refused, unless it declares that it needs only the response to its multiplier
         (`ContactLaw.needs_only_response_of`).
     response
-        What a unit multiplier adds to (gap, rate, acceleration), in units of the Delassus operator S.
+        Changes of (gap, rate, acceleration) by a unit multiplier, in units of the Delassus operator S.
     """
 
     gap: Literal["current", "predicted"]
@@ -30,14 +30,14 @@ class ContactState(NamedTuple):
 
 
 class LeapFrog(NamedTuple):
-    """A leap-frog scheme (displacement at n, velocity at n - 1/2) as its contact sees it: all such a scheme must say.
+    """The contact states of a leap-frog scheme (displacement at n, velocity at n - 1/2), its complete description.
 
     Attributes
     ----------
     explicit
-        For laws judged before the step is corrected.
+        State for laws evaluated before the step is corrected.
     end
-        For laws judged at the end of the step.
+        State for laws evaluated at the end of the step.
     """
 
     explicit: ContactState
@@ -45,22 +45,22 @@ class LeapFrog(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """A scheme that is no leap-frog: displacement and velocity at t_n, accelerations asked for in stages of the step.
+    """A multi-stage scheme: displacement and velocity at t_n, accelerations computed in stages of the step.
 
     Attributes
     ----------
     times
-        Of each stage, the fraction of the step at which its accelerations are taken: 0 at t_n, 1 at t_{n+1}. Loads are
-        those of that time.
+        Fraction of the step at which each stage computes its accelerations: 0 at t_n, 1 at t_{n+1}. Loads are taken at
+        that time.
     numbers
-        Coefficients that `step` is handed: a NamedTuple or tuple of floats.
+        Coefficients for the kernel `step`: a NamedTuple or tuple of floats.
     end
-        Of each stage, ``(r_v, r_a, s_a)``, all greater than 0: laws judged at the end of the step are judged in this
-        stage at the displacement ``u + r_v v + r_a a`` and the velocity ``v + s_a a``; u and v as `step` hands them to
-        `percuss.accelerations` there, a what it gets back. What else the displacement to come depends on, such as an
-        acceleration that is kept, goes into the v that is handed: contact alone looks at it. Take the displacement
-        that the scheme reaches by the next stage, and the mean velocity until then: ``s_a = r_a / r_v``. Empty: such
-        laws are refused.
+        Coefficients ``(r_v, r_a, s_a)`` of each stage, all greater than 0. In this stage, laws evaluated at the end of
+        the step are evaluated at the displacement ``u + r_v v + r_a a`` and the velocity ``v + s_a a``, where u and v
+        are the arguments of `percuss.accelerations` and a is its result. If the coming displacement depends on anything
+        else, such as an acceleration kept from an earlier stage, include it in the argument v, which only contact uses.
+        Choose the displacement that the scheme reaches at the next stage, and the mean velocity until then:
+        ``s_a = r_a / r_v``. If empty, laws evaluated at the end of the step are refused.
     """
 
     times: tuple[float, ...]
@@ -69,13 +69,14 @@ class Stages(NamedTuple):
 
 
 class Integrator(Component, contract="integrators"):
-    """A time integrator: a leap-frog scheme, complete with its `bind`, or any other explicit one, with a kernel.
+    """An explicit time integrator: a leap-frog scheme, defined by `bind` alone, or a multi-stage scheme with a kernel.
 
-    A scheme whose `bind` returns `LeapFrog` says no more; the framework makes the step. Any other one returns `Stages`
-    and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that takes displacement u and velocity
-    v, flat arrays, from t_n to t_{n+1}, *in place*. In it ``percuss.accelerations(system, stage, u, v, a)``, imported
-    by name, sets the array `a`, as long as u, to ``M^-1 (f_ext - f_int(u) + N lambda)`` at the time of that stage; v is
-    seen by contact alone. What the scheme remembers from step to step is in the rows of `kept`, (kept, size of u)::
+    A scheme whose `bind` returns `LeapFrog` is complete; the framework makes the step. A multi-stage scheme returns
+    `Stages` and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that advances displacement u
+    and velocity v, flat arrays, from t_n to t_{n+1}, *in place*. In it, ``percuss.accelerations(system, stage, u, v,
+    a)``, imported by name, sets the array `a`, of the size of u, to ``M^-1 (f_ext - f_int(u) + N lambda)`` at the time
+    of that stage; only contact uses v. Values that the scheme keeps from step to step are rows of `kept`, (kept, size
+    of u)::
 
         @staticmethod
         def step(numbers, system, u, v, kept, dt):  # velocity Verlet; kept = 1, Stages(times=(1.0,))
@@ -84,27 +85,27 @@ class Integrator(Component, contract="integrators"):
             accelerations(system, 0, u, v, kept[0])
             v += 0.5 * dt * kept[0]
 
-    A kernel may allocate arrays. Every entry of u, v and kept must be treated alike: behind the degrees of freedom of
-    the nodes stand entries whose accelerations are the multipliers, the reactions and the amplitudes of the loads, and
-    from what becomes of them follow the impulses and works of a step, whatever its weights. Before the first step the
-    framework checks that a constant acceleration a changes v by dt a, and v alone u by dt v.
+    A kernel may allocate arrays. It must treat all entries of u, v and kept alike: behind the degrees of freedom of the
+    nodes lie entries whose accelerations are the multipliers, the reactions and the amplitudes of the loads. From the
+    changes of these entries the framework computes impulses and work of a step for any weights of the stages. Before
+    the first step it checks that a constant acceleration a changes v by dt a, and that v alone changes u by dt v.
 
-    In a stage, laws judged explicitly see ``g(u)``, ``N^T v`` and the bulk acceleration of the gap, of which a
-    multiplier changes the last alone. Along a support or drive the acceleration is that of the prescribed velocity,
-    over the step.
+    In a stage, laws evaluated explicitly receive ``g(u)``, ``N^T v`` and the bulk acceleration of the gap; a multiplier
+    changes only the acceleration. In the direction of a support or drive, the acceleration is the change of the
+    prescribed velocity over the step, divided by dt.
 
     Attributes
     ----------
     order
-        Order of convergence of the displacement on smooth contact-free motion.
+        Order of convergence of the displacement for smooth motion without contact.
     conserves
-        What holds to round-off without contact: ``"energy"``, ``"momentum"``.
+        Quantities conserved to round-off without contact: ``"energy"``, ``"momentum"``.
     critical_courant
-        Courant number up to which a uniform bar without contact is stable, with the first of `examples`; None where
-        it is not known.
+        Courant number up to which a uniform bar without contact is stable with the first of `examples`; None if it is
+        not known.
     kept
-        How many rows a scheme with a kernel `step` keeps; each begins as the acceleration at t = 0, with contact
-        judged as in the last stage.
+        Number of rows of the array `kept` of a multi-stage scheme; each row starts as the acceleration at t = 0, with
+        contact evaluated as in the last stage.
     """
 
     order: ClassVar[int]
@@ -114,7 +115,7 @@ class Integrator(Component, contract="integrators"):
 
     @abstractmethod
     def bind(self, dt: float) -> LeapFrog | Stages:
-        """Return how contact is judged in a step of length `dt`.
+        """Return the description of a step of length `dt`.
 
         Parameters
         ----------
@@ -124,16 +125,17 @@ class Integrator(Component, contract="integrators"):
         Returns
         -------
         LeapFrog
-            The framework does the bulk update and solves the contact equation.
+            A leap-frog scheme: the framework does the bulk update and solves the contact equation.
         Stages
-            The framework gives accelerations with contact in them, and the class has a kernel `step`.
+            A multi-stage scheme: the framework computes accelerations that include contact, and the class has a kernel
+            `step`.
         """
 
     def refuses(self, law: Any) -> str | None:  # noqa: ARG002
-        """Return why `law` makes no sense with this integrator, or None."""
+        """Return the reason why `law` makes no sense with this integrator, or None."""
         return None
 
 
 def end_of_step(dt: float) -> ContactState:
-    """Return the state at the end of a leap-frog step; the same for every leap-frog scheme."""
+    """Return the contact state at the end of a leap-frog step, which is the same for all leap-frog schemes."""
     return ContactState("predicted", "predicted", "bulk", (dt * dt, dt, 1.0))

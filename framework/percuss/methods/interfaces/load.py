@@ -1,4 +1,4 @@
-"""The interface of a load: an amplitude in time, and what it acts on."""
+"""Interface of a load: its amplitude in time, its quantity and its direction."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from percuss.methods.interfaces.base import Component, Floats
 
 
 class Load(Component, contract="loads"):
-    """An amplitude over time. Where it acts, when, along what and as what quantity, the case says.
+    """An amplitude over time; the case sets place, time, direction and quantity of the load.
 
     Attributes
     ----------
     acts_as
-        What the amplitude is unless the case says otherwise (`as`).
+        Quantity of the amplitude, unless the case sets it (`as`).
     everywhere
-        Whether it acts on all bodies unless the case says where (`on`).
+        Whether the load acts on all bodies, unless the case sets the place (`on`).
     """
 
     acts_as: ClassVar[Literal["force", "acceleration", "velocity"]] = "force"
@@ -24,7 +24,7 @@ class Load(Component, contract="loads"):
 
     @abstractmethod
     def amplitude(self, time: Floats) -> Floats:
-        """Return the amplitude at each `time`, which counts from the moment the load is switched on.
+        """Return the amplitude at each `time`, counted from the moment at which the load is switched on.
 
         Parameters
         ----------
@@ -34,16 +34,16 @@ class Load(Component, contract="loads"):
         Returns
         -------
         (T,) array
-            Amplitude [force, acceleration or velocity, as the case says].
+            Amplitude [force, acceleration or velocity, depending on the case].
         """
 
     def kinks(self) -> tuple[float, ...] | None:
-        """Return the times, from its start, at which the amplitude is not smooth; None where that is not known.
+        """Return the times, from the start of the load, at which the amplitude is not smooth; None if not known.
 
-        A load that says so can be part of an exact solution.
+        Only a load with known times can be part of an exact solution.
         """
         return None
 
     def vector(self) -> tuple[float, ...] | None:
-        """Return the direction the load itself gives, or None where the case or the body gives it."""
+        """Return the direction that the load itself defines, or None if the case or the body defines it."""
         return None

@@ -1,4 +1,4 @@
-"""The interface of a measure: a number that is taken from a result."""
+"""Interface of a measure: a number computed from a result."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from percuss.methods.interfaces.base import Component
 
 
 class Measure(Component, contract="measures"):
-    """A number that a study takes of every run that is done, beside those of its summary and histories.
+    """A number that a study computes from each completed run, in addition to its summary and histories.
 
     Attributes
     ----------
     what
-        In words: quantity, norm, averaging; stands beside the column.
+        Description of quantity, norm and averaging, in words; shown beside the column.
     """
 
     what: ClassVar[str]
 
     @abstractmethod
     def of(self, result: Any) -> float | None:
-        """Return the number of a `percuss.Result`, None where it has none."""
+        """Return the value for a `percuss.Result`, or None if the result has none."""

@@ -1,4 +1,4 @@
-"""The interface of a reference solution: what the exact motion of a case is."""
+"""Interface of a reference solution: the exact motion of a case."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ class ExactContact(ABC):
     @property
     @abstractmethod
     def closed(self) -> tuple[tuple[float, float], ...]:
-        """Intervals (start, stop) in which the contact presses."""
+        """Time intervals (start, stop) in which the contact is closed and presses."""
 
     @abstractmethod
     def largest_force(self, start: float, stop: float) -> float:
-        """Return the least upper bound of the force between two times: no sample may exceed it [force]."""
+        """Return the least upper bound of the contact force between two times, which no sample may exceed [force]."""
 
     def mean_force(self, start: Floats, stop: Floats) -> Floats:
-        """Return the force averaged from `start` to `stop` [force]; zero force before t = 0."""
+        """Return the mean contact force from `start` to `stop` [force]; the force is zero before t = 0."""
         return (self.impulse(stop) - self.impulse(start)) / (np.asarray(stop) - np.asarray(start))
 
 
 class Exact(ABC):
-    """The exact solution of a case, evaluated at any time up to `reached`.
+    """The exact solution of a case, which can be evaluated at any time up to `reached`.
 
     Attributes
     ----------
     reached
-        Time up to which it holds.
+        Time up to which the solution holds.
     fronts
-        How many fronts it took.
+        Number of wave fronts that the solution consists of.
     contacts
-        `ExactContact` of each contact by name.
+        `ExactContact` of each contact, by name.
     stopped
-        Why it holds no farther than `reached`, in words; empty where that is the end asked for.
+        Reason, in words, why the solution holds no farther than `reached`; empty if that is the end asked for.
     """
 
     reached: float
@@ -74,11 +74,11 @@ class Exact(ABC):
 
     @abstractmethod
     def energy(self, time: float) -> tuple[float, float]:
-        """Return kinetic and elastic energy."""
+        """Return kinetic and elastic energy [energy]."""
 
     @abstractmethod
     def largest_energy(self) -> float:
-        """Return the least upper bound of kinetic and elastic energy together from 0 to `reached` [energy]."""
+        """Return the least upper bound of the sum of kinetic and elastic energy from 0 to `reached` [energy]."""
 
     @abstractmethod
     def work(self, time: float) -> float:
@@ -90,27 +90,27 @@ class Exact(ABC):
 
     @abstractmethod
     def impulse(self, time: float) -> float:
-        """Return the impulse of loads, supports, drives and walls along the same direction [force time]."""
+        """Return the impulse of loads, supports, drives and walls along the first body's direction [force time]."""
 
 
 class Solution(Component, contract="solutions"):
     """An exact solution of a class of cases.
 
-    It is handed a `percuss.solver.model.Model`, of which it must not use the mesh beyond the ends of its bodies.
+    It receives a `percuss.solver.model.Model`, but must not use the mesh of that model except for the ends of bodies.
 
     Attributes
     ----------
     linear_bodies_only
-        Whether it holds for linear bodies alone (`Material.linear`, `Element.linear`). It is then not asked about any
-        other case: no run with a body that is not linear is held against it.
+        Whether the solution holds only for linear bodies (`Material.linear`, `Element.linear`). It is then not used for
+        any other case: no run with a nonlinear body is compared with it.
     """
 
     linear_bodies_only: ClassVar[bool] = True
 
     @abstractmethod
     def covers(self, model: Any) -> str | None:
-        """Return why the case is not covered, or None where it is."""
+        """Return the reason why the solution does not cover the case, or None if it does."""
 
     @abstractmethod
     def solve(self, model: Any, end: float) -> Exact:
-        """Return the exact solution up to `end`, or up to an earlier time and then why, in `Exact.stopped`."""
+        """Return the exact solution up to `end`, or up to an earlier time, with the reason in `Exact.stopped`."""

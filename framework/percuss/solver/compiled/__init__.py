@@ -1,1 +1,1 @@
-"""What numba compiles: loops, bulk updates, the contact equation and the kernels of laws."""
+"""Functions compiled by numba: loops over steps, bulk updates, the contact equation and the calls of law kernels."""

@@ -1,8 +1,8 @@
-"""The bulk update: bodies advance by a step without contact, block by block.
+"""The bulk update: all bodies advance by a step without contact, in blocks of nodes.
 
-Everything here also runs as plain Python: one source, two speeds. Displacement and velocity are flat, node by node
-with `dim` components each, displacement at t_n and velocity at t_n - dt/2; arrays called `boundary_dofs` hold the
-same for the few nodes at which something other than the bulk acts (contacts, supports, drives, end loads, probes).
+Every function of the loop runs compiled and as plain Python, from the same source. The arrays of displacement and
+velocity are flat, node by node with `dim` components each, with displacement at t_n and velocity at t_n - dt/2. Arrays
+called `boundary_dofs` hold the same for the few nodes with contacts, supports, drives, end loads or probes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from percuss.solver.compiled.marks import called
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
-BLOCK = 1024  # nodes a block: its displacement, velocity, mass and force stay in the first-level cache
+BLOCK = 1024  # nodes in a block, whose displacement, velocity, mass and force stay in the first-level cache
 
 
 class Group(NamedTuple):
@@ -25,16 +25,16 @@ class Group(NamedTuple):
     parameters: Floats  # (bodies, k) material parameters
     body: Integers  # (bodies,) number of the body in the case
     start: Integers  # (bodies,) first node
-    stop: Integers  # (bodies,) one past the last node
-    first: Integers  # (bodies,) first element in the arrays of `element`
+    stop: Integers  # (bodies,) the number after the last node
+    first: Integers  # (bodies,) index of the first element in the arrays of `element`
 
 
 class Bulk(NamedTuple):
-    """Nodal masses and scratch of the bulk update."""
+    """Nodal masses, and work space for the forces of the bulk update."""
 
     mass: Floats  # (nodes * dim,)
     inverse_mass: Floats  # (nodes * dim,)
-    force: Floats  # ((BLOCK + 1) * dim,) scratch
+    force: Floats  # ((BLOCK + 2) * dim,) work space
 
 
 def advance_bars(
@@ -42,16 +42,16 @@ def advance_bars(
     bulk: Bulk,
     u: Floats,
     v: Floats,
-    pull: Floats,
+    body_acceleration: Floats,
     momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
     """Advance the bodies of one group by a step without contact in one dimension, in place, block by block.
 
-    The force of the element that joins two blocks is carried from the one to the next. `pull` is the acceleration of
-    each body by loads that act on all of it, (bodies,); where `momentum` is not empty, the bodies' momentum after the
-    update is added to it.
+    The element between two blocks belongs to the first of them; its force on the first node of the next block is
+    carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies,); where `momentum` is
+    not empty, the momentum of each body after the update is added to it.
     """
     force, mass, inverse_mass = bulk.force, bulk.mass, bulk.inverse_mass
     for b in range(group.body.size):
@@ -63,23 +63,23 @@ def advance_bars(
         force[0] = 0.0
         while lo < stop:
             hi = min(lo + BLOCK, stop)
-            m = hi - lo - 1 if hi == stop else hi - lo
+            count = hi - lo - 1 if hi == stop else hi - lo
             carried = force[0]
-            if m > 0:
-                internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + m + 1], force[: m + 1])
+            if count > 0:
+                internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + count + 1], force[: count + 1])
                 force[0] += carried
-            update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], pull[body], dt)
-            if m > 0:
-                force[0] = force[m]
+            update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], body_acceleration[body], dt)
+            if count > 0:
+                force[0] = force[count]
             if momentum.size > 0:
                 momentum[body] += momentum_along(mass[lo:hi], v[lo:hi], 0, 1)
             lo = hi
 
 
-def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, pull: float, dt: float) -> None:
-    """Advance a run of nodes in one dimension, in place."""
+def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, body_acceleration: float, dt: float) -> None:
+    """Advance consecutive nodes in one dimension, in place: v += dt (M^-1 f + b), then u += dt v."""
     for i in range(u.size):
-        v[i] += dt * (inverse_mass[i] * force[i] + pull)
+        v[i] += dt * (inverse_mass[i] * force[i] + body_acceleration)
         u[i] += dt * v[i]
 
 
@@ -88,14 +88,15 @@ def advance_bodies(
     bulk: Bulk,
     u: Floats,
     v: Floats,
-    pull: Floats,
+    body_acceleration: Floats,
     momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
     """Advance the bodies of one group in two or three dimensions, as `advance_bars` does in one."""
     force, mass = bulk.force, bulk.mass
-    spill = BLOCK * dim  # behind the block's own nodes: there the carried force waits while the slot sets the others
+    # The force kernel overwrites the forces of all nodes of a block; the carried force is stored after them.
+    storage = BLOCK * dim
     for b in range(group.body.size):
         lo = group.start[b]
         stop = group.stop[b]
@@ -106,28 +107,28 @@ def advance_bodies(
             force[d] = 0.0
         while lo < stop:
             hi = min(lo + BLOCK, stop)
-            m = hi - lo - 1 if hi == stop else hi - lo
-            if m > 0:
+            count = hi - lo - 1 if hi == stop else hi - lo
+            if count > 0:
                 for d in range(dim):
-                    force[spill + dim + d] = force[d]
+                    force[storage + dim + d] = force[d]
                 internal_force(
                     group.element,
                     parameters,
                     offset + lo,
                     dim,
-                    u[lo * dim : (lo + m + 1) * dim],
-                    force[: (m + 1) * dim],
+                    u[lo * dim : (lo + count + 1) * dim],
+                    force[: (count + 1) * dim],
                 )
                 for d in range(dim):
-                    force[d] += force[spill + dim + d]
+                    force[d] += force[storage + dim + d]
             for i in range(hi - lo):
                 for d in range(dim):
                     j = (lo + i) * dim + d
-                    v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + pull[body + d])
+                    v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + body_acceleration[body + d])
                     u[j] += dt * v[j]
-            if m > 0:
+            if count > 0:
                 for d in range(dim):
-                    force[d] = force[m * dim + d]
+                    force[d] = force[count * dim + d]
             if momentum.size > 0:
                 for d in range(dim):
                     momentum[body + d] += momentum_along(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
@@ -135,7 +136,7 @@ def advance_bodies(
 
 
 def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
-    """Return the momentum of a run of nodes along one component."""
+    """Return the momentum of consecutive nodes along one component."""
     total = 0.0
     for i in range(component, v.size, dim):
         total += mass[i] * v[i]
@@ -146,7 +147,7 @@ momentum_along.reduction = True  # type: ignore[attr-defined]
 
 
 def kinetic(mass: Floats, v: Floats) -> float:
-    """Return the kinetic energy."""
+    """Return the kinetic energy ``v M v / 2``."""
     total = 0.0
     for i in range(v.size):
         total += mass[i] * v[i] * v[i]
@@ -161,12 +162,12 @@ def bulk_head(
     bulk: Bulk,
     u: Floats,
     v: Floats,
-    pull: Floats,
+    body_acceleration: Floats,
     momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
-    """Slot: advance the first group of bodies."""
+    """Advance the first group of bodies (slot)."""
     unbound()
 
 
@@ -175,12 +176,12 @@ def bulk_tail(
     bulk: Bulk,
     u: Floats,
     v: Floats,
-    pull: Floats,
+    body_acceleration: Floats,
     momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
-    """Slot: advance the other groups."""
+    """Advance the other groups (slot)."""
     unbound()
 
 
@@ -189,19 +190,19 @@ def bulk_chain(
     bulk: Bulk,
     u: Floats,
     v: Floats,
-    pull: Floats,
+    body_acceleration: Floats,
     momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
-    """Advance a pair (group, other groups): bodies of unlike element or material run through code of their own."""
-    bulk_head(groups[0], bulk, u, v, pull, momentum, dim, dt)
-    bulk_tail(groups[1], bulk, u, v, pull, momentum, dim, dt)
+    """Advance a pair (group, other groups); groups of another element or material have compiled code of their own."""
+    bulk_head(groups[0], bulk, u, v, body_acceleration, momentum, dim, dt)
+    bulk_tail(groups[1], bulk, u, v, body_acceleration, momentum, dim, dt)
 
 
 @called
 def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the staggered strain energy of the bodies of one group."""
+    """Return the staggered strain energy of the bodies of one group, ``u_n K u_{n+1} / 2`` of a linear body."""
     total = 0.0
     for b in range(group.body.size):
         lo = group.start[b] * dim
@@ -211,12 +212,12 @@ def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> fl
 
 
 def elastic_head(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Slot: strain energy of the first group of bodies."""
+    """Return the strain energy of the first group of bodies (slot)."""
     unbound()
 
 
 def elastic_tail(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Slot: strain energy of the other groups."""
+    """Return the strain energy of the other groups (slot)."""
     unbound()
 
 

@@ -1,10 +1,10 @@
-"""The contact equation of all points of a step, and the one solver of it.
+"""The contact equation of all points of a step, and its solver.
 
-Over the points of a step ``(diag(sigma) + diag(w) S) lambda = gamma``, with ``S = N^T M^-1 N`` sparse; equations where
-a law leaves the sign free, complementarity where it does not, both together where a case mixes laws. A point that
-shares no node with another is solved exactly in one division; coupled points by projected Gauss-Seidel sweeps, which
-converge for every symmetric positive semi-definite S, until no multiplier moves by more than `TOLERANCE` of the
-largest.
+Over the active points of a step ``(diag(sigma) + diag(w) S) lambda = gamma``, with ``S = N^T M^-1 N`` sparse. Where the
+law leaves the sign of the multiplier free this is an equation, where it excludes tension a complementarity condition; a
+case may have both. A point that shares no node with another is solved exactly by one division. Coupled points are
+solved by projected Gauss-Seidel sweeps, which converge for every symmetric positive semi-definite S, until no
+multiplier changes by more than `TOLERANCE` times the largest. In the functions, `p` is the record of a contact point.
 """
 
 from __future__ import annotations
@@ -17,29 +17,30 @@ TOLERANCE = 1e-14
 ROUNDING = float(np.finfo(np.float64).eps)
 SWEEPS = 10_000
 
-# How a point stores energy. A law whose force follows from the gap at the end of the step is a spring there, and its
-# energy the mean of two ends; a law judged at the current gap is one of stiffness and inertia between two steps.
+# How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
+# the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from
+# the current gap, and the energy is that of a stiffness and an inertia between two steps.
 NOTHING, BY_END, BY_CURRENT = 0, 1, 2
-NEVER = -1  # a law that acts at no gap: the run is outside its intervals
+NEVER = -1  # value of `always` for a law outside its intervals of time, which is active at no gap
 
 
-# One record a contact point. What its law says, what the step finds there, what is summed up over the run.
+# Each contact point has one record: the coefficients of its law, its state in the step, and sums over the run.
 LAW = np.dtype(
     [
         ("weight_gap", "f8"),
         ("weight_rate", "f8"),
         ("weight_acceleration", "f8"),
         ("sigma", "f8"),
-        ("response", "f8"),  # w
-        ("end_stiffness", "f8"),  # 1/sigma of explicit laws, nan where there is none
-        ("sees_predicted_gap", "i8"),  # 1 where the law is shown the predicted gap, else 0
-        ("sees_predicted_rate", "i8"),
-        ("sees_acceleration", "i8"),  # 1 where the law is shown the bulk acceleration of the gap
-        ("always", "i8"),  # 1 where the law is active at any gap, 0 where at a negative one, NEVER where it rests
-        ("never_pulls", "i8"),  # 1 where the multiplier must not be negative
-        ("own", "i8"),  # 1 where a kernel of the law's own gives the multiplier
-        ("stores", "i8"),  # how the law stores energy: NOTHING, BY_END or BY_CURRENT
-        ("surplus", "f8"),  # by what w exceeds that of a gap judged at the end of the step
+        ("response", "f8"),  # w, the factor of S in the contact equation
+        ("end_stiffness", "f8"),  # 1/sigma of explicit laws, nan for other laws
+        ("sees_predicted_gap", "i8"),  # 1 if the law uses the predicted gap, 0 for the current gap
+        ("sees_predicted_rate", "i8"),  # 1 if the law uses the predicted gap rate, 0 for the current rate
+        ("sees_acceleration", "i8"),  # 1 if the law uses the bulk acceleration of the gap
+        ("always", "i8"),  # 1 if the law is active at any gap, 0 if only at a negative one, or NEVER
+        ("never_pulls", "i8"),  # 1 if the multiplier must not be negative
+        ("own", "i8"),  # 1 if the multiplier comes from the kernel of the law
+        ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END or BY_CURRENT
+        ("surplus", "f8"),  # w minus its value for the gap at the end of the step
     ]
 )
 POINT = np.dtype(
@@ -47,69 +48,73 @@ POINT = np.dtype(
         *((name, LAW[name]) for name in LAW.names or ()),
         ("initial_gap", "f8"),
         ("delassus", "f8"),  # diagonal of S
-        ("kappa", "f8"),  # stiffness at the end of the step, of points that store BY_END
-        ("start", "i8"),  # its entries of N, from start to stop
+        (
+            "kappa",
+            "f8",
+        ),  # effective stiffness, force over overlap at the end of the step, of points that store BY_END
+        ("start", "i8"),  # its entries of N are those from start to stop
         ("stop", "i8"),
-        ("other_start", "i8"),  # its other entries of S
+        ("other_start", "i8"),  # its off-diagonal entries of S are those from other_start to other_stop
         ("other_stop", "i8"),
         ("gap", "f8"),  # at t_n
-        ("predicted_gap", "f8"),
+        ("predicted_gap", "f8"),  # after the bulk update
         ("rate", "f8"),  # at n - 1/2
-        ("predicted_rate", "f8"),
+        ("predicted_rate", "f8"),  # after the bulk update
         ("multiplier", "f8"),
-        ("found_before", "f8"),  # multiplier of the sweep before, where kernels and rows are solved in turn
-        ("pushed_by_others", "f8"),  # gap acceleration that other laws bring, for kernels that use it
-        ("stored", "f8"),  # energy at n - 1/2, after the step that at n + 1/2
-        ("active", "i8"),  # 1 where the law acted, or stored energy, in the step before
+        ("found_before", "f8"),  # multiplier of the sweep before, if kernels and contact equation are solved in turn
+        ("pushed_by_others", "f8"),  # gap acceleration by the multipliers of other laws, for kernels that use it
+        ("stored", "f8"),  # stored energy at n - 1/2, after the step that at n + 1/2
+        ("active", "i8"),  # 1 if the contact had a force or stored energy in the step before
         ("impulse", "f8"),
         ("peak", "f8"),
         ("deepest", "f8"),  # largest overlap
-        ("overlap", "f8"),  # sum of overlaps
-        ("closed", "i8"),  # steps with a force
-        ("first", "i8"),  # first step with a force, -1 before
-        ("last", "i8"),
+        ("overlap", "f8"),  # sum of the overlaps over the steps
+        ("closed", "i8"),  # number of steps with a force
+        ("first", "i8"),  # first step with a force, -1 if there was none
+        ("last", "i8"),  # last step with a force, -1 if there was none
     ]
 )
-ENTRY = np.dtype([("place", "i8"), ("normal", "f8"), ("response", "f8")])  # place in `boundary_dofs`, N, M^-1 N
+ENTRY = np.dtype([("place", "i8"), ("normal", "f8"), ("response", "f8")])  # index in `boundary_dofs`, N, M^-1 N
 OTHER = np.dtype([("point", "i8"), ("value", "f8")])  # off-diagonal entries of S
 
 
 def solve(points: Any, others: Any, dt: float) -> bool:
-    """Find the multipliers of all points that are rows; return whether they converged.
+    """Find the multipliers of all points with a linear law; return whether the solution converged.
 
-    The multipliers of laws with a kernel of their own are there already and act on the others as known forces.
+    The multipliers of laws with a kernel are given and act on the other points as external forces.
     """
     for i in range(points.size):
         p = points[i]
         if p.own == 0:
             p.multiplier = 0.0
-            if acts(p):
+            if is_active(p):
                 value = right_side(p, dt) / (p.sigma + p.response * p.delassus)
                 if value > 0.0 or p.never_pulls == 0:
                     p.multiplier = value
     return others.size == 0 or sweep(points, others, dt)
 
 
-def stored(p: Any, rate: float, dt: float) -> float:
-    """Return the energy a point stores at n + 1/2, where `rate` is the gap rate there."""
+def stored_energy(p: Any, rate: float, dt: float) -> float:
+    """Return the energy that a closed contact stores at n + 1/2, where the gap rate is `rate`."""
     if p.always == NEVER:
         return 0.0
     after = p.gap + dt * rate
     if p.stores == BY_END:
-        # a law that pulls as it pushes is a spring both ways
-        now = min(p.gap, 0.0) if p.always == 0 or p.never_pulls == 1 else p.gap
-        then = min(after, 0.0) if p.always == 0 or p.never_pulls == 1 else after
-        return 0.25 * p.kappa * (now * now + then * then)  # type: ignore[no-any-return]
+        # A law that is active at any gap and may pull is a spring in tension too; any other only in compression.
+        closing_now = min(p.gap, 0.0) if p.always == 0 or p.never_pulls == 1 else p.gap
+        closing_after = min(after, 0.0) if p.always == 0 or p.never_pulls == 1 else after
+        return 0.25 * p.kappa * (closing_now * closing_now + closing_after * closing_after)  # type: ignore[no-any-return]
     if p.stores == BY_CURRENT and (p.gap < 0.0 or p.multiplier != 0.0):
         return 0.5 * (p.weight_gap * p.gap * after + p.weight_acceleration * rate * rate) / p.sigma  # type: ignore[no-any-return]
     return 0.0
 
 
-def rounded(p: Any, rate: float, reach: float, dt: float) -> float:
-    """Return what rounding may do in a step to the energy of a point, in units of the rounding unit.
+def rounding_energy(p: Any, rate: float, reach: float, dt: float) -> float:
+    """Return a bound on the change of a point's energy by round-off in a step, over the rounding unit.
 
-    Displacements up to `reach` are kept to that unit: the force works on the error of the gap, and what the law makes
-    of the error works on the motion of the gap; for a spring at the end of the step that is of second order.
+    Displacements up to `reach` have a relative error of one unit. The contact force does work on the error of the gap,
+    and the force that follows from this error does work on the motion of the gap; for a spring at the end of the step
+    (BY_END) the latter is of second order.
     """
     noise = abs(p.multiplier) + ROUNDING * reach * p.kappa
     if p.stores == BY_CURRENT:
@@ -117,33 +122,33 @@ def rounded(p: Any, rate: float, reach: float, dt: float) -> float:
     return reach * noise  # type: ignore[no-any-return]
 
 
-def seen_gap(p: Any) -> float:
-    """Return the gap a point's law is shown."""
+def shown_gap(p: Any) -> float:
+    """Return the gap that the law of a point uses, current or predicted."""
     return p.predicted_gap if p.sees_predicted_gap == 1 else p.gap  # type: ignore[no-any-return]
 
 
-def acts(p: Any) -> bool:
-    """Return whether the law of a point acts at the gap it is shown."""
-    return p.always == 1 or (p.always == 0 and seen_gap(p) < 0.0)
+def is_active(p: Any) -> bool:
+    """Return whether the law of a point is active at the gap that it uses."""
+    return p.always == 1 or (p.always == 0 and shown_gap(p) < 0.0)
 
 
 def right_side(p: Any, dt: float) -> float:
-    """Return gamma of a point: what its law makes of the judged state."""
+    """Return gamma of a point: minus its law's weights times the gap, gap rate and gap acceleration that it uses."""
     rate = p.predicted_rate if p.sees_predicted_rate == 1 else p.rate
-    gamma = -p.weight_gap * seen_gap(p) - p.weight_rate * rate
+    gamma = -p.weight_gap * shown_gap(p) - p.weight_rate * rate
     if p.sees_acceleration == 1:
         gamma -= p.weight_acceleration * (p.predicted_rate - p.rate) / dt
     return gamma  # type: ignore[no-any-return]
 
 
 def sweep(points: Any, others: Any, dt: float) -> bool:
-    """Sweep over coupled points until no multiplier moves; return whether that came to pass."""
+    """Sweep over the coupled points until no multiplier changes any more; return whether they converged."""
     for _ in range(SWEEPS):
         moved = 0.0
         largest = 0.0
         for i in range(points.size):
             p = points[i]
-            if p.own == 0 and p.other_start < p.other_stop and acts(p):
+            if p.own == 0 and p.other_start < p.other_stop and is_active(p):
                 gamma = right_side(p, dt)
                 for k in range(p.other_start, p.other_stop):
                     gamma -= p.response * others[k].value * points[others[k].point].multiplier

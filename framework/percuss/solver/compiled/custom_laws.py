@@ -1,4 +1,4 @@
-"""The one escape from the contact equation: laws whose multipliers come from a kernel of their own."""
+"""Contact laws with a kernel: the only laws whose multipliers do not follow from the contact equation."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 Response = tuple[float, float]
 
 
-class Sight(NamedTuple):
-    """What a law sees of its points: read-only views of their records, so that compiled code cannot write them."""
+class TrialViews(NamedTuple):
+    """The states of a law's contact points: read-only views of their records, which its kernel cannot write."""
 
     gap: Floats
     predicted_gap: Floats
@@ -34,92 +34,99 @@ class Sight(NamedTuple):
 
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
-    """Slot: fill the multipliers of one law's points."""
+    """Set the multipliers of one law's points (slot for the kernel of the law)."""
     raise NotImplementedError
 
 
-def tail(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Slot: the laws behind this one; none unless bound."""
+def remaining_laws(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
+    """Apply the laws after this one (slot); do nothing where there is none."""
 
 
-def one_law(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Let one law fill the multipliers of its points, which start at `first`, then those behind it."""
-    seen, multiplier = bound[1], bound[2]
+def apply_law(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
+    """Let one law set the multipliers of its points, which start at index `first`, then apply the laws after it."""
+    views, multiplier = law[1], law[2]
     stop = first + multiplier.size
-    if bound[3] == 1:
+    # The kernel uses the coupling and other laws act on the same ends: sum the gap accelerations by their multipliers.
+    if law[3] == 1:
         for i in range(first, stop):
-            p = points[i]
-            p.pushed_by_others = 0.0
-            for k in range(p.other_start, p.other_stop):
-                q = others[k].point
-                if q < first or q >= stop:
-                    p.pushed_by_others += others[k].value * points[q].multiplier
+            point = points[i]
+            point.pushed_by_others = 0.0
+            for k in range(point.other_start, point.other_stop):
+                neighbour = others[k].point
+                if neighbour < first or neighbour >= stop:
+                    point.pushed_by_others += others[k].value * points[neighbour].multiplier
+    # A multiplier that the kernel does not set remains nan and stops the run.
     for i in range(multiplier.size):
         multiplier[i] = np.nan
     trial = Trial(
-        seen.gap, seen.predicted_gap, seen.rate, seen.predicted_rate, seen.delassus, dt, time, response[0], response[1],
-        seen.first_neighbour, seen.neighbour, seen.coupling, seen.pushed_by_others,
+        views.gap, views.predicted_gap, views.rate, views.predicted_rate, views.delassus, dt, time, response[0],
+        response[1], views.first_neighbour, views.neighbour, views.coupling, views.pushed_by_others,
     )  # fmt: skip
-    multipliers(bound[0], trial, multiplier)
-    tail(bound[4], points, others, dt, time, response, stop)
+    multipliers(law[0], trial, multiplier)
+    remaining_laws(law[4], points, others, dt, time, response, stop)
 
 
-def laws(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response) -> None:
-    """Let every law that is not rows fill its multipliers; a template around `first_law`.
+def apply_laws(laws: Any, points: Any, others: Any, dt: float, time: float, response: Response) -> None:
+    """Let every law with a kernel set its multipliers, one law after the other.
 
-    `response` is what a multiplier of 1/s adds to the predicted gap and to the predicted rate.
+    `response` is the change of the predicted gap and of the predicted gap rate by a multiplier of 1/s.
     """
-    first_law(bound[2], points, others, dt, time, response, bound[1])
+    first_law(laws[2], points, others, dt, time, response, laws[1])
 
 
-def first_law(bound: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Slot: the first law that is not rows; nothing to do where there is none."""
+def first_law(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
+    """Apply the first law with a kernel (slot); do nothing where there is none."""
 
 
 def nest(entries: list[dict[str, Any]], points: Any, others: Any) -> Any:
-    """Return what the loop hands to the kernels of laws that are not rows.
+    """Return the nested tuple from which the loop calls the kernels of laws.
 
     Parameters
     ----------
     entries
-        The bound laws, in the order of their points, which are the last ones.
+        The bound laws with a kernel, in the order of their points, which are the last points of the loop.
     points : (P,) POINT
         All contact points of the loop.
     others : OTHER
-        The entries of S off its diagonal.
+        The off-diagonal entries of S.
 
     Returns
     -------
     tuple
-        (whether kernels and rows are solved in turn, first point, (bound arrays, `Sight`, multipliers, whether other
-        laws push these points, (...))).
+        (1 if kernels and the contact equation have to be solved in turn, index of the first point, first law). A law is
+        (bound arrays, `TrialViews`, multipliers, 1 if other laws act on the ends of its points, next law).
     """
     stop = points.size
     first = stop - sum(len(entry["where"]) for entry in entries)
     nested: Any = (0,)
     in_turn = 0
     for entry in reversed(entries):
-        begin = stop - len(entry["where"])
+        first_point = stop - len(entry["where"])
         coupled = bool(entry["law"].uses_coupling)
-        seen, work_of_nodal_forces = _sight(points, others, begin, stop, coupled)
-        in_turn = max(in_turn, work_of_nodal_forces)
-        nested = (entry["bound"], seen, points["multiplier"][begin:stop], work_of_nodal_forces, nested)
-        stop = begin
+        views, pushed = _trial_views(points, others, first_point, stop, coupled)
+        in_turn = max(in_turn, pushed)
+        nested = (entry["bound"], views, points["multiplier"][first_point:stop], pushed, nested)
+        stop = first_point
     return (in_turn, first, nested)
 
 
-def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tuple[Sight, int]:
-    """Return what a law sees of its points from `begin` to `stop`, and 1 where other laws push them, else 0."""
-    starts, neighbours, values, work_of_nodal_forces = [0], [], [], 0
-    for p in points[begin:stop]:
-        for other in others[p.other_start : p.other_stop] if coupled else ():
-            if begin <= other.point < stop:
-                neighbours.append(other.point - begin)
-                values.append(other.value)
+def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool) -> tuple[TrialViews, int]:
+    """Return the states of the points from `first` to `stop`, and 1 if other laws act on their ends, else 0.
+
+    A law that does not use the coupling gets no neighbours, and 0.
+    """
+    starts, neighbours, values, pushed = [0], [], [], 0
+    for point in points[first:stop]:
+        for entry in others[point.other_start : point.other_stop] if coupled else ():
+            if first <= entry.point < stop:
+                neighbours.append(entry.point - first)
+                values.append(entry.value)
             else:
-                work_of_nodal_forces = 1
+                pushed = 1
         starts.append(len(neighbours))
-    views: dict[str, Any] = {name: points[name][begin:stop] for name in Sight._fields if name in (POINT.names or ())}
+    views: dict[str, Any] = {
+        name: points[name][first:stop] for name in TrialViews._fields if name in (POINT.names or ())
+    }
     rows: dict[str, Any] = {
         "first_neighbour": np.array(starts, dtype=np.int64),
         "neighbour": np.array(neighbours, dtype=np.int64),
@@ -127,23 +134,23 @@ def _sight(points: Any, others: Any, begin: int, stop: int, coupled: bool) -> tu
     }
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
-    return Sight(**views, **rows), work_of_nodal_forces
+    return TrialViews(**views, **rows), pushed
 
 
 def bind(maker: Specialiser, entries: list[dict[str, Any]], *, entry: bool = False) -> Callable[..., None]:
-    """Return the kernel that calls those of all laws in turn; called from Python where it is an `entry`."""
-    behind: Any = None
-    for bound in reversed(entries):
-        kernel = bound.get("kernel") or kernel_of(bound["law"])
-        slots = {multipliers: kernel} | ({tail: behind} if behind is not None else {})
-        part = maker.with_slots(slots, about=layout(bound["bound"]))
-        part.checked = True
-        behind = part.bind(one_law)
-    return maker.with_slots({first_law: behind} if behind is not None else {}).bind(laws, entry=entry)
+    """Return the function that calls the kernels of all laws in turn; with `entry`, Python can call it."""
+    remaining: Any = None
+    for law_entry in reversed(entries):
+        kernel = law_entry.get("kernel") or kernel_of(law_entry["law"])
+        slots = {multipliers: kernel} | ({remaining_laws: remaining} if remaining is not None else {})
+        specialiser = maker.with_slots(slots, about=layout(law_entry["bound"]))
+        specialiser.checked = True
+        remaining = specialiser.bind(apply_law)
+    return maker.with_slots({first_law: remaining} if remaining is not None else {}).bind(apply_laws, entry=entry)
 
 
-def why_not(entry: dict[str, Any]) -> Exception | None:
-    """Return why the kernel of a bound law cannot be compiled, or None."""
+def compile_failure(entry: dict[str, Any]) -> Exception | None:
+    """Return the compiler's error for the kernel of a bound law, or None if it can be compiled."""
     points = np.recarray(len(entry["where"]), dtype=POINT)
     points[:] = np.ones((), dtype=POINT)
     points["other_start"] = points["other_stop"] = 0

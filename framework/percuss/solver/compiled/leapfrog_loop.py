@@ -1,7 +1,9 @@
-"""The loop over steps, as it is compiled: templates whose slots `percuss.solver.march` binds.
+"""The compiled loop over the steps of leap-frog schemes: templates whose slots `percuss.solver.build` fills.
 
-What acts on few nodes is kept in record arrays: in compiled code and in plain Python alike ``p = points[i]`` is a view
-whose fields are read and written by name.
+A step takes displacements u_n and velocities v_{n-1/2} to u_{n+1} and v_{n+1/2}. It advances all bodies without contact
+and then corrects the few degrees of freedom at which loads, supports, drives or contacts act. These are kept in record
+arrays: in compiled code and in plain Python alike ``p = points[i]`` is a view whose fields are read and written by
+name. In the functions, `p` is the record of a contact point and `q` that of a boundary degree of freedom.
 """
 
 from __future__ import annotations
@@ -11,62 +13,66 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.solver.compiled.bulk import Bulk, kinetic
-from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounded, solve, stored
+from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounding_energy, solve, stored_energy
 from percuss.solver.compiled.marks import called
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
-# Relative threshold: work below this fraction of the largest energy that a single force could add in one step is
-# round-off.
+# Work below this fraction of the largest energy that a single force could add in one step counts as round-off.
 NOISE = 1e-8
 
 SWEEPS_BETWEEN_LAWS = 1000
 TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
 
-# a degree of freedom of the few nodes at which more than the bulk acts
+# A boundary degree of freedom, which belongs to a node with contacts, loads, constraints or a probe.
 BOUNDARY_DOF = np.dtype(
     [
-        ("dof", "i8"),  # place in the flat global arrays
+        ("dof", "i8"),  # index in the global arrays of displacement and velocity
         ("mass", "f8"),
-        ("body", "i8"),  # its entry in the bodies' momenta
+        ("body", "i8"),  # index of its body and direction in the momenta of the bodies
         ("old_u", "f8"),  # displacement at n
         ("old_v", "f8"),  # velocity at n - 1/2
-        ("bulk_v", "f8"),  # velocity right after the bulk update
-        ("new_v", "f8"),  # velocity as loads, supports and contacts correct it, in the end that at n + 1/2
+        ("bulk_v", "f8"),  # velocity after the bulk update
+        (
+            "new_v",
+            "f8",
+        ),  # velocity corrected by loads, constraints and contacts; at the end of the step that at n + 1/2
     ]
 )
-# a direction (`axes` from `axis` on) in which a node's velocity is prescribed; `reaction` is the sum over steps
+# A constraint prescribes the velocity of a node along a direction, which is `axes` from index `axis` on; `reaction` is
+# the sum of its reactions over the steps.
 CONSTRAINT = np.dtype([("place", "i8"), ("axis", "i8"), ("mass", "f8"), ("column", "i8"), ("reaction", "f8")])
-# the part of a contact force that a hold bears
+# The share of a contact force that a constraint takes: `hold` is the index of the constraint, `value` the component of
+# the contact normal along it.
 SHARE = np.dtype([("hold", "i8"), ("point", "i8"), ("value", "f8")])
-# a force on a single node: `axes` from `axis` on is the force at amplitude 1
+# A force on a single node, which at amplitude 1 is `axes` from index `axis` on.
 NODAL_FORCE = np.dtype([("place", "i8"), ("axis", "i8"), ("inverse_mass", "f8"), ("column", "i8")])
-# works so far, and what the watch compares them with
+# Sums of the work over the steps, the bounds for them, and the energy growth.
 TOTAL = np.dtype(
     [
         ("external_work", "f8"),
         ("contact_work", "f8"),
         ("largest_work", "f8"),  # largest absolute external work so far
-        ("energy_before", "f8"),  # before the first step: kinetic energy, to which that step adds the strain energy
+        ("energy_before", "f8"),  # kinetic and strain energy before the first step
         ("began_with", "f8"),  # the larger of the energy before the first step and the kinetic energy at t = 0
-        ("growth", "f8"),  # contact work allowed, over all energy put in
-        ("floor", "f8"),  # contact work that is noise
-        ("step_energy", "f8"),  # largest energy that a contact or a hold by itself would bring in one step
-        ("stored", "f8"),  # energy that the contacts store at n + 1/2
-        ("least", "f8"),  # smallest contact work with what is stored so far
-        ("rise", "f8"),  # largest rise above it
-        ("rise_step", "i8"),  # step at whose end that was
-        ("drift", "f8"),  # sum of the changes in steps in which a point judged at its current gap does not switch
-        ("largest_drift", "f8"),
-        ("drift_step", "i8"),
-        ("round_off", "f8"),  # sum over steps: times the rounding unit, what rounding may have done
+        ("growth", "f8"),  # largest contact work allowed, over the energy put in
+        ("floor", "f8"),  # contact work that counts as round-off
+        ("step_energy", "f8"),  # largest energy that a contact or a constraint by itself would add in one step
+        ("stored", "f8"),  # energy stored in the contacts at n + 1/2
+        ("least", "f8"),  # smallest sum of contact work and stored energy so far
+        ("rise", "f8"),  # largest rise of that sum above its smallest value so far
+        ("rise_step", "i8"),  # step at the end of which it occurred
+        ("drift", "f8"),  # sum of the changes at points with BY_CURRENT, in steps in which they neither open nor close
+        ("largest_drift", "f8"),  # largest absolute value of `drift`
+        ("drift_step", "i8"),  # step at the end of which it occurred
+        ("round_off", "f8"),  # bound on the sum of the round-off errors of the energies, over the rounding unit
     ]
 )
 
 
 class Boundary(NamedTuple):
-    """The nodes at which more than the bulk acts: contacts, constraints, nodal forces, and their sums."""
+    """Records of the contacts, constraints and nodal forces, and of the degrees of freedom on which they act."""
 
     boundary_dofs: Any  # BOUNDARY_DOF
     points: Any  # percuss.solver.compiled.contact_equation.POINT
@@ -75,22 +81,22 @@ class Boundary(NamedTuple):
     constraints: Any  # CONSTRAINT
     shares: Any  # SHARE
     nodal_forces: Any  # NODAL_FORCE
-    axes: Floats
-    totals: Any  # TOTAL, one
-    momentum: Floats  # (bodies * dim,) at n + 1/2, empty where no load acts on whole bodies
-    before: Floats  # (bodies * dim,) at n - 1/2, or empty
+    axes: Floats  # directions of the constraints, then the nodal forces at amplitude 1
+    totals: Any  # TOTAL, a single record
+    momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies
+    before: Floats  # (bodies * dim,) of each body at n - 1/2, or empty
 
 
-class Drive(NamedTuple):
-    """Amplitudes of the loads for a run of T steps."""
+class LoadAmplitudes(NamedTuple):
+    """Amplitudes of the loads for T consecutive steps, one column for each load; column 0 is zero."""
 
     force: Floats  # (T, columns) at t_n
-    velocity: Floats  # (T, columns) at t_n+1/2
-    pull: Floats  # (T, bodies * dim) acceleration of each body at t_n
+    velocity: Floats  # (T, columns) prescribed velocity at t_n + dt/2
+    body_acceleration: Floats  # (T, bodies * dim) acceleration of each body by loads at t_n
 
 
 class Record(NamedTuple):
-    """What is kept: R records, every `every` steps and at the last step."""
+    """Recorded histories: R rows, one for every `every`-th step and one for the last step."""
 
     every: int
     last: int  # step of the last record
@@ -99,11 +105,11 @@ class Record(NamedTuple):
     end_force: Floats  # (R, P)
     displacement: Floats  # (R, probes * dim)
     velocity: Floats  # (R, probes * dim)
-    probe: Integers  # (probes * dim,) places among the boundary degrees of freedom
-    energy: Floats  # (R, 5) kinetic, elastic, external work, contact work, energy the contacts store, at n + 1/2
-    field_every: int  # 0: no field is kept
-    field: Floats  # (F, nodes kept * dim) displacement
-    field_dof: Integers  # (nodes kept * dim,)
+    probe: Integers  # (probes * dim,) indices of boundary degrees of freedom
+    energy: Floats  # (R, 5) kinetic, elastic, external work, contact work, stored contact energy, at n + 1/2
+    field_every: int  # steps between two snapshots, 0 for none
+    field: Floats  # (F, recorded nodes * dim) displacement
+    field_dof: Integers  # (recorded nodes * dim,)
 
 
 def bulk(
@@ -111,51 +117,52 @@ def bulk(
     masses: Bulk,
     u: Floats,
     v: Floats,
-    pull: Floats,
+    body_acceleration: Floats,
     momentum: Floats,
     dim: int,
     dt: float,
 ) -> None:
-    """Slot: advance all bodies by a step without contact."""
+    """Advance all bodies by a step without contact (slot of the bulk update)."""
     raise NotImplementedError
 
 
 def elastic(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Slot: the strain energy of all bodies."""
+    """Return the strain energy of all bodies (slot)."""
     raise NotImplementedError
 
 
-def own_laws(bound: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float]) -> None:
-    """Slot: the multipliers of laws that are not rows; nothing to do where there is none."""
+def kernel_laws(laws: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float]) -> None:
+    """Set the multipliers of laws with a kernel (slot); do nothing where there is none."""
 
 
 def find_multipliers(
-    bound: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float], span: float
+    laws: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float], span: float
 ) -> bool:
-    """Find the multipliers of all points in a step or stage; return whether they were found.
+    """Find the multipliers of all points in a step or stage; return whether the solution converged.
 
-    Laws with a kernel come first, one after the other, and the rows are solved with their forces. Where a kernel that
-    takes account of others shares an end with another law, both are repeated until no multiplier moves.
+    Laws with a kernel set theirs first, one law after the other; the contact equation is then solved with these forces.
+    Where a kernel that uses the coupling shares an end with another law, both are repeated in turn until no multiplier
+    changes any more.
 
     Parameters
     ----------
-    bound
-        What `percuss.solver.compiled.custom_laws.nest` returned.
+    laws
+        The laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`.
     points, others
-        Contact points, and the entries of S off its diagonal.
+        The contact points, and the off-diagonal entries of S.
     dt, time
-        Step, and time of the state.
+        Time step, and time of the state.
     response
-        What a multiplier of 1/s adds to the predicted gap and to the predicted rate.
+        The change of the predicted gap and of the predicted gap rate by a multiplier of 1/s.
     span
         Time between the two gap rates of a point.
     """
-    in_turn = bound[0] == 1
+    in_turn = laws[0] == 1
     if in_turn:
         for i in range(points.size):
             points[i].multiplier = 0.0
     for sweep in range(SWEEPS_BETWEEN_LAWS):
-        own_laws(bound, points, others, dt, time, response)
+        kernel_laws(laws, points, others, dt, time, response)
         sound = solve(points, others, span)
         if not in_turn or not sound:
             return sound
@@ -177,8 +184,8 @@ def advance(
     groups: Any,
     masses: Bulk,
     boundary: Boundary,
-    bound: Any,
-    drive: Drive,
+    laws: Any,
+    amplitudes: LoadAmplitudes,
     record: Record,
     u: Floats,
     v: Floats,
@@ -187,53 +194,61 @@ def advance(
     first: int,
     count: int,
 ) -> int:
-    """March `count` steps from step `first`; return how many were done when one was not sound, else `count`."""
+    """Make `count` steps from step `first`; return `count`, or the number of steps before the first that failed.
+
+    A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan.
+    """
     boundary_dofs, points, totals = boundary.boundary_dofs, boundary.points, boundary.totals
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
         if n == 0:
-            take_strain_energy(groups, totals[0], u, v, dim, dt)
+            add_initial_strain_energy(groups, totals[0], u, v, dim, dt)
+        # Bulk update: internal forces and body forces advance all nodes as if nothing else acted.
         save_state(boundary_dofs, u, v)
         for i in range(boundary.momentum.size):
             boundary.momentum[i] = 0.0
-        bulk(groups, masses, u, v, drive.pull[s], boundary.momentum, dim, dt)
+        bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
         for i in range(boundary_dofs.size):
             q = boundary_dofs[i]
             q.bulk_v = v[q.dof]
             q.new_v = q.bulk_v
-        apply_nodal_forces(boundary, drive, s, dim, dt)
-        work = impose_velocity(boundary, drive, s, dim, dt)
+        # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
+        apply_nodal_forces(boundary, amplitudes, s, dim, dt)
+        work = impose_velocity(boundary, amplitudes, s, dim, dt)
+        # Contact: the multipliers follow from the current or the predicted state. They change the velocities except
+        # along prescribed directions, where the constraints take the contact forces as reactions.
         sound = True
         if points.size > 0:
             find_contact_states(points, boundary.entries, boundary_dofs, dt)
-            sound = find_multipliers(bound, points, boundary.others, dt, n * dt, (dt * dt, dt), dt)
-            correct(points, boundary.entries, boundary_dofs, dt)
-        work += add_contact_reactions(boundary, drive, s, dim, dt)
-        work += work_of_loads(boundary, drive, s, dim, dt)
+            sound = find_multipliers(laws, points, boundary.others, dt, n * dt, (dt * dt, dt), dt)
+            apply_multipliers(points, boundary.entries, boundary_dofs, dt)
+        work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
+        work += work_of_loads(boundary, amplitudes, s, dim, dt)
+        # The corrected velocities replace those of the bulk update, and the displacements follow from them.
         write_back(boundary_dofs, u, v, dt)
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
-        contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
+        update_contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
         if n % record.every == 0 or n == record.last:
-            keep(groups, masses, boundary, record, u, v, dim, dt, n)
+            write_record(groups, masses, boundary, record, u, v, dim, dt, n)
+        # Contact work far above the energy put in means an unstable step; a nan fails the comparison too.
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
-        # the comparison fails for a work that is no number, too
         if not (sound and total.contact_work <= limit):
             return s
     return count
 
 
-def take_strain_energy(groups: Any, total: Any, u: Floats, v: Floats, dim: int, dt: float) -> None:
-    """Add the strain energy before the first step to the energy that the run begins with."""
+def add_initial_strain_energy(groups: Any, total: Any, u: Floats, v: Floats, dim: int, dt: float) -> None:
+    """Add the strain energy before the first step to the energy at the beginning of the run."""
     total.energy_before += elastic(groups, u, v, dim, dt)
     total.began_with = max(total.began_with, total.energy_before)
 
 
 def save_state(boundary_dofs: Any, u: Floats, v: Floats) -> None:
-    """Note the state before the step."""
+    """Save displacement and velocity of the boundary degrees of freedom before the step, as `old_u` and `old_v`."""
     for i in range(boundary_dofs.size):
         q = boundary_dofs[i]
         q.old_u = u[q.dof]
@@ -241,95 +256,99 @@ def save_state(boundary_dofs: Any, u: Floats, v: Floats) -> None:
 
 
 def write_back(boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
-    """Write the corrected velocity, and the displacement that follows from it."""
+    """Write the corrected velocities to the global array, and the displacements u_{n+1} = u_n + dt v_{n+1/2}."""
     for i in range(boundary_dofs.size):
         q = boundary_dofs[i]
         v[q.dof] = q.new_v
         u[q.dof] = q.old_u + dt * q.new_v
 
 
-def no_loads(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
-    """Stand in for each of the next four where a model has no loads, or no supports and drives."""
+def no_work(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+    """Return zero work, in place of the next four functions where a model has no loads, or no supports and drives."""
     return 0.0
 
 
-def apply_nodal_forces(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
-    """Let forces on single nodes change their velocity; return 0."""
+def apply_nodal_forces(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+    """Add the velocity change by forces on single nodes; return 0, as `work_of_nodal_forces` computes their work."""
     for i in range(boundary.nodal_forces.size):
-        f = boundary.nodal_forces[i]
-        scale = dt * f.inverse_mass * drive.force[s, f.column]
+        nodal_force = boundary.nodal_forces[i]
+        scale = dt * nodal_force.inverse_mass * amplitudes.force[s, nodal_force.column]
         for d in range(dim):
-            boundary.boundary_dofs[f.place + d].new_v += scale * boundary.axes[f.axis + d]
+            boundary.boundary_dofs[nodal_force.place + d].new_v += scale * boundary.axes[nodal_force.axis + d]
     return 0.0
 
 
-def impose_velocity(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
-    """Prescribe velocities of supports and drives; return the work of the reactions this takes."""
+def impose_velocity(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+    """Set the velocities prescribed by supports and drives, add up their reactions and return the work of these.
+
+    Contact forces are not known yet; `add_contact_reactions` adds the reactions to them.
+    """
     boundary_dofs, axes, total = boundary.boundary_dofs, boundary.axes, boundary.totals[0]
     work = 0.0
     for i in range(boundary.constraints.size):
-        h = boundary.constraints[i]
-        now = 0.0
-        before = 0.0
+        constraint = boundary.constraints[i]
+        current = 0.0
+        previous = 0.0
         for d in range(dim):
-            now += axes[h.axis + d] * boundary_dofs[h.place + d].new_v
-            before += axes[h.axis + d] * boundary_dofs[h.place + d].old_v
-        wanted = drive.velocity[s, h.column]
+            current += axes[constraint.axis + d] * boundary_dofs[constraint.place + d].new_v
+            previous += axes[constraint.axis + d] * boundary_dofs[constraint.place + d].old_v
+        prescribed = amplitudes.velocity[s, constraint.column]
         for d in range(dim):
-            boundary_dofs[h.place + d].new_v += (wanted - now) * axes[h.axis + d]
-        reaction = h.mass * (wanted - now) / dt
-        h.reaction += reaction
-        total.step_energy = max(total.step_energy, h.mass * (wanted - now) ** 2)
-        work += reaction * (before + wanted)
+            boundary_dofs[constraint.place + d].new_v += (prescribed - current) * axes[constraint.axis + d]
+        reaction = constraint.mass * (prescribed - current) / dt
+        constraint.reaction += reaction
+        total.step_energy = max(total.step_energy, constraint.mass * (prescribed - current) ** 2)
+        work += reaction * (previous + prescribed)
     return 0.5 * dt * work
 
 
-def add_contact_reactions(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
-    """Let supports and drives bear the contact forces on their nodes; return the work this takes."""
+def add_contact_reactions(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+    """Add the reactions of supports and drives to the contact forces on their nodes; return their work."""
     work = 0.0
     for i in range(boundary.shares.size):
         share = boundary.shares[i]
-        h = boundary.constraints[share.hold]
-        before = 0.0
+        constraint = boundary.constraints[share.hold]
+        previous = 0.0
         for d in range(dim):
-            before += boundary.axes[h.axis + d] * boundary.boundary_dofs[h.place + d].old_v
+            previous += boundary.axes[constraint.axis + d] * boundary.boundary_dofs[constraint.place + d].old_v
         reaction = -share.value * boundary.points[share.point].multiplier
-        h.reaction += reaction
-        work += reaction * (before + drive.velocity[s, h.column])
+        constraint.reaction += reaction
+        work += reaction * (previous + amplitudes.velocity[s, constraint.column])
     return 0.5 * dt * work
 
 
-def work_of_loads(boundary: Boundary, drive: Drive, s: int, dim: int, dt: float) -> float:
-    """Return the work of the forces on single nodes and of those on whole bodies."""
+def work_of_loads(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+    """Return the work of forces on single nodes and on whole bodies, and update the momenta of the bodies."""
     boundary_dofs, momentum = boundary.boundary_dofs, boundary.momentum
-    work = work_of_nodal_forces(boundary.nodal_forces, boundary_dofs, boundary.axes, drive.force, s, dim, dt)
+    work = work_of_nodal_forces(boundary.nodal_forces, boundary_dofs, boundary.axes, amplitudes.force, s, dim, dt)
     if momentum.size == 0:
         return work
+    # The bulk update has summed the momenta; the corrections of the boundary velocities are added.
     for i in range(boundary_dofs.size):
         q = boundary_dofs[i]
         momentum[q.body] += q.mass * (q.new_v - q.bulk_v)
-    of_bodies = 0.0
+    body_work = 0.0
     for i in range(momentum.size):
-        of_bodies += drive.pull[s, i] * (momentum[i] + boundary.before[i])
+        body_work += amplitudes.body_acceleration[s, i] * (momentum[i] + boundary.before[i])
         boundary.before[i] = momentum[i]
-    return work + 0.5 * dt * of_bodies
+    return work + 0.5 * dt * body_work
 
 
 def work_of_nodal_forces(
     nodal_forces: Any, boundary_dofs: Any, axes: Floats, amplitude: Floats, s: int, dim: int, dt: float
 ) -> float:
-    """Return the work of forces on single nodes: half of force times u_{n+1} - u_{n-1}."""
+    """Return the work of forces on single nodes, which is force times (u_{n+1} - u_{n-1}) / 2."""
     work = 0.0
     for i in range(nodal_forces.size):
-        f = nodal_forces[i]
+        nodal_force = nodal_forces[i]
         for d in range(dim):
-            q = boundary_dofs[f.place + d]
-            work += amplitude[s, f.column] * axes[f.axis + d] * (q.old_v + q.new_v)
+            q = boundary_dofs[nodal_force.place + d]
+            work += amplitude[s, nodal_force.column] * axes[nodal_force.axis + d] * (q.old_v + q.new_v)
     return 0.5 * dt * work
 
 
 def find_contact_states(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
-    """Find gap and gap rate of each point, as they are and as the bulk update predicts them."""
+    """Compute gap and gap rate of each point, the current values and those predicted without contact."""
     for i in range(points.size):
         p = points[i]
         gap = p.initial_gap
@@ -349,8 +368,8 @@ def find_contact_states(points: Any, entries: Any, boundary_dofs: Any, dt: float
         p.predicted_rate = predicted_rate
 
 
-def correct(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
-    """Let the multipliers change the velocity of the nodes they act on: the contact accelerations."""
+def apply_multipliers(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
+    """Add the velocity change dt M^-1 N lambda by the contact forces."""
     for i in range(points.size):
         p = points[i]
         if p.multiplier != 0.0:
@@ -358,32 +377,34 @@ def correct(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
                 boundary_dofs[entries[k].place].new_v += dt * entries[k].response * p.multiplier
 
 
-def contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals: Any, n: int, dt: float) -> None:
-    """Sum what the contacts do in a step: their work, what they store, and how the two of them go."""
+def update_contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals: Any, n: int, dt: float) -> None:
+    """Add up work, stored energy, impulses and overlaps of the contacts in a step, and track the energy growth."""
     total = totals[0]
     work = 0.0
-    held = 0.0
-    steady = 0.0
-    busy = False
+    energy_sum = 0.0
+    steady_change = 0.0
+    any_contact = False
     for i in range(points.size):
         p = points[i]
-        coupled = p.stores != NOTHING and (p.gap < 0.0 or p.other_start < p.other_stop)
-        if p.multiplier != 0.0 or p.active == 1 or coupled:
-            busy = True
+        # Without a force in this step and the one before, a contact may still store energy if its gap is closed, or if
+        # other contacts act on its ends.
+        may_store = p.stores != NOTHING and (p.gap < 0.0 or p.other_start < p.other_stop)
+        if p.multiplier != 0.0 or p.active == 1 or may_store:
+            any_contact = True
             rate = 0.0
             reach = 0.0
             for k in range(p.start, p.stop):
                 q = boundary_dofs[entries[k].place]
                 rate += entries[k].normal * q.new_v
                 reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
-            done = 0.5 * dt * p.multiplier * (p.rate + rate)
-            energy = stored(p, rate, dt)
+            point_work = 0.5 * dt * p.multiplier * (p.rate + rate)
+            energy = stored_energy(p, rate, dt)
             active = 1 if p.multiplier != 0.0 or energy != 0.0 else 0
             if p.stores == BY_CURRENT and p.active == active:
-                steady += done + energy - p.stored
-            total.round_off += rounded(p, rate, reach, dt)
-            held += energy
-            work += done
+                steady_change += point_work + energy - p.stored
+            total.round_off += rounding_energy(p, rate, reach, dt)
+            energy_sum += energy
+            work += point_work
             p.stored = energy
             p.active = active
         if p.multiplier != 0.0:
@@ -397,28 +418,28 @@ def contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals: Any, n
         if p.gap < 0.0:
             p.overlap -= p.gap
             p.deepest = max(p.deepest, -p.gap)
-    if busy:
+    if any_contact:
         total.contact_work += work
-        total.stored = held  # of points that are not looked at nothing is stored
+        total.stored = energy_sum  # points that were left out store no energy
         total.round_off += abs(total.contact_work)
-        track_growth(total, steady, n)
+        track_growth(total, steady_change, n)
 
 
-def track_growth(total: Any, steady: float, n: int) -> None:
-    """Note how far contact work with what is stored has risen above its smallest value so far.
+def track_growth(total: Any, steady_change: float, n: int) -> None:
+    """Update the largest rise of contact work plus stored energy above its smallest value so far, and the drift.
 
-    A start in touch under load finds the gap of the step before t = 0 closed, which no contact force had answered:
-    what that brings, once, is no growth, and the watch begins behind it.
+    Bodies that touch at the start under load had a closed gap without a contact force one step before t = 0. The energy
+    change that this causes in the first step is no growth, so that tracking starts after that step.
     """
-    now = total.contact_work + total.stored
+    energy = total.contact_work + total.stored
     if n == 0:
-        total.least = now
+        total.least = energy
         return
-    total.least = min(total.least, now)
-    if now - total.least > total.rise:
-        total.rise = now - total.least
+    total.least = min(total.least, energy)
+    if energy - total.least > total.rise:
+        total.rise = energy - total.least
         total.rise_step = n
-    total.drift += steady
+    total.drift += steady_change
     if abs(total.drift) > total.largest_drift:
         total.largest_drift = abs(total.drift)
         total.drift_step = n
@@ -426,17 +447,21 @@ def track_growth(total: Any, steady: float, n: int) -> None:
 
 @called
 def snapshot(record: Record, u: Floats, n: int) -> None:
-    """Keep the displacements from which the stress field follows."""
+    """Record the displacements from which the stress field is computed."""
     r = n // record.field_every
     for k in range(record.field_dof.size):
         record.field[r, k] = u[record.field_dof[k]]
 
 
 @called
-def keep(
+def write_record(
     groups: Any, masses: Bulk, boundary: Boundary, record: Record, u: Floats, v: Floats, dim: int, dt: float, n: int
 ) -> None:
-    """Write the record of step n."""
+    """Write the record of step n: state at t_n, multipliers, and energies at n + 1/2.
+
+    The velocity at t_n is the mean of those at n - 1/2 and n + 1/2. The end force is the stiffness of an explicit law
+    times the overlap at the end of the step.
+    """
     boundary_dofs = boundary.boundary_dofs
     r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
     for i in range(boundary.points.size):

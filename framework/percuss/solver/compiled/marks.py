@@ -1,4 +1,4 @@
-"""Marks that tell the compiler how to treat a function of the loop."""
+"""Marks on functions of the loop that set how they are compiled."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ Function = TypeVar("Function", bound=Any)
 
 
 def called(function: Function) -> Function:
-    """Mark a function that is called rather than copied into its callers, which would take the compiler long."""
+    """Mark a function that is compiled once and called; copied into its callers it would compile for too long."""
     function.called = True
     return function

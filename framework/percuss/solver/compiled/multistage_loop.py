@@ -1,10 +1,12 @@
-"""The loop over steps of schemes that are no leap-frog: accelerations in stages, and the accounts of whole steps.
+"""The compiled loop over the steps of multi-stage schemes: accelerations in stages, then work and energies of the step.
 
-Displacement and velocity stand at t_n before a step and at t_{n+1} behind it. Behind the degrees of freedom of the
-nodes the arrays have an entry for each contact point, each hold and each column of loads, whose acceleration is the
-multiplier, the reaction, the amplitude. A scheme combines all entries in the same way, so that what becomes of the
-velocity of such an entry in a step is the impulse of that step, whatever the scheme's weights; with it kinetic energy
-and momentum change by ``impulse (v_n + v_{n+1}) / 2`` and ``impulse`` exactly. No function here allocates.
+Displacement and velocity are those at t_n before a step and at t_{n+1} after it. Their arrays are longer than those of
+the nodes: after the nodal degrees of freedom follow one entry for each contact point, each constraint and each column
+of loads, whose acceleration is the multiplier, the reaction and the amplitude. A scheme combines all entries of an
+array in the same way, so that the change of velocity of such an entry in a step is the impulse of that step, whatever
+the weights of the scheme. Kinetic energy and momentum then change by exactly ``impulse (v_n + v_{n+1}) / 2`` and
+``impulse``. No function here allocates memory. In the functions, `p` is the record of a contact point and `q` that of a
+boundary degree of freedom.
 """
 
 from __future__ import annotations
@@ -19,13 +21,13 @@ from percuss.solver.compiled.leapfrog_loop import (
     NOISE,
     Boundary,
     Record,
-    contact_energy,
+    add_initial_strain_energy,
     elastic,
     find_contact_states,
     find_multipliers,
     save_state,
     snapshot,
-    take_strain_energy,
+    update_contact_energy,
     work_of_nodal_forces,
 )
 from percuss.solver.compiled.marks import called
@@ -33,41 +35,42 @@ from percuss.solver.compiled.marks import called
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
-# an acceleration of whole bodies: `axes` from `axis` on at amplitude 1, on the nodes from `start` to `stop`
+# An acceleration of the nodes from `start` to `stop`, which at amplitude 1 is `body_force_axes` from index `axis` on;
+# `momentum` is that of these nodes along the acceleration at the beginning of the step.
 BODY_FORCE = np.dtype([("start", "i8"), ("stop", "i8"), ("axis", "i8"), ("column", "i8"), ("momentum", "f8")])
 
 
 class System(NamedTuple):
-    """What `accelerations` needs; the last five are written in every step."""
+    """The arguments of `accelerations`; the last five arrays are written in every step."""
 
     groups: Any
     masses: Bulk
-    boundary: Boundary  # with all constraints of the model
-    bound: Any
+    boundary: Boundary  # with all constraints of the model, active or not
+    laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
     body_forces: Any  # BODY_FORCE
-    pull_axes: Floats
-    acts: Integers  # (constraints,) 1 where the constraint is in force
+    body_force_axes: Floats  # accelerations of the bodies at amplitude 1
+    active_constraints: Integers  # (constraints,) 1 if the constraint is active, else 0
     responses: Floats  # (stages, points) w of each point
-    ends: Floats  # (stages, 3) r_v, r_a, s_a
+    ends: Floats  # (stages, 3) r_v, r_a, s_a, as in `percuss.methods.interfaces.Stages`
     times: Floats  # (stages,) fractions of the step
     dim: int
-    amplitude: Floats  # (stages, columns)
+    amplitude: Floats  # (stages, columns) amplitude of each load at the times of the stages
     speed: Floats  # (2, columns) prescribed velocities at t_n and t_{n+1}
-    effective: Floats  # (1, columns) amplitude of each load over the step
-    given: Floats  # (columns,) sum of the effective amplitudes
-    clock: Floats  # (3,) t_n, dt, and 1 while all contact equations were solved
+    effective: Floats  # (1, columns) effective amplitude of each load over the step, its impulse over dt
+    amplitude_sums: Floats  # (columns,) sums of the effective amplitudes over the steps
+    clock: Floats  # (3,) t_n, dt, and 1 if all contact equations of the step were solved, else 0
 
 
-class Given(NamedTuple):
-    """Amplitudes of the loads for a run of T steps."""
+class StageAmplitudes(NamedTuple):
+    """Amplitudes of the loads for T consecutive steps, one column for each load; column 0 is zero."""
 
-    force: Floats  # (T, stages, columns)
-    speed: Floats  # (T, 2, columns) velocities at t_n and t_{n+1}
+    force: Floats  # (T, stages, columns) at the times of the stages
+    speed: Floats  # (T, 2, columns) prescribed velocities at t_n and t_{n+1}
 
 
 @called
 def take_step(numbers: Any, system: System, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
-    """Slot: the integrator's own step."""
+    """Make one step of the integrator (slot for its kernel)."""
     raise NotImplementedError
 
 
@@ -76,7 +79,7 @@ def take_step(numbers: Any, system: System, u: Floats, v: Floats, kept: Floats, 
 
 @called
 def force_group(group: Group, u: Floats, force: Floats, dim: int) -> None:
-    """Set `force` to the internal force of the bodies of one group."""
+    """Set `force` to the internal force on the nodes of the bodies of one group."""
     for b in range(group.body.size):
         lo = group.start[b] * dim
         hi = group.stop[b] * dim
@@ -85,26 +88,26 @@ def force_group(group: Group, u: Floats, force: Floats, dim: int) -> None:
 
 @called
 def force_head(group: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Slot: forces of the first group of bodies."""
+    """Set the forces of the first group of bodies (slot)."""
     raise NotImplementedError
 
 
 @called
 def force_tail(group: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Slot: forces of the other groups."""
+    """Set the forces of the other groups (slot)."""
     raise NotImplementedError
 
 
 @called
 def force_chain(groups: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Set the forces of a pair (group, other groups)."""
+    """Set the forces of a pair (group, other groups) of groups of bodies."""
     force_head(groups[0], u, force, dim)
     force_tail(groups[1], u, force, dim)
 
 
 @called
 def forces(groups: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Slot: set `force` to the internal force of all bodies."""
+    """Set `force` to the internal force on the nodes of all bodies (slot)."""
     raise NotImplementedError
 
 
@@ -113,7 +116,7 @@ def forces(groups: Any, u: Floats, force: Floats, dim: int) -> None:
 
 @called
 def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> None:
-    """Set `a` to ``M^-1 (f_ext - f_int(u) + N lambda)``, behind it multipliers, reactions and amplitudes."""
+    """Set `a` to ``M^-1 (f_ext - f_int(u) + N lambda)``, followed by multipliers, reactions and amplitudes."""
     boundary, inverse_mass, dim = system.boundary, system.masses.inverse_mass, system.dim
     boundary_dofs, points = boundary.boundary_dofs, boundary.points
     amplitude = system.amplitude[stage]
@@ -122,48 +125,52 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
     for i in range(nodal):
         a[i] *= inverse_mass[i]
     for i in range(system.body_forces.size):
-        p = system.body_forces[i]
-        for j in range(p.start, p.stop):
+        body_force = system.body_forces[i]
+        for j in range(body_force.start, body_force.stop):
             for d in range(dim):
-                a[j * dim + d] += amplitude[p.column] * system.pull_axes[p.axis + d]
+                a[j * dim + d] += amplitude[body_force.column] * system.body_force_axes[body_force.axis + d]
     for i in range(boundary.nodal_forces.size):
-        f = boundary.nodal_forces[i]
+        nodal_force = boundary.nodal_forces[i]
         for d in range(dim):
-            a[boundary_dofs[f.place + d].dof] += amplitude[f.column] * f.inverse_mass * boundary.axes[f.axis + d]
-    first = nodal + points.size  # of the constraints
+            a[boundary_dofs[nodal_force.place + d].dof] += (
+                amplitude[nodal_force.column] * nodal_force.inverse_mass * boundary.axes[nodal_force.axis + d]
+            )
+    # A constraint replaces the acceleration along it by the mean acceleration of the prescribed velocity in the step.
+    first = nodal + points.size  # index of the first constraint
     for i in range(boundary.constraints.size):
-        h = boundary.constraints[i]
+        constraint = boundary.constraints[i]
         a[first + i] = 0.0
-        if system.acts[i] == 1:
-            now = along(h, boundary_dofs, boundary.axes, a, dim)
-            wanted = (system.speed[1, h.column] - system.speed[0, h.column]) / system.clock[1]
-            a[first + i] = h.mass * (wanted - now)
-            add_along(h, boundary_dofs, boundary.axes, a, wanted - now, dim)
+        if system.active_constraints[i] == 1:
+            current = component_along(constraint, boundary_dofs, boundary.axes, a, dim)
+            prescribed = (system.speed[1, constraint.column] - system.speed[0, constraint.column]) / system.clock[1]
+            a[first + i] = constraint.mass * (prescribed - current)
+            add_along(constraint, boundary_dofs, boundary.axes, a, prescribed - current, dim)
+    # Contact comes last, so that the acceleration it starts from contains loads and constraints.
     if points.size > 0:
-        touch(system, stage, u, v, a, nodal)
+        solve_contact(system, stage, u, v, a, nodal)
     for i in range(amplitude.size):
         a[first + boundary.constraints.size + i] = amplitude[i]
 
 
 @called
-def along(h: Any, boundary_dofs: Any, axes: Floats, values: Floats, dim: int) -> float:
-    """Return the component of a nodal quantity along a hold."""
+def component_along(constraint: Any, boundary_dofs: Any, axes: Floats, values: Floats, dim: int) -> float:
+    """Return the component of a nodal quantity along a constraint."""
     total = 0.0
     for d in range(dim):
-        total += axes[h.axis + d] * values[boundary_dofs[h.place + d].dof]
+        total += axes[constraint.axis + d] * values[boundary_dofs[constraint.place + d].dof]
     return total
 
 
 @called
-def add_along(h: Any, boundary_dofs: Any, axes: Floats, values: Floats, more: float, dim: int) -> None:
-    """Add to a nodal quantity along a hold."""
+def add_along(constraint: Any, boundary_dofs: Any, axes: Floats, values: Floats, increment: float, dim: int) -> None:
+    """Add an increment along a constraint to a nodal quantity."""
     for d in range(dim):
-        values[boundary_dofs[h.place + d].dof] += more * axes[h.axis + d]
+        values[boundary_dofs[constraint.place + d].dof] += increment * axes[constraint.axis + d]
 
 
 @called
-def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: int) -> None:
-    """Solve the contact equation of a stage, and let the multipliers act."""
+def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: int) -> None:
+    """Solve the contact equation of a stage, and add the accelerations and reactions by its multipliers."""
     boundary, entries, points = system.boundary, system.boundary.entries, system.boundary.points
     end = system.ends[stage]
     for i in range(points.size):
@@ -182,8 +189,8 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
         p.predicted_rate = rate + end[2] * acceleration
         p.response = system.responses[stage, i]
     time = system.clock[0] + system.times[stage] * system.clock[1]
-    # the bulk acceleration is read from the rates, which lie s_a apart
-    if not find_multipliers(system.bound, points, boundary.others, system.clock[1], time, (end[1], end[2]), end[2]):
+    # Laws obtain the bulk acceleration as the difference of the two gap rates over the time s_a between them.
+    if not find_multipliers(system.laws, points, boundary.others, system.clock[1], time, (end[1], end[2]), end[2]):
         system.clock[2] = 0.0
     for i in range(points.size):
         p = points[i]
@@ -197,7 +204,7 @@ def touch(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: in
 
 @called
 def begin(system: System, u: Floats, v: Floats, kept: Floats) -> None:
-    """Set what is kept between steps to the acceleration of the present state, as the last stage sees it."""
+    """Set the arrays kept between steps to the acceleration of the present state, evaluated as in the last stage."""
     for i in range(kept.shape[0]):
         accelerations(system, system.times.size - 1, u, v, kept[i])
 
@@ -209,7 +216,7 @@ def begin(system: System, u: Floats, v: Floats, kept: Floats) -> None:
 def advance(
     system: System,
     numbers: Any,
-    given: Given,
+    amplitudes: StageAmplitudes,
     record: Record,
     u: Floats,
     v: Floats,
@@ -218,7 +225,10 @@ def advance(
     first: int,
     count: int,
 ) -> int:
-    """March `count` steps from step `first`; return how many were done when one was not sound, else `count`."""
+    """Make `count` steps from step `first`; return `count`, or the number of steps before the first that failed.
+
+    A step fails if a contact equation was not solved, or if the contact work exceeds its limit or is nan.
+    """
     boundary, nodal = system.boundary, system.masses.mass.size
     boundary_dofs, points, totals = boundary.boundary_dofs, boundary.points, boundary.totals
     for s in range(count):
@@ -226,22 +236,23 @@ def advance(
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
         if n == 0:
-            take_strain_energy(system.groups, totals[0], u, v, system.dim, 0.0)
+            add_initial_strain_energy(system.groups, totals[0], u, v, system.dim, 0.0)
         save_state(boundary_dofs, u, v)
-        set_out(system, given, s, n, u, v, dt)
-        prescribe(system, u, v, dt, False)
+        prepare_step(system, amplitudes, s, n, u, v, dt)
+        impose_velocities(system, u, v, dt, False)
         take_step(numbers, system, u, v, kept, dt)
-        prescribe(system, u, v, dt, True)
+        impose_velocities(system, u, v, dt, True)
+        # Work and energies of the step follow from its impulses, as if constant forces, impulse over dt, had acted.
         for i in range(boundary_dofs.size):
             boundary_dofs[i].new_v = v[boundary_dofs[i].dof]
         find_contact_states(points, boundary.entries, boundary_dofs, dt)
         for i in range(points.size):
             points[i].multiplier = v[nodal + i] / dt
-        work = settle_holds(system, v, dt)
+        work = sum_reactions(system, v, dt)
         start = nodal + points.size + boundary.constraints.size
-        for i in range(system.given.size):
+        for i in range(system.amplitude_sums.size):
             system.effective[0, i] = v[start + i] / dt
-            system.given[i] += system.effective[0, i]
+            system.amplitude_sums[i] += system.effective[0, i]
         if boundary.nodal_forces.size > 0:
             work += work_of_nodal_forces(
                 boundary.nodal_forces, boundary_dofs, boundary.axes, system.effective, 0, system.dim, dt
@@ -250,26 +261,26 @@ def advance(
         total = totals[0]
         total.external_work += work
         total.largest_work = max(total.largest_work, abs(total.external_work))
-        contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
+        update_contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
         if n % record.every == 0 or n == record.last:
-            keep(system, record, u, v, n)
+            write_record(system, record, u, v, n)
+        # Contact work far above the energy put in means an unstable step; a nan fails the comparison too.
         limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
-        # the comparison fails for a work that is no number, too
         if not (system.clock[2] == 1.0 and total.contact_work <= limit):
             return s
     return count
 
 
 @called
-def set_out(system: System, given: Given, s: int, n: int, u: Floats, v: Floats, dt: float) -> None:
-    """Write what holds in this step alone, and begin the accounts of its impulses."""
+def prepare_step(system: System, amplitudes: StageAmplitudes, s: int, n: int, u: Floats, v: Floats, dt: float) -> None:
+    """Set amplitudes, prescribed velocities and time of the step, and reset the entries that collect its impulses."""
     stages = system.times.size
     for k in range(stages):
-        for i in range(system.given.size):
-            system.amplitude[k, i] = given.force[s, k, i]
+        for i in range(system.amplitude_sums.size):
+            system.amplitude[k, i] = amplitudes.force[s, k, i]
     for k in range(2):
-        for i in range(system.given.size):
-            system.speed[k, i] = given.speed[s, k, i]
+        for i in range(system.amplitude_sums.size):
+            system.speed[k, i] = amplitudes.speed[s, k, i]
     system.clock[0] = n * dt
     system.clock[1] = dt
     system.clock[2] = 1.0
@@ -277,77 +288,84 @@ def set_out(system: System, given: Given, s: int, n: int, u: Floats, v: Floats, 
         u[i] = 0.0
         v[i] = 0.0
     for i in range(system.body_forces.size):
-        p = system.body_forces[i]
-        p.momentum = momentum(system, p, v)
+        body_force = system.body_forces[i]
+        body_force.momentum = momentum(system, body_force, v)
 
 
 @called
-def momentum(system: System, p: Any, v: Floats) -> float:
-    """Return the momentum of pulled bodies along the pull, times its size."""
+def momentum(system: System, body_force: Any, v: Floats) -> float:
+    """Return the scalar product of a body force's acceleration at amplitude 1 and the momentum of its nodes."""
     total = 0.0
-    for j in range(p.start, p.stop):
+    for j in range(body_force.start, body_force.stop):
         for d in range(system.dim):
             k = j * system.dim + d
-            total += system.masses.mass[k] * v[k] * system.pull_axes[p.axis + d]
+            total += system.masses.mass[k] * v[k] * system.body_force_axes[body_force.axis + d]
     return total
 
 
 @called
-def prescribe(system: System, u: Floats, v: Floats, dt: float, after: bool) -> None:
-    """Impose the velocities of supports and drives before or after the step; what that takes is reaction."""
+def impose_velocities(system: System, u: Floats, v: Floats, dt: float, after: bool) -> None:
+    """Set the velocities prescribed by supports and drives before or after the step; add the impulse to the reaction.
+
+    After the step, the displacement along a constraint is set too, from the mean of the prescribed velocities.
+    """
     boundary, dim = system.boundary, system.dim
     first = system.masses.mass.size + boundary.points.size
     for i in range(boundary.constraints.size):
-        h = boundary.constraints[i]
-        if system.acts[i] == 1:
-            wanted = system.speed[1 if after else 0, h.column]
-            missing = wanted - along(h, boundary.boundary_dofs, boundary.axes, v, dim)
-            add_along(h, boundary.boundary_dofs, boundary.axes, v, missing, dim)
-            v[first + i] += h.mass * missing
+        constraint = boundary.constraints[i]
+        if system.active_constraints[i] == 1:
+            prescribed = system.speed[1 if after else 0, constraint.column]
+            correction = prescribed - component_along(constraint, boundary.boundary_dofs, boundary.axes, v, dim)
+            add_along(constraint, boundary.boundary_dofs, boundary.axes, v, correction, dim)
+            v[first + i] += constraint.mass * correction
             if after:
-                place = 0.5 * dt * (system.speed[0, h.column] + system.speed[1, h.column])
+                displacement = 0.5 * dt * (system.speed[0, constraint.column] + system.speed[1, constraint.column])
                 for d in range(dim):
-                    place += boundary.axes[h.axis + d] * boundary.boundary_dofs[h.place + d].old_u
+                    displacement += (
+                        boundary.axes[constraint.axis + d] * boundary.boundary_dofs[constraint.place + d].old_u
+                    )
                 add_along(
-                    h,
+                    constraint,
                     boundary.boundary_dofs,
                     boundary.axes,
                     u,
-                    place - along(h, boundary.boundary_dofs, boundary.axes, u, dim),
+                    displacement - component_along(constraint, boundary.boundary_dofs, boundary.axes, u, dim),
                     dim,
                 )
 
 
 @called
-def settle_holds(system: System, v: Floats, dt: float) -> float:
-    """Sum the reactions of the step; return their work."""
+def sum_reactions(system: System, v: Floats, dt: float) -> float:
+    """Add up the reactions of the step; return their work."""
     boundary, work = system.boundary, 0.0
     first = system.masses.mass.size + boundary.points.size
     for i in range(boundary.constraints.size):
-        h = boundary.constraints[i]
+        constraint = boundary.constraints[i]
         impulse = v[first + i]
         if impulse != 0.0:
-            h.reaction += impulse / dt
-            boundary.totals[0].step_energy = max(boundary.totals[0].step_energy, impulse**2 / h.mass)
+            constraint.reaction += impulse / dt
+            boundary.totals[0].step_energy = max(boundary.totals[0].step_energy, impulse**2 / constraint.mass)
             for d in range(system.dim):
-                q = boundary.boundary_dofs[h.place + d]
-                work += 0.5 * impulse * boundary.axes[h.axis + d] * (q.old_v + q.new_v)
+                q = boundary.boundary_dofs[constraint.place + d]
+                work += 0.5 * impulse * boundary.axes[constraint.axis + d] * (q.old_v + q.new_v)
     return work
 
 
 @called
 def work_of_body_forces(system: System, v: Floats, dt: float) -> float:
-    """Return the work of the body forces."""
+    """Return the work of the body forces in the step."""
     work = 0.0
     for i in range(system.body_forces.size):
-        p = system.body_forces[i]
-        work += 0.5 * dt * system.effective[0, p.column] * (p.momentum + momentum(system, p, v))
+        body_force = system.body_forces[i]
+        work += (
+            0.5 * dt * system.effective[0, body_force.column] * (body_force.momentum + momentum(system, body_force, v))
+        )
     return work
 
 
 @called
-def keep(system: System, record: Record, u: Floats, v: Floats, n: int) -> None:
-    """Write the record of step n: state at t_n, forces over the step, energies at t_{n+1}."""
+def write_record(system: System, record: Record, u: Floats, v: Floats, n: int) -> None:
+    """Write the record of step n: state at t_n, mean multipliers of the step, energies at t_{n+1}."""
     boundary, nodal = system.boundary, system.masses.mass.size
     r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
     for i in range(boundary.points.size):

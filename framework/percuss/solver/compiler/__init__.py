@@ -1,1 +1,1 @@
-"""How kernels are bound together, compiled, and kept for the next process."""
+"""Binding and compilation of kernels, and storage of the machine code for the next process."""

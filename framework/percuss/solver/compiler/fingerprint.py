@@ -1,7 +1,8 @@
-"""A digest of everything the code of a kernel can reach: where it is equal, so is the machine code.
+"""Digests of all the code that a kernel can reach: equal digests promise equal machine code.
 
-Numba looks at the file of the function it compiles and at nothing that function calls or reads. Here a function
-counts by its code, defaults and closure, a constant by its value, a module by what of it is named, all the way down.
+Numba's own cache checks the file of the compiled function, but nothing that this function calls or reads. A digest
+contains the code, defaults and closure of a function, the value of a constant and, of a module, the attributes that
+the code names, and the same for everything that these refer to in turn.
 """
 
 from __future__ import annotations
@@ -17,30 +18,34 @@ import numpy as np
 
 __all__ = ["Fingerprint", "contents", "is_foreign", "is_overloaded", "layout", "named_in", "plain_function"]
 
-# functions of these packages are the compiler's own business
+# Functions of these packages are compiled by numba itself; a digest contains their names only.
 FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
 
 _BY_REPR = (bool, int, float, complex, str, bytes, type(None), type(...), range, slice, np.dtype)
 _NOTHING = object()
-_ALIVE: dict[int, object] = {}  # what was told by its place in memory, which nothing else may take
+# Objects that a digest identifies by their address: kept alive, so that no other object can take that address.
+_KEPT_ALIVE: dict[int, object] = {}
 
 
 def is_foreign(name: str | None) -> bool:
-    """Return whether a module belongs to a package that the versions in every digest stand for."""
+    """Return whether a module belongs to a package whose functions a digest identifies by name, not by content."""
     return (name or "").split(".")[0] in FOREIGN
 
 
 def plain_function(value: object) -> types.FunctionType | None:
     """Return the Python function behind a plain or jitted function that a kernel may call, else None."""
     function = getattr(value, "py_func", value)
-    # by its globals: a decorator may have copied the module of what it wraps
+    # The globals belong to the true module: a decorator may have copied `__module__` from the function it wraps.
     if isinstance(function, types.FunctionType) and not is_foreign(function.__globals__.get("__name__")):
         return function
     return None
 
 
 def named_in(code: types.CodeType) -> set[str]:
-    """Return the names a code object and those nested in it refer to; texts too, as `getattr` takes them."""
+    """Return the names that a code object, with those nested in it, refers to.
+
+    String constants that are identifiers are included, as they may be arguments of `getattr`.
+    """
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
@@ -51,9 +56,9 @@ def named_in(code: types.CodeType) -> set[str]:
 
 
 def layout(value: object) -> str:
-    """Return how the fields of nested tuples are called and follow each other.
+    """Return the class and field names of nested tuples, in order, as one string; empty for any other value.
 
-    Machine code on disk knows a NamedTuple by the name of its class, and a field by its place.
+    Machine code on disk identifies a NamedTuple by the name of its class, and a field by its position alone.
     """
     if not isinstance(value, tuple):
         return ""
@@ -63,32 +68,32 @@ def layout(value: object) -> str:
 
 
 class Fingerprint:
-    """Digests values one after the other.
+    """A digest of several values.
 
     Attributes
     ----------
     whole
-        False as soon as something was met whose content cannot be told: it counts by its place in memory, and equal
-        digests promise equal content in this process only.
+        False once a value without identifiable content was added: such a value counts by its address in memory, and
+        equal digests promise equal content in this process only.
     """
 
     def __init__(self, text: str) -> None:
         self._digest = hashlib.sha256(text.encode())
         self._seen: set[tuple[int, frozenset[str]]] = set()
-        self._keep: list[object] = []  # ids are only unique among living objects
+        self._keep: list[object] = []  # keeps the values alive, as ids are only unique among living objects
         self.whole = True
 
     @property
     def tag(self) -> str:
-        """The digest in sixteen letters."""
+        """The first sixteen hexadecimal digits of the digest."""
         return self._digest.hexdigest()[:16]
 
     def text(self, text: str) -> None:
-        """Digest a text, its end included."""
+        """Add a text, followed by a separator."""
         self._digest.update(text.encode() + b"\0")
 
     def code(self, code: types.CodeType) -> None:
-        """Digest bytecode with its constants, and the names by which arguments may be passed."""
+        """Add bytecode, its constants, and the names and kinds of its arguments."""
         self._digest.update(code.co_code + code.co_exceptiontable)
         shape = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
         self.text(repr((shape, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)))
@@ -99,7 +104,7 @@ class Fingerprint:
                 self.text(f"{type(constant).__name__}:{constant!r}")
 
     def function(self, function: types.FunctionType) -> None:
-        """Digest a function: its code, what its arguments default to, and all globals and cells it reads."""
+        """Add a function: its code, the defaults of its arguments, and all globals and closure cells that it reads."""
         names = named_in(function.__code__)
         self.code(function.__code__)
         self.defaults(function)
@@ -110,12 +115,12 @@ class Fingerprint:
             self.value(contents(cell), names)
 
     def defaults(self, function: types.FunctionType) -> None:
-        """Digest what the arguments of a function default to."""
+        """Add the default values of the arguments of a function."""
         self.value(function.__defaults__, ())
         self.value(function.__kwdefaults__, ())
 
     def value(self, value: Any, names: Iterable[str]) -> None:
-        """Digest what code that refers to `names` can see of a value."""
+        """Add the part of a value that is visible to code that refers to `names`."""
         names = frozenset(names)
         if (id(value), names) in self._seen:
             self.text("again")
@@ -142,10 +147,11 @@ class Fingerprint:
         if is_foreign(value.__name__):
             return
         for name in sorted(names):
-            one = getattr(value, name, _NOTHING)  # not from its dictionary: a module may make attributes when asked
-            if one is not _NOTHING:
+            # Not from the dictionary of the module, which may create attributes on request (`__getattr__`).
+            attribute = getattr(value, name, _NOTHING)
+            if attribute is not _NOTHING:
                 self.text(name)
-                self.value(one, names)
+                self.value(attribute, names)
 
     def _class(self, value: type, names: frozenset[str]) -> None:
         self.text(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}")
@@ -153,8 +159,8 @@ class Fingerprint:
             for member in value:
                 self.text(member.name)
                 self.value(member.value, names)
-        elif hasattr(value, "class_type"):  # of numba's jitclass, compiled with all its methods
-            self._by_place(value)
+        elif hasattr(value, "class_type"):  # a class compiled by numba's jitclass, with all its methods
+            self._by_address(value)
 
     def _container(self, value: Any, names: frozenset[str]) -> None:
         fields = getattr(type(value), "_fields", "")
@@ -164,57 +170,58 @@ class Fingerprint:
             self.value(item, names)
 
     def _callable(self, value: Any) -> None:
-        """Digest a function, or whatever else is left: what is not known makes the digest worthless."""
+        """Add a function or a value of any other type; a value without identifiable content counts by its address."""
         function = plain_function(value)
-        inner = getattr(getattr(value, "_dispatcher", None), "py_func", None)  # of numba's vectorize
+        vectorised = getattr(getattr(value, "_dispatcher", None), "py_func", None)  # set by numba's vectorize
         if function is not None:
-            # what numba compiled has a name without a tag: loaded from disk, it would stand for its edited successor
+            # A function that numba has compiled already has no tag in its name: loaded from disk, machine code would
+            # call an edited version of it by the same name.
             if function is not value or is_overloaded(function):
-                self._by_place(value)
+                self._by_address(value)
             self.text(repr(sorted(getattr(value, "targetoptions", {}).items(), key=repr)))
             self.function(function)
-        elif isinstance(inner, types.FunctionType):
-            self._by_place(value)
+        elif isinstance(vectorised, types.FunctionType):
+            self._by_address(value)
             self.text(f"{type(value).__name__}{getattr(value, 'types', '')}{getattr(value, 'identity', '')}")
-            self.function(inner)
+            self.function(vectorised)
         elif isinstance(value, enum.Enum):
             self._class(type(value), frozenset())
             self.text(value.name)
-        elif isinstance(value, np.ufunc) or _is_where_it_says(value):
+        elif isinstance(value, np.ufunc) or _is_named_in_module(value):
             self.text(f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}")
         elif is_foreign(type(value).__module__) and type(value).__module__.startswith("numba.core.types"):
             self.text(repr(value))
         else:
-            self._by_place(value)
+            self._by_address(value)
 
-    def _by_place(self, value: object) -> None:
-        _ALIVE[id(value)] = value
+    def _by_address(self, value: object) -> None:
+        _KEPT_ALIVE[id(value)] = value
         self.whole = False
         self.text(f"at {id(value)}")
 
 
 def is_overloaded(function: object) -> bool:
-    """Return whether numba was told of other code to compile in the place of a plain function."""
+    """Return whether numba compiles other code in place of a plain function, as an overload of it."""
     registry = sys.modules.get("numba.core.registry")
     if registry is None or not isinstance(function, types.FunctionType):
         return False
     context = registry.cpu_target.typing_context
-    # What numba knows of overloads is filled by generators, which another thread that compiles may be in.
+    # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
     with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
         context.refresh()
         return context._lookup_global(function) is not None
 
 
 def contents(cell: types.CellType) -> Any:
-    """Return what a cell of a closure holds, None where it is still empty."""
+    """Return the content of a closure cell, None where it is still empty."""
     try:
         return cell.cell_contents
     except ValueError:
         return None
 
 
-def _is_where_it_says(value: Any) -> bool:
-    """Return whether a value is what its own foreign module knows by its name, as ``math.sin`` is."""
+def _is_named_in_module(value: Any) -> bool:
+    """Return whether a value is the attribute of its own foreign module under its own name, as ``math.sin`` is."""
     module, name = getattr(value, "__module__", None), getattr(value, "__name__", None)
     if not isinstance(module, str) or not isinstance(name, str) or not is_foreign(module):
         return False

@@ -1,9 +1,10 @@
-"""Bind kernels into templates, compile them once, and keep the machine code in the user's cache folder.
+"""Bind kernels into templates, compile them, and store the machine code in the user's cache folder.
 
-A template is copied with the kernels as its globals, under a name that holds a hash of everything its code can
-reach: its own bytecode and constants, helpers, module constants, closures, and the versions of Python, numba, NumPy
-and percuss (`percuss.solver.compiler.fingerprint`). So an edited kernel, helper or constant never meets the machine
-code of its predecessor. What cannot be hashed is compiled anew by every process that needs it.
+A template is a function of the loop that calls slots, functions without a body. It is copied with kernels in the place
+of the slots; the name of the copy contains a hash of everything its code can reach: its bytecode and constants,
+helpers, module constants, closures, and the versions of Python, numba, NumPy and percuss
+(`percuss.solver.compiler.fingerprint`). Machine code is therefore never used for an edited kernel, helper or constant.
+Code that cannot be hashed is compiled again by every process that needs it.
 """
 
 from __future__ import annotations
@@ -31,25 +32,25 @@ from percuss.solver.compiler.fingerprint import (
 
 Kernel = Callable[..., Any]
 
-_COMPILED: dict[tuple[str, bool], Kernel] = {}  # one process compiles or loads a kernel once
+_COMPILED: dict[tuple[str, bool], Kernel] = {}  # kernels that this process has compiled or loaded, by tag and entry
 
-# these modules hold the loop; nothing in them allocates
-OWN_MODULES = (compiled.__name__, slot_functions.__name__)  # of the loop itself, in which no kernel of a plug-in lies
+# Modules of the loop itself: they contain no kernel of a plug-in, and no function in them allocates.
+OWN_MODULES = (compiled.__name__, slot_functions.__name__)
 
 
 class Specialiser:
-    """Builds kernels for one run; either compiled or as plain Python.
+    """Binds and compiles the kernels of one run, or binds them as plain Python.
 
     Parameters
     ----------
     slots
-        Slot function to the kernel, plain or already bound, that takes its place.
+        Map from each slot to its kernel, plain or already bound.
     jit
         Whether to compile.
     counting
-        Whether kernels of plug-ins may allocate arrays, which takes reference counts.
+        Whether kernels of plug-ins may allocate arrays, which needs reference counts.
     about
-        What else the machine code depends on: how the tuples it is handed are laid out.
+        A text for everything else the machine code depends on: the layout of the tuples that the kernels receive.
     """
 
     def __init__(
@@ -64,35 +65,35 @@ class Specialiser:
         self.jit = jit
         self.counting = counting
         self.about = about
-        self.checked = False  # whether indices in kernels of plug-ins are held against the size of their arrays
+        self.checked = False  # whether kernels of plug-ins check array indices against the size of the array
         self.tags: dict[int, str] = {}
-        self._untold: set[str] = set()  # tags of what reaches something that has no hash
-        self._slotted: set[str] = set()  # tags of what reaches a slot, or is a plug-in's
+        self._unhashed: set[str] = set()  # tags of code that reaches an object without a hash
+        self._slotted: set[str] = set()  # tags of code that reaches a slot or belongs to a plug-in
         self._bound: dict[int, Kernel] = {}
-        self._open: set[int] = set()
-        self._modules: set[int] = set()  # being copied
-        self._keep: list[object] = []  # ids are only unique among living objects
+        self._in_progress: set[int] = set()
+        self._modules: set[int] = set()  # ids of the modules that are being copied
+        self._keep: list[object] = []  # keeps objects alive, as ids are only unique among living objects
 
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
-        """Return a specialiser that binds `slots` on top of these; kernels already bound stay usable."""
-        other = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about)
-        other.tags, other._untold, other._keep = self.tags, self._untold, self._keep
-        other._slotted = self._slotted
-        other.checked = self.checked
-        return other
+        """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
+        specialiser = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about)
+        specialiser.tags, specialiser._unhashed, specialiser._keep = self.tags, self._unhashed, self._keep
+        specialiser._slotted = self._slotted
+        specialiser.checked = self.checked
+        return specialiser
 
     def bind(self, function: Kernel, *, entry: bool = False, reduction: bool = False) -> Kernel:
-        """Return `function` with its slots and helpers bound, compiled if this specialiser compiles.
+        """Return `function` with its slots and helpers bound, and compiled if this specialiser compiles.
 
         Parameters
         ----------
         function
             Template or kernel.
         entry
-            Whether it is called from Python. What is not has no code that takes Python objects apart, which is half of
-            what compiling costs; called from Python all the same, it would end the process.
+            Whether Python calls it. Other functions get no code that unpacks Python objects, which saves half of the
+            compile time; a call from Python would crash the process.
         reduction
-            Whether it adds up terms whose order does not matter.
+            Whether it is a sum whose terms may be added in any order.
         """
         with compiler():
             return self._bind(function, entry=entry, reduction=reduction)
@@ -100,15 +101,15 @@ class Specialiser:
     def _bind(self, function: Kernel, *, entry: bool, reduction: bool) -> Kernel:
         if id(function) in self.tags:
             return function
-        done = self._bound.get(id(function))
-        if done is not None:
-            return done
+        cached = self._bound.get(id(function))
+        if cached is not None:
+            return cached
         source = plain_function(function)
         if source is None:
             raise TypeError(f"{function!r} is not a Python function")
-        if id(function) in self._open:
-            return function  # it calls itself: that stays Python, or as its author compiled it
-        self._open.add(id(function))
+        if id(function) in self._in_progress:
+            return function  # a recursive call keeps the original function, plain or compiled by its author
+        self._in_progress.add(id(function))
         names = named_in(source.__code__)
         bound = {}
         for name in sorted(names & set(source.__globals__)):
@@ -120,29 +121,33 @@ class Specialiser:
             for cell in source.__closure__ or ()
         )
         options = _options(function, counting=self.counting, entry=entry, reduction=reduction)
-        if self.checked and not _is_own(source):
+        if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
         tag = self._tag(source, names, bound, closure, options)
         copy = _copy(source, bound, closure, tag)
-        out: Kernel = copy
+        kernel: Kernel = copy
         if self.jit:
-            out = self._compiled(copy, options, tag, entry)
-        self._open.discard(id(function))
-        self._bound[id(function)] = out
-        self.tags[id(out)] = tag
-        self._keep += [function, out]
-        return out
+            kernel = self._compiled(copy, options, tag, entry)
+        self._in_progress.discard(id(function))
+        self._bound[id(function)] = kernel
+        self.tags[id(kernel)] = tag
+        self._keep += [function, kernel]
+        return kernel
 
     def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
-        out = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=tag not in self._untold)
-        _COMPILED[tag, entry] = out
-        return out
+        kernel = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=tag not in self._unhashed)
+        _COMPILED[tag, entry] = kernel
+        return kernel
 
     def _replacement(self, value: Any, names: set[str]) -> Any:
-        """Return what takes the place of a global in bound code, or None: slots, helpers, modules of helpers."""
+        """Return the replacement for a global variable of a kernel, or None to keep the original.
+
+        The replacement is the bound kernel for a slot, a bound copy for a helper function, and for a module a copy
+        with bound helpers.
+        """
         try:
             slot = self.slots.get(value)
-        except TypeError:  # not hashable: a constant
+        except TypeError:  # a constant that is not hashable is no slot
             return None
         if slot is not None:
             return self.bind(slot, reduction=getattr(value, "reduction", False))
@@ -153,10 +158,10 @@ class Specialiser:
         return self.bind(value)
 
     def _module(self, module: types.ModuleType, names: set[str]) -> types.ModuleType | None:
-        """Return a copy of a module with those of its functions bound that are named, None where none is."""
+        """Return a copy of a module in which its functions among `names` are bound, None if there is none to bind."""
         if is_foreign(module.__name__) or id(module) in self._modules:
             return None
-        self._modules.add(id(module))  # modules may import each other
+        self._modules.add(id(module))  # prevents endless recursion where modules import each other
         bound = {}
         for name in sorted(names):
             replacement = self._replacement(getattr(module, name, None), names)
@@ -167,27 +172,27 @@ class Specialiser:
             return None
         copy = types.ModuleType(module.__name__)
         vars(copy).update({**vars(module), **bound})
-        print_ = Fingerprint(f"module {module.__name__};")
-        named = {name: getattr(module, name) for name in names if hasattr(module, name)}
+        fingerprint = Fingerprint(f"module {module.__name__};")
+        originals = {name: getattr(module, name) for name in names if hasattr(module, name)}
         self.tags[id(copy)] = self._finish(
-            print_, names, [(name, bound.get(name), named[name]) for name in sorted(named)]
+            fingerprint, names, [(name, bound.get(name), originals[name]) for name in sorted(originals)]
         )
         self._keep.append(copy)
         return copy
 
-    def _finish(self, print_: Fingerprint, names: set[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
-        """Return the tag of code that reads `parts`: name, what takes its place in bound code, and what it was."""
+    def _finish(self, fingerprint: Fingerprint, names: set[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
+        """Return the tag of code that reads `parts`, each with name, replacement in bound code, and original."""
         whole = True
-        for name, replacement, given in parts:
-            print_.text(name)
+        for name, replacement, original in parts:
+            fingerprint.text(name)
             if id(replacement) in self.tags:
-                print_.text(self.tags[id(replacement)])
-                whole = whole and self.tags[id(replacement)] not in self._untold
+                fingerprint.text(self.tags[id(replacement)])
+                whole = whole and self.tags[id(replacement)] not in self._unhashed
             else:
-                print_.value(given, names)
-        if not (whole and print_.whole):
-            self._untold.add(print_.tag)
-        return print_.tag
+                fingerprint.value(original, names)
+        if not (whole and fingerprint.whole):
+            self._unhashed.add(fingerprint.tag)
+        return fingerprint.tag
 
     def _tag(
         self,
@@ -197,22 +202,23 @@ class Specialiser:
         closure: tuple[types.CellType, ...],
         options: Mapping[str, Any],
     ) -> str:
-        reaches_slot = not _is_own(source) or any(
+        reaches_slot = not _is_part_of_loop(source) or any(
             value in self.slots or self.tags.get(id(bound.get(name))) in self._slotted
             for name, value in source.__globals__.items()
             if name in bound
         )
-        # the module too: machine code on disk imports that of its kernels, and a file has a new one after an edit
+        # The module name is included because machine code on disk imports the modules of its kernels, and an edited
+        # plug-in file becomes a module of another name.
         about = f"{_versions()};{source.__module__};{sorted(options.items(), key=repr)};{self.jit};"
-        if reaches_slot:  # only slots read the tuples of plug-ins
+        if reaches_slot:  # only functions behind slots read the tuples of plug-ins
             about += self.about
-        print_ = Fingerprint(about)
-        print_.code(source.__code__)
-        print_.defaults(source)
+        fingerprint = Fingerprint(about)
+        fingerprint.code(source.__code__)
+        fingerprint.defaults(source)
         parts = [(name, bound.get(name), source.__globals__[name]) for name in sorted(names & set(source.__globals__))]
         cells = zip(closure, source.__closure__ or (), strict=True)
-        parts += [("", cell.cell_contents, contents(given)) for cell, given in cells]
-        tag = self._finish(print_, names, parts)
+        parts += [("", cell.cell_contents, contents(original)) for cell, original in cells]
+        tag = self._finish(fingerprint, names, parts)
         if reaches_slot:
             self._slotted.add(tag)
         return tag
@@ -226,30 +232,30 @@ def _versions() -> str:
 
 
 def jit_disabled() -> bool:
-    """Return whether numba is told not to compile (``NUMBA_DISABLE_JIT=1``)."""
+    """Return whether numba is configured not to compile (``NUMBA_DISABLE_JIT=1``)."""
     import numba
 
     return bool(numba.config.DISABLE_JIT)
 
 
 def compile_error() -> tuple[type[Exception], ...]:
-    """Return the errors numba raises for what it cannot compile."""
+    """Return the types of error that numba raises for code that it cannot compile."""
     from numba.core import errors
 
-    # the second is no NumbaError, the third is what several of its own passes raise
+    # The second is no subclass of NumbaError, and several of numba's passes raise the third.
     return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
 
 
 def _options(function: Any, *, counting: bool, entry: bool, reduction: bool) -> dict[str, Any]:
-    """Return how a function is compiled: as its author had it compiled, less the author's cache, or as the loop is."""
+    """Return the compiler options: those of its author, without the cache, for a jitted function; else the loop's."""
     if not isinstance(function, types.FunctionType):
-        own = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
+        author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
         if function.nopython_signatures and not function._can_compile:
-            own["signature_or_function"] = tuple(function.nopython_signatures)
-        return own
+            author_options["signature_or_function"] = tuple(function.nopython_signatures)
+        return author_options
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    # a call that is not inlined passes every array as a handful of numbers; whole stages are worth a call: copied into
-    # one another they would take the compiler twice as long
+    # A call that is not inlined passes every array as several numbers. Functions marked as called are not inlined:
+    # copying whole stages into each other would double the compile time.
     if not entry and not getattr(function, "called", False):
         options["forceinline"] = True
     if reduction or getattr(function, "reduction", False):
@@ -258,20 +264,20 @@ def _options(function: Any, *, counting: bool, entry: bool, reduction: bool) -> 
     if not entry:
         options["no_cpython_wrapper"] = True
     if _counting_can_be_left_out():
-        # said always: else the caller's is taken
-        options["_nrt"] = counting and not _is_own(function)
+        # Always set, because otherwise the option of the calling function applies.
+        options["_nrt"] = counting and not _is_part_of_loop(function)
     return options
 
 
-def _is_own(function: types.FunctionType) -> bool:
-    """Return whether a function is a part of the loop, and not of a plug-in."""
+def _is_part_of_loop(function: types.FunctionType) -> bool:
+    """Return whether a function belongs to the loop, and not to a plug-in."""
     return function.__module__.startswith(OWN_MODULES)
 
 
 def _copy(
     source: types.FunctionType, bound: Mapping[str, Any], closure: tuple[types.CellType, ...], tag: str
 ) -> types.FunctionType:
-    """Return a function with other globals and cells, called by its tag."""
+    """Return a copy of a function with other globals and closure cells, and with the tag in its name."""
     name = f"{source.__name__}_{tag}"
     copy = types.FunctionType(
         source.__code__, {**source.__globals__, **bound}, name, source.__defaults__, closure or None
@@ -284,29 +290,29 @@ def _copy(
 def _compile(function: types.FunctionType, options: Mapping[str, Any], *, cache: bool) -> Kernel:
     import numba
 
-    listen()  # the first call compiles
+    listen()  # the clock has to listen before the first call, which compiles
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])
     if not cache:
         return numba.njit(**options)(function)  # type: ignore[no-any-return]
-    asked = numba.config.CACHE_DIR
-    if not asked:
+    configured = numba.config.CACHE_DIR
+    if not configured:
         import platformdirs
 
         numba.config.CACHE_DIR = platformdirs.user_cache_dir("percuss", appauthor=False)
     try:
         return numba.njit(cache=True, **options)(function)  # type: ignore[no-any-return]
     finally:
-        numba.config.CACHE_DIR = asked
+        numba.config.CACHE_DIR = configured
 
 
 @functools.cache
 def _counting_can_be_left_out() -> bool:
-    """Return whether this numba lets a function do without reference counts on the arrays it slices.
+    """Return whether this version of numba can compile a function without reference counts on array slices.
 
-    The loop allocates nothing, and on small models the counts, two locked additions a slice, are half of its cost.
-    Kernels of plug-ins do without too, unless one of them allocates: then all of theirs count.
+    The loop allocates nothing, and on small models the counts, two locked additions for each slice, cost half of the
+    run time. Kernels of plug-ins do without them too, unless one of them allocates: then all of them count references.
     """
     from numba.core.cpu import CPUTargetOptions
 

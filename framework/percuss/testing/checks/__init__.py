@@ -1,1 +1,1 @@
-"""The checks of the conformance kit, one file a concern."""
+"""The checks of the conformance kit, with one file for each group of components."""

@@ -10,16 +10,16 @@ from percuss.errors import RunError
 from percuss.methods.interfaces import BodyMesh, Mesh, Region
 from percuss.solver.bodies import PROBING_STRAIN, ElementProbe
 from percuss.solver.compiler.specialise import Specialiser
-from percuss.testing.draws import for_all, rows
+from percuss.testing.draws import bar_chains, for_all
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-10
-STEP = 1e-6  # of a difference quotient
-LEAST_SLOPE = 0.9  # of the modulus: a slope that some strain has to reach
+STEP = 1e-6  # relative step of a difference quotient
+LEAST_SLOPE = 0.9  # share of the modulus that the slope of the stress must reach at some strain
 
 
 def line(count: int, dim: int = 1) -> Mesh:
-    """Return a line mesh of unlike elements along an oblique direction."""
+    """Return a line mesh of unlike elements, along an oblique direction in two and three dimensions."""
     direction = np.array([1.0, 2.0, -2.0][:dim])
     direction /= np.linalg.norm(direction)
     lengths = 0.1 * (1.0 + 0.2 * np.cos(np.arange(count)))
@@ -33,30 +33,31 @@ def line(count: int, dim: int = 1) -> Mesh:
 
 @check("shapes")
 def check_mesh(subject: Subject) -> None:
-    """A mesh is a straight line of elements: lengths, nodes, a unit direction, and regions with unit outward normals.
+    """A mesh is a straight line of elements with consistent lengths, nodes, unit direction and unit outward normals.
 
-    `refine` multiplies the elements and leaves the body where it is; the start is where the case says.
+    `refine` multiplies the number of elements without moving the regions, and the body starts where the case places it.
     """
     for options in subject.examples:
         shape = subject.make(options)
         dim = shape.dimension() or 2
-        at = np.array([1.5, -2.0, 0.25][:dim])
-        meshes = [shape.mesh(at.copy(), refine) for refine in (1, 3)]
+        start = np.array([1.5, -2.0, 0.25][:dim])
+        meshes = [shape.mesh(start.copy(), refine) for refine in (1, 3)]
         for mesh in meshes:
             _check_line(subject, mesh, dim)
-        one, three = meshes
-        if three.lengths.size != 3 * one.lengths.size:
-            raise CheckFailed(f"refine 3 makes {three.lengths.size} elements of {one.lengths.size}")
-        for name, region in one.regions.items():
-            here, there = one.nodes[list(region.nodes)], three.nodes[list(three.regions[name].nodes)]
-            if not np.allclose(here, there, rtol=1e-12, atol=1e-12):
+        coarse, fine = meshes
+        if fine.lengths.size != 3 * coarse.lengths.size:
+            raise CheckFailed(f"refine 3 makes {fine.lengths.size} elements of {coarse.lengths.size}")
+        for name, region in coarse.regions.items():
+            nodes, fine_nodes = coarse.nodes[list(region.nodes)], fine.nodes[list(fine.regions[name].nodes)]
+            if not np.allclose(nodes, fine_nodes, rtol=1e-12, atol=1e-12):
                 raise CheckFailed(f"refinement moves the region '{name}'")
-        moved = shape.mesh(at + 1.0, 1)
-        if not np.allclose(moved.nodes - one.nodes, 1.0, rtol=0.0, atol=1e-12):
+        shifted = shape.mesh(start + 1.0, 1)
+        if not np.allclose(shifted.nodes - coarse.nodes, 1.0, rtol=0.0, atol=1e-12):
             raise CheckFailed("the body does not begin where the case says")
 
 
 def _check_line(subject: Subject, mesh: Mesh, dim: int) -> None:
+    """Raise `CheckFailed` unless a mesh is a straight line with the regions that the shape declares."""
     count = mesh.lengths.size
     if mesh.nodes.shape != (count + 1, dim) or mesh.direction.shape != (dim,):
         raise CheckFailed(f"{count} elements have nodes of shape {mesh.nodes.shape}, direction {mesh.direction.shape}")
@@ -80,20 +81,20 @@ def _check_line(subject: Subject, mesh: Mesh, dim: int) -> None:
 
 
 def _kernels(element: Any, material: Any) -> tuple[Any, Any]:
-    """Return internal force and energy of an element with a material, as plain Python."""
+    """Return the kernels of internal force and energy of an element with a material, in plain Python."""
     from percuss.methods import slots
 
-    filled: dict[Any, Any] = {slots.stress: material.stress, slots.energy_density: material.energy_density}
-    maker = Specialiser(filled, jit=False)
-    return maker.bind(element.internal_force), maker.bind(element.energy)
+    material_kernels: dict[Any, Any] = {slots.stress: material.stress, slots.energy_density: material.energy_density}
+    specialiser = Specialiser(material_kernels, jit=False)
+    return specialiser.bind(element.internal_force), specialiser.bind(element.energy)
 
 
 @check("materials")
 def check_stress_and_energy(subject: Subject) -> None:
-    """Stress is the slope of the energy density, nothing at rest, of the sign of the strain, and as steep as `modulus`.
+    """Stress is the derivative of the energy density, zero at zero strain, and has the sign of the strain.
 
-    Wave speed, critical step and penalty scales are taken from the modulus: it is the largest slope of the stress, here
-    of strains up to 5 %, neither less nor much more; the ledger is taken from the energy.
+    `modulus` is the largest slope of the stress at strains up to 5 %, neither less nor much more, because wave speed,
+    critical step and penalty scales are taken from it; the energy ledger is taken from the energy density.
     """
     cls: Any = subject.component
     for options in subject.examples:
@@ -110,7 +111,7 @@ def check_stress_and_energy(subject: Subject) -> None:
             slope = (cls.stress(parameters, ends[1]) - cls.stress(parameters, ends[0])) / (2.0 * step)
             if slope > material.modulus * (1.0 + 1e-6):
                 raise CheckFailed(f"at strain {strain:.3g} it is stiffer ({slope:.6g}) than its modulus")
-            density = [cls.energy_density(parameters, one, one) for one in ends]
+            density = [cls.energy_density(parameters, end, end) for end in ends]
             stress, gradient = cls.stress(parameters, strain), (density[1] - density[0]) / (2.0 * step)
             if abs(gradient - stress) > 1e-5 * abs(stress):
                 raise CheckFailed(
@@ -119,7 +120,7 @@ def check_stress_and_energy(subject: Subject) -> None:
 
 
 def _check_slopes(cls: Any, parameters: Any, modulus: float) -> None:
-    """Raise CheckFailed where stress has the wrong sign at some strain, or `modulus` is not its largest slope."""
+    """Raise `CheckFailed` if the stress has the wrong sign at some strain, or `modulus` is not its largest slope."""
     steepest = -np.inf
     for size in np.geomspace(1e-10, 0.05, 18):
         for strain in (size, -size):
@@ -131,8 +132,8 @@ def _check_slopes(cls: Any, parameters: Any, modulus: float) -> None:
                     f"at strain {strain:.3g} the stress is {stress:.6g}, and `modulus` times strain is "
                     f"{modulus * strain:.6g}"
                 )
-            near = [cls.stress(parameters, strain * factor) for factor in (1.0 - STEP, 1.0 + STEP)]
-            steepest = max(steepest, (near[1] - near[0]) / (2.0 * STEP * strain))
+            ends = [cls.stress(parameters, strain * factor) for factor in (1.0 - STEP, 1.0 + STEP)]
+            steepest = max(steepest, (ends[1] - ends[0]) / (2.0 * STEP * strain))
     if steepest < LEAST_SLOPE * modulus:
         raise CheckFailed(
             f"the largest slope of the stress is {steepest:.6g} at strains up to 5 %, and `modulus` says {modulus:.6g}"
@@ -144,9 +145,10 @@ def _check_slopes(cls: Any, parameters: Any, modulus: float) -> None:
 
 @check("elements")
 def check_force_and_energy(subject: Subject) -> None:
-    """The internal force is minus the slope of the energy, balanced, and nothing where the body moves as a whole.
+    """The internal force is minus the gradient of the energy, has no resultant, and does not change with translation.
 
-    Run by run, from any first element, in one to three dimensions; else momentum or energy is lost in the bulk.
+    This holds for any run of consecutive elements and in one to three dimensions; otherwise momentum or energy is lost
+    in the bulk.
     """
     material = _default(subject, "materials")
     for options in subject.examples:
@@ -165,10 +167,10 @@ def check_force_and_energy(subject: Subject) -> None:
             size = float(np.abs(force).max())
             if np.abs(force.reshape(-1, dim).sum(axis=0)).max() > CLOSE * size:
                 raise CheckFailed(f"internal forces do not add up to nothing in {dim} dimensions")
-            whole = np.tile(np.arange(1.0, dim + 1.0), 6)
-            other = np.zeros(u.size)
-            force_of(bound, parameters, 0, dim, u + whole, other)
-            if np.abs(other - force).max() > 1e-6 * size:
+            translation = np.tile(np.arange(1.0, dim + 1.0), 6)
+            translated = np.zeros(u.size)
+            force_of(bound, parameters, 0, dim, u + translation, translated)
+            if np.abs(translated - force).max() > 1e-6 * size:
                 raise CheckFailed("moving the body as a whole changes its internal force")
             _check_stretched(element, force_of, mesh, material)
             part = np.zeros(3 * dim)
@@ -179,10 +181,10 @@ def check_force_and_energy(subject: Subject) -> None:
 
 @check("elements", "materials")
 def check_linear(subject: Subject) -> None:
-    """What is declared linear is linear: force and stress follow the displacement in proportion, however large it is.
+    """A component declared linear is linear: force or stress is proportional to displacement or strain of any size.
 
-    Only a body whose element and material both declare `linear = True` has exact solutions, a certificate and a
-    guarantee of its energy.
+    Exact solutions, certificates and energy guarantees apply only to a body whose element and material both declare
+    `linear = True`.
     """
     if subject.family == "materials":
         proportional = all(_proportional_stress(subject.make(options)) for options in subject.examples)
@@ -190,13 +192,14 @@ def check_linear(subject: Subject) -> None:
         material = _default(subject, "materials")
         proportional = all(_proportional_force(subject.make(options), material) for options in subject.examples)
     if not subject.component.linear:  # type: ignore[attr-defined]
-        more = "; yet it is linear: with `linear = True` its bodies get exact solutions and certificates"
-        raise NotApplicable(f"it does not declare `linear = True`{more if proportional else ''}")
+        hint = "; yet it is linear: with `linear = True` its bodies get exact solutions and certificates"
+        raise NotApplicable(f"it does not declare `linear = True`{hint if proportional else ''}")
     if not proportional:
         raise CheckFailed("it declares `linear = True`, and its answer is not proportional to what it is given")
 
 
 def _proportional_stress(material: Any) -> bool:
+    """Return whether the stress of a material is `modulus` times the strain at strains of 1e-6 to 10 of either sign."""
     parameters = np.array(material.parameters(), dtype=float)
     sizes = np.geomspace(1e-6, 10.0, 15)
     strains = np.concatenate([-sizes, sizes])
@@ -205,7 +208,7 @@ def _proportional_stress(material: Any) -> bool:
 
 
 def _proportional_force(element: Any, material: Any) -> bool:
-    """Return whether the force of a sum of displacements is the sum of their forces, in one to three dimensions."""
+    """Return whether the force of a sum of displacements is the sum of their forces in one to three dimensions."""
     force_of, _ = _kernels(element, material)
     parameters = np.array(material.parameters(), dtype=float)
     for dim in (1, 2, 3):
@@ -223,9 +226,9 @@ def _proportional_force(element: Any, material: Any) -> bool:
 
 @check("elements")
 def check_stress_in_the_element(subject: Subject) -> None:
-    """An element asks its material for the stress of each element by itself: modulus times strain for small strains.
+    """For small strains the stress that each element obtains from its material is modulus times its own strain.
 
-    The stress that a result shows is what `stress` returned for the element when its force was asked for.
+    A result shows, as the stress of an element, the value that `stress` returned when its force was computed.
     """
     material = _default(subject, "materials")
     for options in subject.examples:
@@ -235,17 +238,17 @@ def check_stress_in_the_element(subject: Subject) -> None:
             probe = ElementProbe(element, material, BodyMesh(mesh, 1.3))
             for number in range(5):
                 stretch = PROBING_STRAIN * mesh.lengths[number] * mesh.direction
-                found = probe.stress(number, np.concatenate([np.zeros(dim), stretch]))
+                stress = probe.stress(number, np.concatenate([np.zeros(dim), stretch]))
                 expected = material.modulus * PROBING_STRAIN
-                if not abs(found - expected) <= 1e-4 * expected:
+                if not abs(stress - expected) <= 1e-4 * expected:
                     raise CheckFailed(
                         f"stretched by {PROBING_STRAIN:g} of its length in {dim} dimensions, element {number} has the "
-                        f"stress {found:.6g}, expected {expected:.6g}"
+                        f"stress {stress:.6g}, expected {expected:.6g}"
                     )
 
 
 def _check_stretched(element: Any, force_of: Any, mesh: Mesh, material: Any) -> None:
-    """Raise CheckFailed where elements stretched or compressed a little do not pull or push as their stiffness says."""
+    """Raise `CheckFailed` if the end force at small uniform strain is not that of `axial_stiffness`."""
     body, dim = BodyMesh(mesh, 1.3), mesh.direction.size
     bound, parameters = element.bind(body), np.array(material.parameters(), dtype=float)
     stiffness = np.asarray(element.axial_stiffness(body, material.modulus), dtype=float)
@@ -253,22 +256,23 @@ def _check_stretched(element: Any, force_of: Any, mesh: Mesh, material: Any) -> 
         u = (strain * np.concatenate([[0.0], np.cumsum(mesh.lengths)]))[:, None] * mesh.direction
         force = np.zeros(u.size)
         force_of(bound, parameters, 0, dim, u.ravel(), force)
-        found, expected = float(force[:dim] @ mesh.direction), float(stiffness[0] * strain * mesh.lengths[0])
-        if abs(found - expected) > 1e-4 * abs(expected):
+        pull, expected = float(force[:dim] @ mesh.direction), float(stiffness[0] * strain * mesh.lengths[0])
+        if abs(pull - expected) > 1e-4 * abs(expected):
             raise CheckFailed(
-                f"stretched by {strain:g} an element pulls its first node along the line by {found:.6g}, and its "
+                f"stretched by {strain:g} an element pulls its first node along the line by {pull:.6g}, and its "
                 f"`axial_stiffness` says {expected:.6g}"
             )
 
 
 def _check_gradient(energy_of: Any, bound: Any, parameters: Any, dim: int, u: Any, force: Any) -> None:
-    still, size = np.zeros(u.size), float(np.abs(force).max())
+    """Raise `CheckFailed` if an entry of the force differs from minus the difference quotient of the energy."""
+    no_velocity, size = np.zeros(u.size), float(np.abs(force).max())
     for i in range(u.size):
         ends = []
         for step in (-1e-7, 1e-7):
-            other = u.copy()
-            other[i] += step
-            ends.append(energy_of(bound, parameters, 0, dim, other, still, 0.0))
+            displaced = u.copy()
+            displaced[i] += step
+            ends.append(energy_of(bound, parameters, 0, dim, displaced, no_velocity, 0.0))
         slope = (ends[1] - ends[0]) / 2e-7
         if abs(force[i] + slope) > 1e-5 * size:
             raise CheckFailed(f"entry {i} of the force is {force[i]:.6g}, minus the slope of the energy {-slope:.6g}")
@@ -276,9 +280,10 @@ def _check_gradient(energy_of: Any, bound: Any, parameters: Any, dim: int, u: An
 
 @check("elements")
 def check_frequency(subject: Subject) -> None:
-    """`highest_frequency` bounds that of each element with its share of the lumped mass, and closely.
+    """`highest_frequency` is a close upper bound of the frequency of each element with its share of the lumped mass.
 
-    The time step is taken from it: too low, and every run is unstable; too high, and Courant numbers mean less.
+    The time step is taken from it: every run is unstable if it is too low, and Courant numbers lose their meaning if it
+    is too high.
     """
     material, mass = _default(subject, "materials"), _default(subject, "masses")
     for options in subject.examples:
@@ -287,8 +292,8 @@ def check_frequency(subject: Subject) -> None:
         parameters = np.array(material.parameters(), dtype=float)
         mesh = line(4)
         body = BodyMesh(mesh, 1.3)
-        told = element.highest_frequency(body, float(np.sqrt(material.modulus / material.rho)))
-        if told.shape != (4,) or element.axial_stiffness(body, material.modulus).shape != (4,):
+        upper_bound = element.highest_frequency(body, float(np.sqrt(material.modulus / material.rho)))
+        if upper_bound.shape != (4,) or element.axial_stiffness(body, material.modulus).shape != (4,):
             raise CheckFailed("`highest_frequency` and `axial_stiffness` give one value an element")
         for e in range(4):
             alone = BodyMesh(line(1)._replace(lengths=mesh.lengths[e : e + 1]), 1.3)
@@ -299,16 +304,22 @@ def check_frequency(subject: Subject) -> None:
                 columns.append(-force / 1e-6)
             stiffness = np.array(columns)
             nodal = mass.nodal(material.rho * 1.3 * mesh.lengths[e : e + 1])
-            true = float(np.sqrt(np.linalg.eigvals(stiffness / nodal[:, None]).real.max()))
-            if not true * (1.0 - 1e-6) <= told[e] <= 1.5 * true:
-                raise CheckFailed(f"it tells a frequency of {told[e]:.6g} for an element of {true:.6g}")
+            exact = float(np.sqrt(np.linalg.eigvals(stiffness / nodal[:, None]).real.max()))
+            if not exact * (1.0 - 1e-6) <= upper_bound[e] <= 1.5 * exact:
+                raise CheckFailed(f"it tells a frequency of {upper_bound[e]:.6g} for an element of {exact:.6g}")
             axial = float(element.axial_stiffness(body, material.modulus)[e])
             if abs(axial - stiffness[0, 0]) > 1e-5 * axial:
                 raise CheckFailed(f"it tells a stiffness of {axial:.6g} for an element of {stiffness[0, 0]:.6g}")
 
 
 def _default(subject: Subject, family: str) -> Any:
-    """Return an instance of a family to go with the subject."""
+    """Return an instance of the linear elastic material or of the lumped mass, to be combined with the subject.
+
+    Raises
+    ------
+    NotApplicable
+        If it is not registered.
+    """
     name = {"materials": "elastic", "masses": "lumped"}[family]
     cls = subject.registry.components.get((family, name))
     if cls is None:
@@ -321,23 +332,23 @@ def _default(subject: Subject, family: str) -> Any:
 
 @check("masses")
 def check_total_mass(subject: Subject) -> None:
-    """Nodal masses are positive and add up to those of the elements, about the same centre, the same from both ends.
+    """Nodal masses are positive, preserve mass and centre of mass, and are the same if counted from the other end.
 
-    Mass that is added or lost, at an end in contact above all, changes every impact.
+    Mass that is added or lost, above all at an end in contact, changes every impact.
     """
-    elements = np.array([2.0, 1.0, 4.0, 0.5])
+    unlike = np.array([2.0, 1.0, 4.0, 0.5])
     for options in subject.examples:
         mass = subject.make(options)
-        for some in (elements, elements[:1], np.ones(7)):
-            kept = some.copy()
-            kept.flags.writeable = False
-            nodal = np.asarray(mass.nodal(kept), dtype=float)
-            if nodal.shape != (some.size + 1,) or not (nodal > 0).all():
-                raise CheckFailed(f"{some.size} elements give nodal masses {nodal}")
-            if abs(nodal.sum() - some.sum()) > CLOSE * some.sum():
-                raise CheckFailed(f"elements of {some.sum():.6g} together give nodes of {nodal.sum():.6g}")
-            other = np.asarray(mass.nodal(some[::-1].copy()), dtype=float)[::-1]
-            if not np.allclose(nodal, other, rtol=CLOSE):
+        for element_mass in (unlike, unlike[:1], np.ones(7)):
+            locked = element_mass.copy()
+            locked.flags.writeable = False
+            nodal = np.asarray(mass.nodal(locked), dtype=float)
+            if nodal.shape != (element_mass.size + 1,) or not (nodal > 0).all():
+                raise CheckFailed(f"{element_mass.size} elements give nodal masses {nodal}")
+            if abs(nodal.sum() - element_mass.sum()) > CLOSE * element_mass.sum():
+                raise CheckFailed(f"elements of {element_mass.sum():.6g} together give nodes of {nodal.sum():.6g}")
+            reverse = np.asarray(mass.nodal(element_mass[::-1].copy()), dtype=float)[::-1]
+            if not np.allclose(nodal, reverse, rtol=CLOSE):
                 raise CheckFailed("seen from the other end the masses are others")
         even = np.asarray(mass.nodal(np.ones(6)), dtype=float)
         if abs(even @ np.arange(7.0) - 18.0) > CLOSE * 18.0:
@@ -346,25 +357,26 @@ def check_total_mass(subject: Subject) -> None:
 
 @check("elements", "materials", "masses", "shapes")
 def check_runs(subject: Subject) -> None:
-    """In drawn rows of bars momentum is accounted for to round-off, and energy where the material is linear."""
+    """In drawn chains of bars momentum is balanced to round-off, and so is energy if the component is linear."""
 
-    def runs(case: dict[str, Any]) -> None:
+    def check_ledgers(case: dict[str, Any]) -> None:
         for options in subject.examples:
-            mine = subject.placed(case if subject.family != "shapes" else _one_body(case), options)
+            full_case = subject.placed(case if subject.family != "shapes" else _one_body(case), options)
             try:
-                result = subject.run(mine)
+                result = subject.run(full_case)
             except RunError as stopped:
                 raise NotApplicable(str(stopped)) from None
-            linear = getattr(subject.component, "linear", True)  # masses and shapes leave the bodies linear
+            # masses and shapes do not declare `linear`, and leave the bodies linear
+            linear = getattr(subject.component, "linear", True)
             if result.summary["momentum"]["error"] > 1e-11:
                 raise CheckFailed(f"momentum is off by {result.summary['momentum']['error']:.2g} with {options}")
             if linear and result.summary["energy"]["ledger_error"] > 1e-11:
                 raise CheckFailed(f"energy is off by {result.summary['energy']['ledger_error']:.2g} with {options}")
 
-    for_all(subject, rows(), runs)
+    for_all(subject, bar_chains(), check_ledgers)
 
 
 def _one_body(case: dict[str, Any]) -> dict[str, Any]:
-    """Return the case with its first body alone and no contact: a shape says where its ends are."""
+    """Return a case with its first body alone, without contacts and loads, because a shape names its ends itself."""
     name, body = next(iter(case["bodies"].items()))
     return {**case, "bodies": {name: body}, "contacts": {}, "loads": {}, "record": {"probes": []}}

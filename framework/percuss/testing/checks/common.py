@@ -1,4 +1,4 @@
-"""Checks of every component: what it says of itself, its options, and that it keeps nothing to itself."""
+"""Checks of every component: its documentation and class facts, its options, and the absence of hidden state."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ import numpy as np
 from percuss.errors import InputError, RefusedPair, RunError
 from percuss.testing.draws import (
     TWO_BARS,
-    apart,
+    bar_chains,
     for_all,
     is_frozen_dataclass,
+    largest_difference,
     option_values,
     round_off,
-    rows,
     with_examples,
 )
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, did_you_mean, known_names
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, did_you_mean, names_of_checks
 
-METHODS = ("integrators", "contacts", "elements", "materials", "masses")  # what marches
+# families of methods that take part in the time steps
+METHODS = ("integrators", "contacts", "elements", "materials", "masses")
 WITH_SOURCE = ("integrators", "contacts", "elements", "masses")
 WITH_FORMULA = ("integrators", "contacts", "loads", "elements", "materials", "masses")
 
 
 @check()
 def check_documented(subject: Subject) -> None:
-    """A component has a docstring of its own and a summary of one line.
+    """A component has its own docstring and a one-line summary.
 
-    They are all that a reader of `percuss plugins NAME` and of a report learns of it.
+    They are the only description that a reader of `percuss plugins NAME` and of a report gets of it.
     """
     cls = subject.component
     text = inspect.cleandoc(vars(cls).get("__doc__") or "")
-    if not text or text.startswith(f"{cls.__name__}("):  # what dataclasses invent
+    if not text or text.startswith(f"{cls.__name__}("):  # the docstring that `dataclass` generates
         raise CheckFailed("it has no docstring of its own")
     if not cls.summary.strip() or "\n" in cls.summary or len(cls.summary) > 100:
         raise CheckFailed(f"its summary is {cls.summary!r}, expected one line of at most 100 characters")
@@ -49,30 +50,30 @@ def check_documented(subject: Subject) -> None:
 def check_formula(subject: Subject) -> None:
     """The docstring of a method has a paragraph that begins with "Formula:".
 
-    `percuss check` and `percuss plugins NAME` show it: the reader sees which equation is solved.
+    `percuss check` and `percuss plugins NAME` show this paragraph, so that the reader sees which equation is solved.
     """
     paragraphs = inspect.cleandoc(subject.component.__doc__ or "").split("\n\n")
-    if not any(one.startswith("Formula:") for one in paragraphs):
+    if not any(paragraph.startswith("Formula:") for paragraph in paragraphs):
         raise CheckFailed('no paragraph of its docstring begins with "Formula:"')
 
 
 @check(*WITH_SOURCE)
 def check_references(subject: Subject) -> None:
-    """A method names where it is from: `references`, with a DOI where there is one.
+    """A method names its source in `references`, with a DOI where there is one.
 
-    A result cannot be published whose methods have no source; of a new method it is the author and the year.
+    A result cannot be published if its methods have no source; the source of a new method is its author and the year.
     """
     if not subject.component.references or not all(
-        isinstance(one, str) and one.strip() for one in subject.component.references
+        isinstance(reference, str) and reference.strip() for reference in subject.component.references
     ):
         raise CheckFailed("`references` is empty: name the source")
 
 
 @check()
 def check_facts(subject: Subject) -> None:
-    """Class facts are of the kind that the contract says, and an expected failure names a check and a reason.
+    """Class facts have the types that the contract prescribes, and each expected failure names a check and a reason.
 
-    A fact of the wrong type is read wrongly by every table, and a misspelt expected failure excuses nothing.
+    Tables misread a fact of the wrong type, and a misspelt expected failure excuses nothing.
     """
     cls = subject.component
     for fact in ("references", "examples"):
@@ -82,37 +83,37 @@ def check_facts(subject: Subject) -> None:
         raise CheckFailed("`examples` is empty: ({},) runs the defaults")
     if not isinstance(cls.expected_failures, Mapping):
         raise CheckFailed(f"`expected_failures` is {cls.expected_failures!r}, expected a mapping of check to reason")
-    known = known_names(subject)
+    names = names_of_checks(subject)
     for name, reason in cls.expected_failures.items():
-        if name not in known:
-            raise CheckFailed(f"`expected_failures` names '{name}', which is no check{did_you_mean(name, known)}")
+        if name not in names:
+            raise CheckFailed(f"`expected_failures` names '{name}', which is no check{did_you_mean(name, names)}")
         if not (isinstance(reason, str) and reason.strip()):
             raise CheckFailed(f"`expected_failures` gives no reason for '{name}'")
 
 
 @check()
 def check_frozen(subject: Subject) -> None:
-    """An instance is a value: a frozen dataclass, equal to another one with its options, hashable, and picklable.
+    """An instance is a frozen dataclass, equal to any instance with the same options, hashable and picklable.
 
-    Studies send methods to other processes and tell runs apart by their options.
+    Studies send methods to other processes and distinguish runs by the options of their methods.
     """
     if not is_frozen_dataclass(subject.component):
         raise CheckFailed("it is no frozen dataclass: put @dataclass(frozen=True) above the class")
     if "<locals>" in subject.component.__qualname__:
         raise CheckFailed("it is defined inside a function: define it at the top of its module, where pickles find it")
     for options in subject.examples:
-        one, other = subject.make(options), subject.make(copy.deepcopy(options))
-        if one != other or hash(one) != hash(other):
+        instance, other = subject.make(options), subject.make(copy.deepcopy(options))
+        if instance != other or hash(instance) != hash(other):
             raise CheckFailed(f"two instances with the options {options} are not equal")
-        if subject.component.__module__ != "__main__" and pickle.loads(pickle.dumps(one)) != one:  # noqa: S301
+        if subject.component.__module__ != "__main__" and pickle.loads(pickle.dumps(instance)) != instance:  # noqa: S301
             raise CheckFailed(f"an instance with the options {options} comes back from pickle as another one")
 
 
 @check()
 def check_examples(subject: Subject) -> None:
-    """Every set of options in `examples` is accepted as a case would have it, and tuples stand where lists do.
+    """Every set of options in `examples` is accepted like the options of a case, with tuples in place of lists.
 
-    Examples are what the kit, the documentation and the reader try first.
+    The kit, the documentation and the reader try the examples first.
     """
     for options in subject.examples:
         subject.make(options)
@@ -120,12 +121,12 @@ def check_examples(subject: Subject) -> None:
 
 @check()
 def check_options_documented(subject: Subject) -> None:
-    """Every option says what it is, `Doc("...")`, and every number its unit, `Unit("force/length")`.
+    """Every option has a description, `Doc("...")`, and every number a unit, such as `Unit("force/length")`.
 
-    The unit is read by the schema, by messages and by the check that nothing changes with the units.
+    The schema, the messages and the check that results do not depend on the system of units all use the unit.
     """
     from percuss.case.options import options_of, schema_of
-    from percuss.testing.draws import factor
+    from percuss.testing.draws import unit_factor
 
     schema = schema_of(subject.component)["properties"]
     for key, option in options_of(subject.component).items():
@@ -134,14 +135,14 @@ def check_options_documented(subject: Subject) -> None:
         if _has_number(schema[key]) and not option.unit:
             raise CheckFailed(f'option `{key}` has no unit: add Unit("..."), Unit("1") for a pure number')
         if option.unit:
-            factor(option.unit)
+            unit_factor(option.unit)
 
 
 @check()
 def check_options_bounded(subject: Subject) -> None:
-    """Whatever its bounds allow, an option either works or is refused in words; whatever they do not is refused.
+    """A value within the bounds of an option either works or is refused with a reason; any other value is refused.
 
-    A value that is accepted and then gives nonsense, or an error of Python's, is a bound that was forgotten.
+    If a value is accepted and then gives nonsense or a Python error, a bound is missing.
     """
     from hypothesis import strategies as st
     from hypothesis.errors import Unsatisfiable
@@ -149,47 +150,47 @@ def check_options_bounded(subject: Subject) -> None:
     from percuss.case.options import options_of, validate
 
     for key, option in options_of(subject.component).items():
-        for wrong in (math.nan, {"no": "mapping"}):
-            made, _ = validate(subject.component, {**subject.examples[0], key: wrong}, kind="it")
-            if made is not None:
-                raise CheckFailed(f"option `{key}` accepts {wrong!r}")
+        for invalid in (math.nan, {"no": "mapping"}):
+            instance, _ = validate(subject.component, {**subject.examples[0], key: invalid}, kind="it")
+            if instance is not None:
+                raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
         def with_value(drawn: tuple[dict[str, Any], Any], key: str = key) -> None:
             options, value = drawn
-            made, faults = validate(subject.component, {**options, key: value}, kind="it")
-            if made is None:
-                if not all(one.message.strip() for one in faults):
+            instance, faults = validate(subject.component, {**options, key: value}, kind="it")
+            if instance is None:
+                if not all(fault.message.strip() for fault in faults):
                     raise CheckFailed(f"option `{key}` refuses {value!r} without a word")
                 return
             try:
-                _use(subject, made, {**options, key: value})
+                _use(subject, instance, {**options, key: value})
             except (InputError, RefusedPair, RunError):
                 return
             except Exception as error:
-                told = f"option `{key}` accepts {value!r}, and then: {type(error).__name__}: {error}"
-                raise CheckFailed(f"{told}; give it a bound, or raise ValueError in words") from error
+                failure = f"option `{key}` accepts {value!r}, and then: {type(error).__name__}: {error}"
+                raise CheckFailed(f"{failure}; give it a bound, or raise ValueError in words") from error
 
         default = option.default if not option.required else subject.examples[0].get(key)
         values = option_values(option.annotation, default).filter(lambda value: value is not None)
-        with contextlib.suppress(Unsatisfiable):  # nothing but files is allowed
+        with contextlib.suppress(Unsatisfiable):  # raised if the option takes nothing but a file or a text
             for_all(subject, st.tuples(st.sampled_from(subject.examples), values), with_value)
 
 
-def _use(subject: Subject, made: Any, options: Mapping[str, Any]) -> None:
-    """Let an instance do what it is for, once."""
+def _use(subject: Subject, instance: Any, options: Mapping[str, Any]) -> None:
+    """Use an instance once, in a run of three steps, or as a shape or load outside of a run."""
     if subject.family in METHODS:
         subject.run(subject.placed({**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}, options))
     elif subject.family == "shapes":
-        made.mesh(np.zeros(made.dimension() or 1), 1)
+        instance.mesh(np.zeros(instance.dimension() or 1), 1)
     elif subject.family == "loads":
-        made.amplitude(np.linspace(0.0, 1.0, 5))
+        instance.amplitude(np.linspace(0.0, 1.0, 5))
 
 
 @check()
 def check_schema(subject: Subject) -> None:
-    """Options have a JSON schema: it can be written, and its defaults are allowed by it.
+    """The options have a JSON schema that can be written as JSON and that allows their defaults and examples.
 
-    Editors complete cases with it, and other tools check them.
+    Editors complete cases with the schema, and other tools check cases against it.
     """
     from percuss.case.options import schema_of
     from percuss.jsonable import plain
@@ -203,43 +204,43 @@ def check_schema(subject: Subject) -> None:
     jsonschema.Draft202012Validator.check_schema(plain(schema))
     validator = jsonschema.Draft202012Validator(plain(schema))
     for options in subject.examples:
-        wrong = list(validator.iter_errors(plain(options)))
-        if wrong:
-            raise CheckFailed(f"its schema does not allow its example {options}: {wrong[0].message}")
+        errors = list(validator.iter_errors(plain(options)))
+        if errors:
+            raise CheckFailed(f"its schema does not allow its example {options}: {errors[0].message}")
 
 
 @check(*METHODS)
 def check_no_hidden_state(subject: Subject) -> None:
-    """A run gives the same numbers, bit for bit, whatever ran before it, compiled or not; and its class is as it was.
+    """A run, compiled or not, gives bitwise the same numbers whatever ran before it, and leaves its class unchanged.
 
-    What a run leaves behind in a class, a module or a closure is an answer that depends on the order of runs.
+    Data that a run leaves in a class, a module or a closure would make results depend on the order of the runs.
     """
-    before = _looks(subject)
+    before = _class_and_module_values(subject)
 
-    def twice(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+    def compare_repeated_runs(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = drawn
         for compiled in (True, False):
-            mine = subject.placed(case, options, partner)
+            full_case = subject.placed(case, options, partner)
             if not compiled:
-                mine["time"] = {**mine["time"], "steps": 40}
+                full_case["time"] = {**full_case["time"], "steps": 40}
             try:
-                first = subject.run(mine, compiled=compiled)
+                first = subject.run(full_case, compiled=compiled)
                 subject.run(subject.placed(TWO_BARS, options, partner), compiled=compiled)
             except (RunError, InputError) as stopped:
                 raise NotApplicable(str(stopped)) from None
-            again = subject.run(mine, compiled=compiled)
+            second = subject.run(full_case, compiled=compiled)
             for name in ("contact_force", "displacement"):
-                if not np.array_equal(first.arrays[name], again.arrays[name], equal_nan=True):
-                    how = "compiled" if compiled else "plain"
-                    raise CheckFailed(f"the {how} run gives another {name} the second time")
-        if _looks(subject) != before:
+                if not np.array_equal(first.arrays[name], second.arrays[name], equal_nan=True):
+                    kind = "compiled" if compiled else "plain"
+                    raise CheckFailed(f"the {kind} run gives another {name} the second time")
+        if _class_and_module_values(subject) != before:
             raise CheckFailed("a run changed the class or its module")
 
-    for_all(subject, with_examples(subject, rows()), twice, max(4, subject.draws // 3))
+    for_all(subject, with_examples(subject, bar_chains()), compare_repeated_runs, max(4, subject.draws // 3))
 
 
-def _looks(subject: Subject) -> str:
-    """Return what the class and the plain values of its module look like."""
+def _class_and_module_values(subject: Subject) -> str:
+    """Return the plain values of the class and of its module as a text, to detect changes of them."""
     import sys
 
     module = vars(sys.modules.get(subject.component.__module__, object)) if subject.component.__module__ else {}
@@ -251,28 +252,33 @@ def _looks(subject: Subject) -> str:
 
 @check(*METHODS)
 def check_compiled_and_plain(subject: Subject) -> None:
-    """Compiled and as plain Python a run gives the same numbers, to what round-off may do.
+    """A compiled run and a run in plain Python give the same numbers up to round-off.
 
-    A kernel that relies on what only one of them does (a cached global, an overflow, an unset entry) is wrong in one.
+    A kernel is wrong in one of the two if it relies on the behaviour of the other alone, such as a cached global, an
+    overflow or an unset entry.
     """
 
-    def both(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+    def compare_compiled_with_plain(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = drawn
-        mine = subject.placed({**case, "time": {**case["time"], "steps": 60}}, options, partner)
+        full_case = subject.placed({**case, "time": {**case["time"], "steps": 60}}, options, partner)
         try:
-            compiled = subject.run(mine)
+            compiled = subject.run(full_case)
         except (RunError, InputError) as stopped:
             raise NotApplicable(str(stopped)) from None
-        allowed = round_off(subject, mine, compiled)
+        allowed = round_off(subject, full_case, compiled)
         if allowed is None:
             return
-        moved = apart(compiled, subject.run(mine, compiled=False))
-        if not moved <= allowed:
-            raise CheckFailed(f"plain Python differs by {moved:.2g} of the peak; round-off explains {allowed:.1g}")
+        difference = largest_difference(compiled, subject.run(full_case, compiled=False))
+        if not difference <= allowed:
+            raise CheckFailed(f"plain Python differs by {difference:.2g} of the peak; round-off explains {allowed:.1g}")
 
-    for_all(subject, with_examples(subject, rows()), both, max(4, subject.draws // 3))
+    for_all(subject, with_examples(subject, bar_chains()), compare_compiled_with_plain, max(4, subject.draws // 3))
 
 
 def _has_number(schema: Mapping[str, Any]) -> bool:
+    """Return whether a JSON schema allows a number, itself or in one of its branches or items."""
     branches = [schema, *schema.get("anyOf", []), *([schema["items"]] if isinstance(schema.get("items"), dict) else [])]
-    return any(one.get("type") in {"number", "integer"} or (one is not schema and _has_number(one)) for one in branches)
+    return any(
+        branch.get("type") in {"number", "integer"} or (branch is not schema and _has_number(branch))
+        for branch in branches
+    )

@@ -1,4 +1,4 @@
-"""Checks of contact laws: what they bind, what they do at each point, and the facts they declare."""
+"""Checks of contact laws: bound data, multipliers at the contact points, and declared facts."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from percuss.errors import InputError, RunError, nearest
 from percuss.methods.interfaces import ContactPoints, LinearLaw, Trial
 from percuss.methods.kernel_trial import read_only
-from percuss.testing.draws import STEEL, for_all, round_off, rows, with_examples
+from percuss.testing.draws import STEEL, bar_chains, for_all, round_off, with_examples
 from percuss.testing.strict import StrictSystem
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, forbidden
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started
 
-COUNTS = (0, 1, 2, 5)
+COUNTS = (0, 1, 2, 5)  # numbers of contact points
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")
 
 
-def some_points(count: int) -> ContactPoints:
-    """Return `count` unlike contact points, read-only."""
+def sample_points(count: int) -> ContactPoints:
+    """Return `count` unlike contact points with read-only arrays."""
 
     def column(values: Any, kind: type = float) -> Any:
         array: Any = np.array(values, dtype=kind)
@@ -41,23 +41,23 @@ def some_points(count: int) -> ContactPoints:
     )
 
 
-def one_of(points: ContactPoints, place: int) -> ContactPoints:
-    """Return one of several points as a set of its own."""
+def single_point(points: ContactPoints, index: int) -> ContactPoints:
+    """Return the contact point of an index as a set of one point."""
     columns = ("stiffness", "frequency", "mass", "equal_sides", "delassus", "coupling", "weight")
     return ContactPoints(
-        names=points.names[place : place + 1],
-        **{name: getattr(points, name)[place : place + 1] for name in columns},
-        limits=lambda: points.stiffness_limit[place : place + 1],
+        names=points.names[index : index + 1],
+        **{name: getattr(points, name)[index : index + 1] for name in columns},
+        limits=lambda: points.stiffness_limit[index : index + 1],
     )
 
 
-def some_trial(points: ContactPoints, dt: float) -> Trial:
-    """Return a state in which some points are closed and others open, read-only."""
+def sample_trial(points: ContactPoints, dt: float) -> Trial:
+    """Return a state with read-only arrays in which some contact points are closed and others open."""
     k = np.arange(len(points.names))
     depth = 1e-3 * np.where(k % 2, -1.0, 1.0) * (1.0 + k)
     gaps, rates = (depth, depth - 1e-4), (np.cos(k), np.cos(k) - 0.3)
-    for one in (*gaps, *rates):
-        one.flags.writeable = False
+    for array in (*gaps, *rates):
+        array.flags.writeable = False
     first, neighbour, coupling, pushed = chained(points, 0.0)
     return Trial(
         gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt, first, neighbour, coupling, pushed
@@ -65,7 +65,11 @@ def some_trial(points: ContactPoints, dt: float) -> Trial:
 
 
 def chained(points: ContactPoints, strength: float) -> tuple[Any, Any, Any, Any]:
-    """Return the coupling of points in a chain, over the root of the product of their own entries; none for 0."""
+    """Return the last four fields of a `Trial` whose contact points form a chain in which neighbours are coupled.
+
+    The coupling of two neighbours is `strength` times the root of the product of their own entries of the Delassus
+    operator; there is no coupling for a strength of 0.
+    """
     count = len(points.names)
     pairs = [(p, q) for p in range(count) for q in (p - 1, p + 1) if strength and 0 <= q < count]
     first = np.concatenate([[0], np.cumsum(np.bincount([p for p, _ in pairs], minlength=count))]).astype(np.int64)
@@ -77,16 +81,17 @@ def chained(points: ContactPoints, strength: float) -> tuple[Any, Any, Any, Any]
     return first, neighbour, coupling, pushed
 
 
-def alone_in(trial: Trial, place: int, point: ContactPoints) -> Trial:
-    """Return what a kernel sees of one point by itself."""
+def trial_of_point(trial: Trial, index: int, point: ContactPoints) -> Trial:
+    """Return the part of a state that belongs to one contact point, as a kernel with this point alone receives it."""
     first, neighbour, coupling, pushed = chained(point, 0.0)
-    seen = {name: getattr(trial, name)[place : place + 1] for name in Trial._fields[:5]}
+    values = {name: getattr(trial, name)[index : index + 1] for name in Trial._fields[:5]}
     return trial._replace(
-        **seen, first_neighbour=first, neighbour=neighbour, coupling=coupling, pushed_by_others=pushed
+        **values, first_neighbour=first, neighbour=neighbour, coupling=coupling, pushed_by_others=pushed
     )
 
 
 def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, dt: float) -> Any:
+    """Return the bound data of a law with read-only arrays; a `ValueError` of `bind` is raised as `CheckFailed`."""
     try:
         return read_only(subject.make(options).bind(points, dt))
     except ValueError as error:
@@ -97,28 +102,31 @@ def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, 
 
 @check("contacts")
 def check_any_number_of_contacts(subject: Subject) -> None:
-    """A law binds at any number of points, none among them, and treats each point as it would treat it alone.
+    """A law binds at any number of contact points, including none, and treats each point as it would treat it alone.
 
-    Two contacts in a case, or none that uses the law, are as usual as one.
+    A case may well have several contacts that use the law, or none.
     """
     for options in subject.examples:
         for count in COUNTS:
-            points, dt = some_points(count), 1e-3
+            points, dt = sample_points(count), 1e-3
             bound = _bound(subject, options, points, dt)
-            alone = [_bound(subject, options, one_of(points, p), dt) for p in range(count)]
-            trial = some_trial(points, dt)
-            whole = _said(subject, bound, trial)
-            parts = [_said(subject, one, alone_in(trial, p, one_of(points, p))) for p, one in enumerate(alone)]
-            for name, values in whole.items():
+            bound_alone = [_bound(subject, options, single_point(points, p), dt) for p in range(count)]
+            trial = sample_trial(points, dt)
+            together = _law_values(subject, bound, trial)
+            alone = [
+                _law_values(subject, bound_point, trial_of_point(trial, p, single_point(points, p)))
+                for p, bound_point in enumerate(bound_alone)
+            ]
+            for name, values in together.items():
                 if values.shape != (count,):
                     raise CheckFailed(f"{name} has shape {values.shape} at {count} points")
-                single = np.array([part[name][0] for part in parts]).reshape(count)
+                single = np.array([values_alone[name][0] for values_alone in alone]).reshape(count)
                 if not np.allclose(values, single, rtol=1e-13, atol=0.0, equal_nan=True):
                     raise CheckFailed(f"{name} of each point is {values} at {count} points, and {single} alone")
 
 
-def _said(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
-    """Return what a law says of its points: its rows, or the multipliers of a state."""
+def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
+    """Return the values of a law at its contact points: the fields of a linear law, or the multipliers in a state."""
     count = trial.gap.size
     if isinstance(bound, LinearLaw):
         fields = ("sigma", "gap", "rate", "acceleration")
@@ -147,25 +155,25 @@ def _said(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
 
 @check("contacts")
 def check_inputs_untouched(subject: Subject) -> None:
-    """Neither `bind` nor `multipliers` changes what it is handed: points, bound arrays and trial stay as they were.
+    """Neither `bind` nor `multipliers` changes its input: points, bound arrays and trial keep their values.
 
-    They are shared with the rest of the run; plain NumPy would refuse, compiled code would not.
+    The rest of the run shares these arrays; plain NumPy refuses to write to them, compiled code does not.
     """
     from percuss.solver.compiler.specialise import Specialiser, compile_error
 
-    points, dt = some_points(3), 1e-3
+    points, dt = sample_points(3), 1e-3
     for options in subject.examples:
         bound = _bound(subject, options, points, dt)
         if isinstance(bound, LinearLaw):
             continue
-        trial = some_trial(points, dt)
-        before = [np.array(one, copy=True) for one in (*bound, *trial)]
-        _said(subject, bound, trial)
-        writeable = Trial(*(np.array(one) if isinstance(one, np.ndarray) else one for one in trial))  # type: ignore[arg-type]
+        trial = sample_trial(points, dt)
+        before = [np.array(value, copy=True) for value in (*bound, *trial)]
+        _law_values(subject, bound, trial)
+        writeable = Trial(*(np.array(value) if isinstance(value, np.ndarray) else value for value in trial))  # type: ignore[arg-type]
         kernel: Any = Specialiser(counting=True).bind(subject.component.multipliers, entry=True)  # type: ignore[attr-defined]
         try:
             kernel(bound, writeable, np.zeros(3))
-        except compile_error():  # it runs as plain Python, which was tried above
+        except compile_error():  # such a kernel runs in plain Python, where it was tried above
             writeable = trial
         for old, new in zip(before, (*bound, *writeable), strict=True):
             if not np.array_equal(old, np.asarray(new), equal_nan=True):
@@ -174,79 +182,82 @@ def check_inputs_untouched(subject: Subject) -> None:
 
 @check("contacts")
 def check_coupling(subject: Subject) -> None:
-    """A kernel that declares `uses_coupling` answers otherwise where contacts share an end than where they do not.
+    """A kernel that declares `uses_coupling` gives other multipliers if contacts share an end than if they do not.
 
-    The notes of a run say of every other kernel that it ignores such contacts; of this one they say nothing.
+    The notes of a run warn that any other kernel ignores such contacts, but not that this kernel does.
     """
     if not subject.component.uses_coupling:  # type: ignore[attr-defined]
         raise NotApplicable("it does not declare `uses_coupling`")
-    points, dt = some_points(5), 1e-3
+    points, dt = sample_points(5), 1e-3
     for options in subject.examples:
         bound = _bound(subject, options, points, dt)
         if isinstance(bound, LinearLaw):
             raise CheckFailed("it declares `uses_coupling`, and is rows: these are solved together, whatever it says")
-        free = some_trial(points, dt)
+        uncoupled = sample_trial(points, dt)
         deep = np.full(5, -1e-3)
         deep.flags.writeable = False
-        free = free._replace(gap=deep, predicted_gap=deep, rate=deep, predicted_rate=deep)
+        uncoupled = uncoupled._replace(gap=deep, predicted_gap=deep, rate=deep, predicted_rate=deep)
         first, neighbour, coupling, _ = chained(points, -0.3)
         pushed = np.full(5, 0.5)
-        coupled = free._replace(first_neighbour=first, neighbour=neighbour, coupling=coupling)
-        alone = _said(subject, bound, free)["multiplier"]
-        for what, trial in (
+        coupled = uncoupled._replace(first_neighbour=first, neighbour=neighbour, coupling=coupling)
+        multiplier = _law_values(subject, bound, uncoupled)["multiplier"]
+        for source, trial in (
             ("other contacts of the law", coupled),
-            ("contacts of other laws (`pushed_by_others`)", free._replace(pushed_by_others=pushed)),
+            ("contacts of other laws (`pushed_by_others`)", uncoupled._replace(pushed_by_others=pushed)),
         ):
-            if np.array_equal(alone, _said(subject, bound, trial)["multiplier"]):
+            if np.array_equal(multiplier, _law_values(subject, bound, trial)["multiplier"]):
                 raise CheckFailed(
-                    f"it declares `uses_coupling`, and its multipliers are the same with and without {what} at the "
+                    f"it declares `uses_coupling`, and its multipliers are the same with and without {source} at the "
                     "same ends"
                 )
 
 
 @check("contacts")
 def check_as_a_strict_host_has_it(subject: Subject) -> None:
-    """Hosted by `StrictSystem`, dense and in plain NumPy, the law gives the forces and motions that the march gives.
+    """The law gives the same contact forces and gaps in `StrictSystem`, dense and in plain NumPy, as in the time loop.
 
-    What a law takes from anywhere but the contract is not there.
+    `StrictSystem` provides nothing beyond the contract, so that a law that uses anything else fails.
     """
 
-    def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
-        mine = subject.placed({**case, "time": {**case["time"], "steps": 80}}, options, partner)
+    def compare_hosts(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
+        full_case = subject.placed({**case, "time": {**case["time"], "steps": 80}}, options, partner)
         try:
-            loaded = subject.load(mine)
-            strict = StrictSystem(case | {"time": mine["time"]}, loaded.method.integrator, loaded.method.contact)
-            result = subject.run(mine)
-        except (InputError, RunError) as why:
-            raise NotApplicable(str(why)) from None
+            loaded = subject.load(full_case)
+            strict = StrictSystem(case | {"time": full_case["time"]}, loaded.method.integrator, loaded.method.contact)
+            result = subject.run(full_case)
+        except (InputError, RunError) as refusal:
+            raise NotApplicable(str(refusal)) from None
         except ValueError as error:
             raise (CheckFailed if "read-only" in str(error) else NotApplicable)(str(error)) from None
-        allowed = round_off(subject, mine, result)
+        allowed = round_off(subject, full_case, result)
         if allowed is None:
             return
-        found = strict.march()
+        reference = strict.march()
         sizes = {"contact_force": 0.0, "gap": 0.0}
         for name in sizes:
-            march, host = result.arrays[name], getattr(found, name)
-            size = max(float(np.abs(march).max(initial=0.0)), 1e-300)
+            in_loop, in_host = result.arrays[name], getattr(reference, name)
+            size = max(float(np.abs(in_loop).max(initial=0.0)), 1e-300)
             if name == "gap":
-                size = max(size, float(np.abs(found.displacement).max()))
-            if march.size and not np.abs(march - host).max() <= max(allowed, 1e-10) * size:
-                raise CheckFailed(f"{name} of the march and of the strict host differ by {_most(march, host):.2g}")
+                size = max(size, float(np.abs(reference.displacement).max()))
+            if in_loop.size and not np.abs(in_loop - in_host).max() <= max(allowed, 1e-10) * size:
+                raise CheckFailed(
+                    f"{name} of the march and of the strict host differ by {_relative_difference(in_loop, in_host):.2g}"
+                )
 
-    for_all(subject, with_examples(subject, rows()), same)
+    for_all(subject, with_examples(subject, bar_chains()), compare_hosts)
 
 
-def _most(one: Any, other: Any) -> float:
-    return float(np.abs(one - other).max() / np.abs(one).max(initial=1e-300))
+def _relative_difference(history: Any, other: Any) -> float:
+    """Return the largest difference of two histories over the peak of the first."""
+    return float(np.abs(history - other).max() / np.abs(history).max(initial=1e-300))
 
 
 @check("contacts")
 def check_pushes_apart(subject: Subject) -> None:
-    """A bar that runs into a wall is pushed back: the impulse is positive and the momentum that it loses.
+    """A bar that strikes a wall is pushed back: the contact impulse is positive and the bar loses momentum.
 
-    The multiplier is compression, positive; a law of the other sign pulls the bodies into each other.
+    Multipliers are positive in compression, so that a law of the opposite sign pulls the bodies into each other.
     """
     bar = {"bar": {"length": 1.0, "elements": 20}, "material": STEEL, "area": 1.0, "velocity": 0.5}
     case = {
@@ -263,7 +274,7 @@ def check_pushes_apart(subject: Subject) -> None:
             except (InputError, NotApplicable):
                 continue
             except RunError as stopped:
-                if forbidden(stopped):
+                if was_not_started(stopped):
                     continue
                 raise CheckFailed(f"with {options} and {partner} the run was {stopped}") from None
             impulse = result.summary["contacts"]["wall"]["impulse"]
@@ -275,54 +286,54 @@ def check_pushes_apart(subject: Subject) -> None:
 
 @check("contacts")
 def check_resolved(subject: Subject) -> None:
-    """What `resolved` and `chosen` say of the parameters are finite numbers, one a point or one for all, and words.
+    """`resolved` gives numbers, never nan, one for each contact point or one for all, and `chosen` gives texts.
 
-    They go into the provenance of every result.
+    Both are stored in the provenance of every result.
     """
-    points, dt = some_points(2), 1e-3
+    points, dt = sample_points(2), 1e-3
     for options in subject.examples:
         law = subject.make(options)
         for name, value in law.resolved(points, dt).items():
             array = np.asarray(value, dtype=float)
             if array.shape not in {(), (2,)} or np.isnan(array).any():
                 raise CheckFailed(f"resolved gives {name} = {value!r} at two points")
-        for name, words in law.chosen(points, dt).items():
-            if not isinstance(words, str) or not words.strip():
-                raise CheckFailed(f"chosen gives {name} = {words!r}, expected words")
+        for name, text in law.chosen(points, dt).items():
+            if not isinstance(text, str) or not text.strip():
+                raise CheckFailed(f"chosen gives {name} = {text!r}, expected words")
 
 
 @check("contacts")
 def check_guarantees(subject: Subject) -> None:
-    """What a law declares to guarantee (`guarantees`) holds in every drawn run, with every partner and option set.
+    """The declared `guarantees` of a law hold in every drawn run, with every partner and option set.
 
-    Known are "never pulls", "no penetration" (at the end of each step) and "keeps the free step".
+    The possible guarantees are "never pulls", "no penetration" (at the end of each step) and "keeps the free step".
     """
     declared = subject.component.guarantees  # type: ignore[attr-defined]
     for fact in declared:
         if fact not in GUARANTEES:
-            near = nearest(fact, GUARANTEES)
-            raise CheckFailed(f"'{fact}' is no known guarantee{f'; did you mean {near!r}?' if near else ''}")
+            advice = nearest(fact, GUARANTEES)
+            raise CheckFailed(f"'{fact}' is no known guarantee{f'; did you mean {advice!r}?' if advice else ''}")
     if not declared:
         raise NotApplicable("it declares no guarantee")
 
-    def holds(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
+    def check_guarantees_in_run(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
         try:
             result = subject.run(subject.placed(case, options, partner))
-        except (InputError, RunError) as why:
-            if isinstance(why, RunError) and "keeps the free step" in declared and case["time"]["courant"] < 1.0:
-                raise CheckFailed(f"it says that it keeps the free step: {why}") from None
-            raise NotApplicable(str(why)) from None
+        except (InputError, RunError) as refusal:
+            if isinstance(refusal, RunError) and "keeps the free step" in declared and case["time"]["courant"] < 1.0:
+                raise CheckFailed(f"it says that it keeps the free step: {refusal}") from None
+            raise NotApplicable(str(refusal)) from None
         force, gap = result.arrays["contact_force"], result.arrays["gap"]
-        moved = float(np.abs(result.arrays["displacement"]).max()) + float(np.abs(gap).max(initial=0.0))
+        travel = float(np.abs(result.arrays["displacement"]).max()) + float(np.abs(gap).max(initial=0.0))
         if "never pulls" in declared and force.min(initial=0.0) < 0.0:
             raise CheckFailed(f"it says that it never pulls, and the force is {force.min():.3g}")
-        if "no penetration" in declared and gap.min(initial=0.0) < -1e-11 * moved:
+        if "no penetration" in declared and gap.min(initial=0.0) < -1e-11 * travel:
             raise CheckFailed(f"it says that there is no penetration, and a gap is {gap.min():.3g}")
-        critical = result.summary["certificate"]
-        known = critical["dt_critical"] is not None
-        lowered = known and critical["dt_critical"] < critical["dt_critical_free"] * (1.0 - 1e-5)
+        certificate = result.summary["certificate"]
+        has_limit = certificate["dt_critical"] is not None
+        lowered = has_limit and certificate["dt_critical"] < certificate["dt_critical_free"] * (1.0 - 1e-5)
         if "keeps the free step" in declared and lowered:
-            raise CheckFailed(f"it says that it keeps the free step, and {critical['why']}")
+            raise CheckFailed(f"it says that it keeps the free step, and {certificate['why']}")
 
-    for_all(subject, with_examples(subject, rows()), holds)
+    for_all(subject, with_examples(subject, bar_chains()), check_guarantees_in_run)

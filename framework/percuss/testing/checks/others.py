@@ -6,22 +6,30 @@ from typing import Any
 
 import numpy as np
 
-from percuss.testing.draws import TWO_BARS, for_all, rows
+from percuss.testing.draws import TWO_BARS, bar_chains, for_all
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-9
 
 
 def _solved(subject: Subject, engine: Any, case: dict[str, Any]) -> tuple[Any, float]:
-    """Return the exact solution of a case and the time that it reached."""
+    """Return the exact solution of a case and the time up to which the check uses it.
+
+    Raises
+    ------
+    NotApplicable
+        If the solution does not cover the case.
+    CheckFailed
+        If it gives no reason for not covering the case, or for ending early.
+    """
     from percuss.solver.model import Model
 
     model = Model(subject.load(case))
-    why = engine.covers(model)
-    if why is not None:
-        if not isinstance(why, str) or not why.strip():
-            raise CheckFailed(f"`covers` says {why!r}, expected a reason in words or None")
-        raise NotApplicable(f"it covers no drawn case: {why}")
+    reason = engine.covers(model)
+    if reason is not None:
+        if not isinstance(reason, str) or not reason.strip():
+            raise CheckFailed(f"`covers` says {reason!r}, expected a reason in words or None")
+        raise NotApplicable(f"it covers no drawn case: {reason}")
     end = model.dt * model.steps
     solution = engine.solve(model, end)
     if solution.reached < end * (1.0 - CLOSE) and not (isinstance(solution.stopped, str) and solution.stopped.strip()):
@@ -31,45 +39,45 @@ def _solved(subject: Subject, engine: Any, case: dict[str, Any]) -> tuple[Any, f
 
 @check("solutions")
 def check_signorini(subject: Subject) -> None:
-    """An exact contact never pulls, its bodies never overlap, and it presses only where they touch.
+    """An exact contact force never pulls, the bodies never overlap, and the contact presses only while they touch.
 
-    What stands here is what every method is judged by.
+    Every method is compared with this solution.
     """
 
-    def complementary(case: dict[str, Any]) -> None:
+    def check_complementarity(case: dict[str, Any]) -> None:
         for options in subject.examples:
             solution, end = _solved(subject, subject.make(options), case)
             time = np.linspace(0.0, end, 400, endpoint=False) + end / 1000.0
             for name, contact in solution.contacts.items():
                 force, gap = np.asarray(contact.force(time)), np.asarray(contact.gap(time))
-                size, moved = float(np.abs(force).max()), float(np.abs(gap).max()) + end
+                size, travel = float(np.abs(force).max()), float(np.abs(gap).max()) + end
                 if force.min() < -CLOSE * size:
                     raise CheckFailed(f"contact '{name}' pulls with {force.min():.3g}")
-                if gap.min() < -CLOSE * moved:
+                if gap.min() < -CLOSE * travel:
                     raise CheckFailed(f"the bodies of contact '{name}' overlap by {-gap.min():.3g}")
-                if np.abs(force * gap).max() > CLOSE * size * moved:
+                if np.abs(force * gap).max() > CLOSE * size * travel:
                     raise CheckFailed(f"contact '{name}' presses where it is open")
 
-    for_all(subject, rows(), complementary)
+    for_all(subject, bar_chains(), check_complementarity)
 
 
 @check("solutions")
 def check_impulse_and_balances(subject: Subject) -> None:
-    """The impulse is the integral of the force, and momentum and energy change by impulse and work of what acts.
+    """The contact impulse is the integral of the force; momentum changes by the external impulse, energy by the work.
 
-    Energy is lost nowhere: bars in one dimension part as elastically as they met.
+    No impact loses energy: bars in one dimension collide elastically.
     """
 
-    def balanced(case: dict[str, Any]) -> None:
+    def check_balances(case: dict[str, Any]) -> None:
         for options in subject.examples:
             solution, end = _solved(subject, subject.make(options), case)
             fine = np.linspace(0.0, end, 4001)
             for name, contact in solution.contacts.items():
                 middles = 0.5 * (fine[1:] + fine[:-1])
                 summed = np.cumsum(np.asarray(contact.force(middles))) * (fine[1] - fine[0])
-                told = np.asarray(contact.impulse(fine[1:])) - np.asarray(contact.impulse(np.zeros(1)))
-                size = float(np.abs(told).max(initial=1e-300))
-                if np.abs(summed - told).max() > 0.02 * size:
+                impulse = np.asarray(contact.impulse(fine[1:])) - np.asarray(contact.impulse(np.zeros(1)))
+                size = float(np.abs(impulse).max(initial=1e-300))
+                if np.abs(summed - impulse).max() > 0.02 * size:
                     raise CheckFailed(f"the impulse of contact '{name}' is not the integral of its force")
             first, last = (sum(solution.energy(t)) for t in (0.0, end))
             scale = max(first, last, 1e-300)
@@ -80,14 +88,17 @@ def check_impulse_and_balances(subject: Subject) -> None:
             if abs(change - solution.impulse(end)) > CLOSE * size + CLOSE:
                 raise CheckFailed(f"momentum changes by {change:.6g}, and the impulse is {solution.impulse(end):.6g}")
 
-    for_all(subject, rows(), balanced)
+    for_all(subject, bar_chains(), check_balances)
 
 
 @check("solutions")
 def check_largest_values(subject: Subject) -> None:
-    """No sample of a contact force or of the energy is above the largest value told, and the energy comes up to it."""
+    """No sample of a contact force or of the energy exceeds the stated largest value.
 
-    def bounded(case: dict[str, Any]) -> None:
+    Where no work is done, the energy reaches its stated largest value.
+    """
+
+    def check_bounds(case: dict[str, Any]) -> None:
         for options in subject.examples:
             solution, end = _solved(subject, subject.make(options), case)
             time = np.linspace(0.0, end, 401)
@@ -105,13 +116,13 @@ def check_largest_values(subject: Subject) -> None:
             if work == 0.0 and largest > max(energies) * (1.0 + CLOSE):
                 raise CheckFailed(f"the energy is {max(energies):.6g} all the time, told at most {largest:.6g}")
 
-    for_all(subject, rows(), bounded)
+    for_all(subject, bar_chains(), check_bounds)
 
 
 @check("solutions")
 def check_methods_tend_to_it(subject: Subject) -> None:
-    """Displacements of a refined run tend to the exact ones, in a case that the solution covers."""
-    from percuss.testing.subject import Subject as Other
+    """In a case that the solution covers, the displacements of a run tend to the exact ones as the mesh is refined."""
+    from percuss.testing.subject import Subject as SubjectClass
 
     for options in subject.examples:
         engine = subject.make(options)
@@ -119,8 +130,8 @@ def check_methods_tend_to_it(subject: Subject) -> None:
         for refine in (2, 8):
             case = {**TWO_BARS, "refine": refine, "time": {"end": 0.03, "courant": 0.5}}
             _solved(subject, engine, case)
-            alone = Other(subject.component, _alone(subject), subject.draws)
-            result = alone.run(case)
+            sole_subject = SubjectClass(subject.component, _without_other_solutions(subject), subject.draws)
+            result = sole_subject.run(case)
             if result.summary["exact"] is None:
                 raise CheckFailed(f"it does not judge the run: {result.summary['exact_reason']}")
             errors.append(result.summary["exact"]["displacement_error"])
@@ -130,39 +141,39 @@ def check_methods_tend_to_it(subject: Subject) -> None:
             )
 
 
-def _alone(subject: Subject) -> Any:
-    """Return the registry with no other exact solution."""
+def _without_other_solutions(subject: Subject) -> Any:
+    """Return the registry of a subject without the exact solutions of other names."""
     import dataclasses
 
-    keep = {
+    components = {
         key: value
         for key, value in subject.registry.components.items()
         if key[0] != "solutions" or key[1] == subject.name
     }
-    return dataclasses.replace(subject.registry, components=keep)
+    return dataclasses.replace(subject.registry, components=components)
 
 
 @check("measures")
 def check_measure(subject: Subject) -> None:
-    """A measure gives a finite number of a result, or None, the same one twice, and leaves the result as it was.
+    """A measure returns a finite number or None, the same each time for a result, and does not change the result.
 
-    `what` says quantity, norm and averaging: a column without them cannot be read.
+    `what` states quantity, norm and averaging, because a column without them cannot be interpreted.
     """
     what = getattr(subject.component, "what", "")
     if not isinstance(what, str) or not what.strip():
         raise CheckFailed("`what` is empty: say quantity, norm and averaging")
 
-    def measured(case: dict[str, Any]) -> None:
+    def check_repeated_measurement(case: dict[str, Any]) -> None:
         result = subject.run(case)
         before = {name: np.array(values, copy=True) for name, values in result.arrays.items()}
         for options in subject.examples:
-            one, other = (subject.make(options).of(result) for _ in range(2))
-            if one is not None and not np.isfinite(float(one)):
-                raise CheckFailed(f"it gives {one!r}, expected a finite number or None")
-            if one != other:
-                raise CheckFailed(f"it gives {one!r} and then {other!r} of the same result")
+            first, second = (subject.make(options).of(result) for _ in range(2))
+            if first is not None and not np.isfinite(float(first)):
+                raise CheckFailed(f"it gives {first!r}, expected a finite number or None")
+            if first != second:
+                raise CheckFailed(f"it gives {first!r} and then {second!r} of the same result")
         for name, values in before.items():
             if not np.array_equal(values, result.arrays[name], equal_nan=True):
                 raise CheckFailed(f"it changes {name} of the result")
 
-    for_all(subject, rows(), measured)
+    for_all(subject, bar_chains(), check_repeated_measurement)

@@ -1,4 +1,4 @@
-"""Checks of integrators and contact laws in pairs: balances, exact impacts, energy, and what must not matter."""
+"""Checks of integrators and contact laws in pairs: balances, exact impacts, energy growth and invariances."""
 
 from __future__ import annotations
 
@@ -11,46 +11,46 @@ import numpy as np
 from percuss.errors import InputError, RefusedPair, RunError
 from percuss.methods.interfaces import LeapFrog, LinearLaw
 from percuss.testing import draws
-from percuss.testing.draws import STEEL, for_all, must_agree, number, replaced, rows, with_examples
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, forbidden
+from percuss.testing.draws import STEEL, bar_chains, for_all, must_agree, number, replaced, with_examples
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started
 
 PAIRS = ("integrators", "contacts")
-BALANCED = 1e-11
-GROWS = 1e-10  # of the largest energy: less is round-off
-NO_BETTER = 0.6  # by which the error of the impulse falls when the mesh is four times finer
-CLOSE = 0.1
-AS_GOOD_AS_EXACT = 2e-3
+BALANCE_TOLERANCE = 1e-11
+GROWTH_TOLERANCE = 1e-10  # relative to the largest energy; less growth is round-off
+REDUCTION = 0.6  # largest allowed ratio of the impulse errors of a mesh four times finer and of the coarse mesh
+CLOSE = 0.1  # largest allowed relative error of the impulse on the fine mesh
+AS_GOOD_AS_EXACT = 2e-3  # relative error of the impulse below which no further convergence is demanded
 COURANTS = (0.25, 0.45, 0.65, 0.8, 0.86, 0.95)
 
 
-def unlike(options: Mapping[str, Any], error: InputError) -> NotApplicable:
-    """Return a refusal of options by a case as a reason why a check does not apply."""
+def refused_options(options: Mapping[str, Any], error: InputError) -> NotApplicable:
+    """Return the exception for a check that does not apply because a case refuses the options of a method."""
     return NotApplicable(f"options {dict(options)} are refused: {error}")
 
 
 @check(*PAIRS)
 def check_balances(subject: Subject) -> None:
-    """Momentum is accounted for to round-off in every run, and energy too where the scheme is a leap-frog.
+    """The momentum balance of every run closes to round-off, and so does the energy ledger of a leap-frog scheme.
 
-    A force that is not applied to both sides alike, or one that is applied and not reported, breaks them.
+    A force that is not applied equally to both sides, or that is applied but not reported, violates them.
     """
 
-    def balanced(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
-        mine = subject.placed(case, options, partner)
+    def check_ledgers(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
+        full_case = subject.placed(case, options, partner)
         try:
-            result = subject.run(mine)
+            result = subject.run(full_case)
         except InputError as error:
-            raise unlike(options, error) from None
+            raise refused_options(options, error) from None
         except RunError as stopped:
             raise NotApplicable(str(stopped)) from None
         momentum, ledger = result.summary["momentum"]["error"], result.summary["energy"]["ledger_error"]
-        if not momentum <= BALANCED:
+        if not momentum <= BALANCE_TOLERANCE:
             raise CheckFailed(f"momentum is off by {momentum:.2g} of the impulses")
-        if is_leap_frog(subject, mine) and not ledger <= BALANCED:
+        if is_leap_frog(subject, full_case) and not ledger <= BALANCE_TOLERANCE:
             raise CheckFailed(f"the energy ledger is open by {ledger:.2g}")
 
-    for_all(subject, with_examples(subject, rows(push=True)), balanced)
+    for_all(subject, with_examples(subject, bar_chains(push=True)), check_ledgers)
 
 
 def is_leap_frog(subject: Subject, case: Mapping[str, Any]) -> bool:
@@ -61,9 +61,15 @@ def is_leap_frog(subject: Subject, case: Mapping[str, Any]) -> bool:
 # ------------------------------------------------------------------------------------------- exact solutions
 
 
-def impact(draw: tuple[float, float, float, int]) -> dict[str, Any]:
-    """Return two unlike touching bars, one of which strikes the other, until they have parted."""
-    length, young, area, refine = draw
+def impact(parameters: tuple[float, float, float, int]) -> dict[str, Any]:
+    """Return a case of two unlike bars that touch and move towards each other, run until they have separated.
+
+    Parameters
+    ----------
+    parameters
+        Length, Young's modulus and area of bar b, and the refinement of the mesh.
+    """
+    length, young, area, refine = parameters
     bodies = {
         "a": {"bar": {"length": 1.0, "elements": 10}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.2},
         "b": {
@@ -87,17 +93,17 @@ def impact(draw: tuple[float, float, float, int]) -> dict[str, Any]:
 
 @check(*PAIRS, in_pairs=True)
 def check_exact_impact(subject: Subject, partner: str) -> None:
-    """Two unlike bars that strike each other exchange the exact impulse as the mesh is refined, with default options.
+    """With default options, the impulse of two unlike colliding bars converges to the exact one as the mesh is refined.
 
-    A wrong sign, a force applied twice, a step that is ignored or a gap from a step ago tends to another answer.
+    With a wrong sign, a force applied twice, an ignored time step or the gap of an earlier step it has another limit.
     """
     from hypothesis import strategies as st
 
-    def converges(one: dict[str, float]) -> None:
+    def check_convergence(drawn: dict[str, float]) -> None:
         errors = []
         for refine in (2, 8):
-            drawn_bars = one["length of b"], one["young of b"], one["area of b"], refine
-            case = subject.placed(impact(drawn_bars), subject.examples[0], partner)
+            parameters = drawn["length of b"], drawn["young of b"], drawn["area of b"], refine
+            case = subject.placed(impact(parameters), subject.examples[0], partner)
             try:
                 result = subject.run(case)
             except RunError as stopped:
@@ -105,16 +111,16 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
             if result.summary["exact"] is None:
                 raise NotApplicable(f"no exact solution: {result.summary['exact_reason']}")
             errors.append(result.summary["exact"]["contacts"]["ab"]["impulse_error"])
-        if not (errors[1] <= max(NO_BETTER * errors[0], AS_GOOD_AS_EXACT) and errors[1] <= CLOSE):
-            told = f"{errors[0]:.3g} of it with 20 elements in the first bar, {errors[1]:.3g} with 80"
-            raise CheckFailed(f"the impulse does not tend to the exact one: it is off by {told}")
+        if not (errors[1] <= max(REDUCTION * errors[0], AS_GOOD_AS_EXACT) and errors[1] <= CLOSE):
+            deviation = f"{errors[0]:.3g} of it with 20 elements in the first bar, {errors[1]:.3g} with 80"
+            raise CheckFailed(f"the impulse does not tend to the exact one: it is off by {deviation}")
 
     bars = {
         "length of b": st.sampled_from([0.7, 1.0, 1.5]),
         "young of b": number(30, 100),
         "area of b": number(0.5, 2),
     }
-    for_all(subject, st.fixed_dictionaries(bars), converges, max(3, subject.draws // 3))
+    for_all(subject, st.fixed_dictionaries(bars), check_convergence, max(3, subject.draws // 3))
 
 
 # --------------------------------------------------------------------------------------------------- energy
@@ -122,179 +128,195 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
 
 @check(*PAIRS, in_pairs=True)
 def check_energy_never_grows(subject: Subject, partner: str) -> None:
-    """Energy less the work of loads never grows, whatever opens and closes, while the closed step is stable.
+    """Energy minus the work of loads never grows while the step with closed contacts is stable.
 
-    With it goes what the contacts store, where that is known; where it is not, energy is never above that of the
-    start, and never rises from one state with all contacts open to the next.
+    Contacts may open and close. The energy includes the energy stored in the contacts, where that is known; where it is
+    not, the energy never exceeds its initial value and never rises from one state with all contacts open to the next.
     """
     from hypothesis import strategies as st
 
-    theirs = [dict(one) for one in subject.registry.components[_other(subject), partner].examples]
-    pairs = list(itertools.product(subject.examples, theirs))
+    examples_of_partner = [dict(example) for example in subject.registry.components[_other(subject), partner].examples]
+    pairs = list(itertools.product(subject.examples, examples_of_partner))
 
-    def never(case: Mapping[str, Any], options: Mapping[str, Any], others: Mapping[str, Any]) -> None:
-        mine = subject.placed(case, options, {"name": partner, **others})
+    def check_growth(case: Mapping[str, Any], options: Mapping[str, Any], partner_options: Mapping[str, Any]) -> None:
+        full_case = subject.placed(case, options, {"name": partner, **partner_options})
         try:
-            result = subject.run(mine)
+            result = subject.run(full_case)
         except InputError:
             return
         except RunError as stopped:
             if stopped.result.summary["certificate"]["stable"] != "yes":
                 return
             raise CheckFailed(f"with options {dict(options)} the run was {stopped}") from None
-        known = result.summary["certificate"]
-        if known["stable"] not in {"yes", "unknown"} or (known["theta"] is not None and known["theta"] >= 1.0):
+        certificate = result.summary["certificate"]
+        if certificate["stable"] not in {"yes", "unknown"} or (
+            certificate["theta"] is not None and certificate["theta"] >= 1.0
+        ):
             return
-        grown = growth(subject, mine, result)
-        if grown > GROWS:
-            raise CheckFailed(f"energy grew by {grown:.3g} of the largest, with options {dict(options)}")
+        relative_growth = energy_growth(subject, full_case, result)
+        if relative_growth > GROWTH_TOLERANCE:
+            raise CheckFailed(f"energy grew by {relative_growth:.3g} of the largest, with options {dict(options)}")
 
-    for options, others in pairs:
-        for case in battery():
-            never(case, options, others)
-    strategy = st.tuples(rows(moving=True), st.sampled_from(pairs))
-    for_all(subject, strategy, lambda one: never(one[0], *one[1]))
+    for options, partner_options in pairs:
+        for case in repeated_impacts():
+            check_growth(case, options, partner_options)
+    strategy = st.tuples(bar_chains(moving=True), st.sampled_from(pairs))
+    for_all(subject, strategy, lambda drawn: check_growth(drawn[0], *drawn[1]))
 
 
 def _other(subject: Subject) -> str:
+    """Return the family of the partners of a subject."""
     return "contacts" if subject.family == "integrators" else "integrators"
 
 
-def growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
-    """Return by how much the energy of a run grew, over the largest."""
+def energy_growth(subject: Subject, case: Mapping[str, Any], result: Any) -> float:
+    """Return the energy growth of a run, relative to its largest energy.
+
+    Raises
+    ------
+    NotApplicable
+        If a law ties meshes.
+    """
     from percuss.solver.model import Model
 
     model = Model(subject.load(case))
-    bounds = [entry["bound"] for entry in model.laws]
+    laws = [entry["bound"] for entry in model.laws]
     if any(
-        isinstance(row, LinearLaw) and np.any(row.rate) and row.sign == "free" and row.active == "all" for row in bounds
+        isinstance(law, LinearLaw) and np.any(law.rate) and law.sign == "free" and law.active == "all" for law in laws
     ):
         raise NotApplicable("a tie is no contact: it takes up the gap rate of its ends as it begins, and says so")
-    rigid = all(isinstance(row, LinearLaw) and row.sign == ">= 0" and not np.any(row.sigma) for row in bounds)
-    whole = rigid or result.summary["energy_growth"]["quantity"] != "kinetic + elastic - work"
-    if model.stages is None and whole:
+    rigid = all(isinstance(law, LinearLaw) and law.sign == ">= 0" and not np.any(law.sigma) for law in laws)
+    contact_energy_known = rigid or result.summary["energy_growth"]["quantity"] != "kinetic + elastic - work"
+    if model.stages is None and contact_energy_known:
         return float(result.summary["energy_growth"]["largest"])
     arrays = result.arrays
     energy = arrays["kinetic_energy"] + arrays["elastic_energy"] - arrays["external_work"]
-    apart_now = (arrays["contact_force"] == 0.0).all(axis=1) & (arrays["gap"] >= 0.0).all(axis=1)
-    opened = energy[apart_now]
+    all_open = (arrays["contact_force"] == 0.0).all(axis=1) & (arrays["gap"] >= 0.0).all(axis=1)
+    open_energy = energy[all_open]
     scale = max(float(np.abs(arrays[k]).max()) for k in ("kinetic_energy", "elastic_energy", "external_work"))
     rises = [float(energy.max()) - result.summary["energy"]["initial"]]
-    rises += [float((opened - np.minimum.accumulate(opened)).max())] if opened.size else []
+    rises += [float((open_energy - np.minimum.accumulate(open_energy)).max())] if open_energy.size else []
     return max(rises) / scale if scale else 0.0
 
 
-def battery() -> Iterator[dict[str, Any]]:
-    """Yield unlike bars that strike each other and walls many times, at several lengths of the step."""
+def repeated_impacts() -> Iterator[dict[str, Any]]:
+    """Yield cases of unlike bars that strike each other and walls many times, at several Courant numbers."""
     for courant in COURANTS:
         time = {"steps": int(240 / courant), "courant": courant}
-        one = {"bar": {"length": 1.0, "elements": 7}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.4}
+        first = {"bar": {"length": 1.0, "elements": 7}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.4}
         walls = {"left": {"body": "a.left", "wall": -0.01}, "right": {"body": "a.right", "wall": 1.01}}
-        case: dict[str, Any] = {"percuss": 1, "bodies": {"a": one}, "contacts": walls, "time": time}
+        case: dict[str, Any] = {"percuss": 1, "bodies": {"a": first}, "contacts": walls, "time": time}
         yield {**case, "record": {"probes": []}}
-        other = {
+        second = {
             "bar": {"length": 1.5, "elements": 9},
             "material": {"young": 49.0, "density": 0.05},
             "area": 1.3,
             "at": 1.0,
             "velocity": -0.3,
         }
-        meet = {"ab": {"between": ["a.right", "b.left"]}, "wall": {"body": "b.right", "wall": 2.51}}
-        yield {**case, "bodies": {"a": one, "b": other}, "contacts": meet, "record": {"probes": []}}
-        # one element between two longer bars, struck from both sides
-        first = {"bar": {"length": 1.32, "elements": 5}, "material": {"young": 45.4, "density": 0.07}, "area": 1.49}
-        short = {"bar": {"length": 1.72, "elements": 1}, "material": {"young": 200.0, "density": 0.04}, "area": 1.0}
-        third = {"bar": {"length": 1.32, "elements": 8}, "material": {"young": 22.33, "density": 0.06}, "area": 1.68}
-        row = {
-            "a": {**first, "at": 0.0, "velocity": 0.79},
-            "b": {**short, "at": 1.32, "velocity": -0.93},
-            "c": {**third, "at": 3.11, "velocity": -0.52},
+        contacts = {"ab": {"between": ["a.right", "b.left"]}, "wall": {"body": "b.right", "wall": 2.51}}
+        yield {**case, "bodies": {"a": first, "b": second}, "contacts": contacts, "record": {"probes": []}}
+        # a bar of one element between two bars of several elements is struck from both sides
+        left = {"bar": {"length": 1.32, "elements": 5}, "material": {"young": 45.4, "density": 0.07}, "area": 1.49}
+        middle = {"bar": {"length": 1.72, "elements": 1}, "material": {"young": 200.0, "density": 0.04}, "area": 1.0}
+        right = {"bar": {"length": 1.32, "elements": 8}, "material": {"young": 22.33, "density": 0.06}, "area": 1.68}
+        bodies = {
+            "a": {**left, "at": 0.0, "velocity": 0.79},
+            "b": {**middle, "at": 1.32, "velocity": -0.93},
+            "c": {**right, "at": 3.11, "velocity": -0.52},
         }
-        meet = {
+        contacts = {
             "ab": {"between": ["a.right", "b.left"]},
             "bc": {"between": ["b.right", "c.left"]},
             "wall": {"body": "c.right", "wall": 4.47},
         }
-        yield {**case, "bodies": row, "contacts": meet, "record": {"probes": []}}
+        yield {**case, "bodies": bodies, "contacts": contacts, "record": {"probes": []}}
 
 
 # ----------------------------------------------------------------------------------------------- invariances
 
 
-def _invariant(subject: Subject, change: Any, what: str, **given: Any) -> None:
-    def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
+def _invariant(subject: Subject, transform: Any, description: str, **chain_options: Any) -> None:
+    """Check that drawn cases give the same results after a transformation; `description` names it in messages."""
+
+    def compare_transformed(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
         try:
-            other = change(case)
-            base, changed = (subject.placed(c, options, partner) for c in (case, other))
-            must_agree(subject, base, changed, what)
+            transformed = transform(case)
+            base, changed = (subject.placed(variant, options, partner) for variant in (case, transformed))
+            must_agree(subject, base, changed, description)
         except InputError as error:
-            raise unlike(options, error) from None
+            raise refused_options(options, error) from None
         except RunError as stopped:
             raise NotApplicable(str(stopped)) from None
 
-    for_all(subject, with_examples(subject, rows(**given)), same, max(4, subject.draws // 2))
+    for_all(
+        subject, with_examples(subject, bar_chains(**chain_options)), compare_transformed, max(4, subject.draws // 2)
+    )
 
 
 @check(*PAIRS)
 def check_translation(subject: Subject) -> None:
-    """Nothing changes if everything is moved along x: only gaps and rates count, not where a contact is."""
+    """Results do not change if all bodies and walls are translated along x.
+
+    A contact law depends on gaps and gap rates alone, not on the position of a contact.
+    """
     _invariant(subject, lambda case: draws.shifted(case, 2.5), "moving everything")
 
 
 @check(*PAIRS)
 def check_dimensions(subject: Subject) -> None:
-    """Turned in two and in three dimensions a case gives the same forces, gaps and motions along the bars."""
+    """A case reversed along x or rotated in two or three dimensions gives the same forces, gaps and displacements."""
     for direction in ((-1.0,), (3.0, -4.0), (1.0, 2.0, -2.0)):
-        _invariant(subject, lambda case, to=direction: draws.turned(case, to), f"turning everything to {direction}")
+        _invariant(subject, lambda case, to=direction: draws.rotated(case, to), f"turning everything to {direction}")
 
 
 @check(*PAIRS)
 def check_mirror(subject: Subject) -> None:
-    """Nothing changes in a mirror: a law has no left and right."""
+    """The mirror image of a case gives the same results, because a law does not distinguish left from right."""
     _invariant(subject, draws.mirrored, "looking at it in a mirror")
 
 
 @check(*PAIRS)
 def check_naming(subject: Subject) -> None:
-    """Nothing changes with the order in which bodies, and the sides of a contact, are named."""
-    _invariant(subject, draws.turned_round, "naming bodies and sides the other way round")
+    """Results do not depend on the order in which a case lists its bodies and the two sides of each contact."""
+    _invariant(subject, draws.listed_in_reverse, "naming bodies and sides the other way round")
 
 
 @check(*PAIRS)
 def check_units(subject: Subject) -> None:
-    """Nothing changes with the units of length, mass and time; options are converted by the units they state.
+    """Results do not depend on the units of length, mass and time; options are converted by their stated units.
 
-    A constant with a unit inside a method, or a wrong unit of an option, gives another answer in other units.
+    A method with a dimensional constant inside it, or an option with a wrong unit, gives another result in other units.
     """
-    force, length = draws.factor("force"), draws.factor("length")
+    force, length = draws.unit_factor("force"), draws.unit_factor("length")
     factors = {"contact_force": force, "gap": length, "displacement": length}
 
-    def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
-        other = subject.placed(draws.converted(case), draws.converted_options(subject, options), partner)
+    def compare_units(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
+        converted = subject.placed(draws.converted(case), draws.converted_options(subject, options), partner)
         try:
-            must_agree(subject, subject.placed(case, options, partner), other, "a change of units", factors)
+            must_agree(subject, subject.placed(case, options, partner), converted, "a change of units", factors)
         except InputError as error:
-            raise unlike(options, error) from None
+            raise refused_options(options, error) from None
         except RunError as stopped:
             raise NotApplicable(str(stopped)) from None
 
-    for_all(subject, with_examples(subject, rows(push=True)), same)
+    for_all(subject, with_examples(subject, bar_chains(push=True)), compare_units)
 
 
 @check(*PAIRS)
 def check_refusals(subject: Subject) -> None:
-    """A refusal of a partner is a reason in words, the same one every time; and not every partner is refused.
+    """A method that refuses a partner returns the same reason in words every time, and does not refuse all partners.
 
-    A refused pair stands in tables with its reason, never as a gap.
+    Tables list a refused pair with its reason and do not leave it out.
     """
     from percuss.testing.subject import PARTNERS
 
-    others = PARTNERS[subject.family]
+    partner_family = PARTNERS[subject.family]
     refused = []
-    for name in subject.registry.names(others):
-        cls = subject.registry.components[others, name]
+    for name in subject.registry.names(partner_family):
+        cls = subject.registry.components[partner_family, name]
         partner: Any = Subject.of(cls, subject.registry).make(dict(cls.examples[0]))
         reasons = [subject.make(subject.examples[0]).refuses(partner) for _ in range(2)]
         if reasons[0] != reasons[1]:
@@ -308,61 +330,68 @@ def check_refusals(subject: Subject) -> None:
 
 @check(*PAIRS)
 def check_no_contact(subject: Subject) -> None:
-    """Without contacts, and with bodies that never meet, everything moves as if there were no contact law at all.
+    """Bodies without contacts, or with contacts that never close, move as if there were no contact law.
 
-    A force at a distance, or a loop that needs a contact, is found here.
+    This detects a contact force at a distance and a method that needs at least one contact.
     """
 
-    def alone(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
-        apart_case = replaced(case, contacts={}, loads={})
-        far = replaced(case, loads={})
-        for place, body in enumerate(far["bodies"].values()):
-            body["at"] += 10.0 * place
-            body["velocity"] = abs(body["velocity"]) * (place + 1)
-            apart_case["bodies"][list(far["bodies"])[place]] |= {"at": body["at"], "velocity": body["velocity"]}
-        for contact in far["contacts"].values():
+    def compare_with_free_bodies(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
+        free_case = replaced(case, contacts={}, loads={})
+        open_case = replaced(case, loads={})
+        for index, body in enumerate(open_case["bodies"].values()):
+            body["at"] += 10.0 * index
+            body["velocity"] = abs(body["velocity"]) * (index + 1)
+            free_case["bodies"][list(open_case["bodies"])[index]] |= {"at": body["at"], "velocity": body["velocity"]}
+        for contact in open_case["contacts"].values():
             if "wall" in contact:
-                contact["wall"] += 10.0 * len(far["bodies"]) + 100.0
+                contact["wall"] += 10.0 * len(open_case["bodies"]) + 100.0
         try:
-            free = subject.run(subject.placed(apart_case, options, partner))
-            other = subject.run(subject.placed(far, options, partner))
+            free_result = subject.run(subject.placed(free_case, options, partner))
+            open_result = subject.run(subject.placed(open_case, options, partner))
         except InputError as error:
-            raise unlike(options, error) from None
+            raise refused_options(options, error) from None
         except RunError as stopped:
-            if not forbidden(stopped):
+            if not was_not_started(stopped):
                 raise CheckFailed(f"bodies that never meet: the run was {stopped}") from None
             raise NotApplicable(str(stopped)) from None
-        if other.arrays["contact_force"].any():
+        if open_result.arrays["contact_force"].any():
             raise CheckFailed("bodies that never meet feel a contact force")
-        moved = float(np.abs(free.arrays["displacement"] - other.arrays["displacement"]).max())
-        if moved > draws.FLOOR * float(np.abs(free.arrays["displacement"]).max()):
-            raise CheckFailed(f"bodies that never meet move otherwise by {moved:.2g}")
+        difference = float(np.abs(free_result.arrays["displacement"] - open_result.arrays["displacement"]).max())
+        if difference > draws.FLOOR * float(np.abs(free_result.arrays["displacement"]).max()):
+            raise CheckFailed(f"bodies that never meet move otherwise by {difference:.2g}")
 
-    for_all(subject, with_examples(subject, rows()), alone, max(4, subject.draws // 2))
+    for_all(subject, with_examples(subject, bar_chains()), compare_with_free_bodies, max(4, subject.draws // 2))
 
 
 @check(*PAIRS)
 def check_certificate(subject: Subject) -> None:
-    """The critical step that follows from rows and table is the one at which the march itself begins to grow.
+    """The critical step computed from linear laws and integrator is the step at which the motion itself begins to grow.
 
-    A pair whose rows say one thing and whose run does another would be certified wrongly.
+    A pair whose linear laws do not describe what its runs do would get a wrong certificate.
     """
     from percuss.certificate.closed_contacts import closed_contacts
     from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
     from percuss.solver.model import Model
 
-    def same(one: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = one
+    def compare_critical_steps(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
+        case, options, partner = drawn
         try:
             model = Model(subject.load(subject.placed(case, options, partner)))
-        except (InputError, RefusedPair) as why:
-            raise NotApplicable(str(why)) from None
-        said = closed_contacts(model, model.dt)
-        if said.unknown:
-            raise NotApplicable(f"the rows of {', '.join(said.unknown)} say nothing; the step itself is the judge")
-        rows_say, step_says = PencilCriterion(model).critical(), BlackBoxCriterion(model).critical()
-        if not abs(rows_say - step_says) <= 1e-3 * rows_say:
-            raise CheckFailed(f"by the rows the critical step is {rows_say:.6g}, by the step itself {step_says:.6g}")
+        except (InputError, RefusedPair) as refusal:
+            raise NotApplicable(str(refusal)) from None
+        contacts = closed_contacts(model, model.dt)
+        if contacts.unknown:
+            raise NotApplicable(f"the rows of {', '.join(contacts.unknown)} say nothing; the step itself is the judge")
+        by_pencil, by_black_box = PencilCriterion(model).critical(), BlackBoxCriterion(model).critical()
+        if not abs(by_pencil - by_black_box) <= 1e-3 * by_pencil:
+            raise CheckFailed(
+                f"by the rows the critical step is {by_pencil:.6g}, by the step itself {by_black_box:.6g}"
+            )
 
-    for_all(subject, with_examples(subject, rows(bars=2, walls=False)), same, max(3, subject.draws // 4))
+    for_all(
+        subject,
+        with_examples(subject, bar_chains(bars=2, walls=False)),
+        compare_critical_steps,
+        max(3, subject.draws // 4),
+    )

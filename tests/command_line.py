@@ -1,0 +1,41 @@
+"""The command line in this process: what a user types, without a second interpreter that starts and loads."""
+
+import contextlib
+import io
+import os
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+
+import numba
+
+from percuss.cli.main import app
+
+WIDTH = {"COLUMNS": "120", "NO_COLOR": "1"}
+
+
+def percuss_command(*words, cwd=None, plain=False):
+    """Run ``percuss WORDS...`` in a folder; return `returncode`, `stdout` and `stderr`, as of a process.
+
+    With `plain` nothing is compiled: of a case of some elements and steps that would take longer.
+    """
+    out, err = io.StringIO(), io.StringIO()
+    folder, width = Path.cwd(), {name: os.environ.get(name) for name in WIDTH}
+    os.environ.update(WIDTH)
+    os.chdir(cwd or folder)
+    code, jit = 0, numba.config.DISABLE_JIT
+    numba.config.DISABLE_JIT = 1 if plain else jit
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
+            warnings.simplefilter("default")
+            app([str(word) for word in words], standalone_mode=True)
+    except SystemExit as done:
+        code = done.code or 0
+    finally:
+        os.chdir(folder)
+        numba.config.DISABLE_JIT = jit
+        for name, value in width.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+    return SimpleNamespace(returncode=code, stdout=out.getvalue(), stderr=err.getvalue())
