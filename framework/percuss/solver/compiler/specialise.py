@@ -228,7 +228,7 @@ class Specialiser:
 def _versions() -> str:
     from importlib.metadata import version
 
-    return f"{sys.version};{version('numba')};{np.__version__};{percuss.__version__}"
+    return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{percuss.__version__}"
 
 
 def jit_disabled() -> bool:
