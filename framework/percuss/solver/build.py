@@ -13,7 +13,7 @@ from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, multistage_loop
 from percuss.solver.compiler.fingerprint import layout
-from percuss.solver.compiler.specialise import Specialiser, compile_error, jit_disabled
+from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_error, jit_disabled
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integrator
@@ -132,14 +132,11 @@ def _integrator_failure(integrator: Integrator, u: Floats, v: Floats, dt: float)
 
 def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     """Return the loop over steps and, for a multi-stage scheme, the function for its first accelerations."""
-    update = bulk.advance_bars if parts.dim == 1 else bulk.advance_bodies
-    forces: tuple[Any, ...] = update, bulk.bulk_head, bulk.bulk_tail, bulk.bulk_chain
+    forces: Kernel = bulk.advance_bars if parts.dim == 1 else bulk.advance_bodies
     if parts.integrator is not None:
-        loop = multistage_loop
-        forces = loop.force_group, loop.force_head, loop.force_tail, loop.force_chain
-    energies = bulk.elastic_group, bulk.elastic_head, bulk.elastic_tail, bulk.elastic_chain
+        forces = multistage_loop.force_group
     filled: dict[Any, Any] = {
-        leapfrog_loop.elastic: _chain_groups(maker, parts, energies),
+        leapfrog_loop.elastic: _over_groups(maker, parts, bulk.elastic_group, bulk.sum_over_groups),
         leapfrog_loop.kernel_laws: custom_laws.bind(maker, parts.laws),
     }
     if not parts.constrained:
@@ -148,8 +145,8 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     if not parts.loaded:
         unused = leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
         filled |= dict.fromkeys(unused, leapfrog_loop.no_work)
-    filled[leapfrog_loop.bulk if parts.integrator is None else multistage_loop.forces] = _chain_groups(
-        maker, parts, forces
+    filled[leapfrog_loop.bulk if parts.integrator is None else multistage_loop.forces] = _over_groups(
+        maker, parts, forces, bulk.each_group
     )
     filled_maker = maker.with_slots(filled)
     if parts.integrator is None:
@@ -165,18 +162,16 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     return Kernels(advance, maker.jit, begin=filled_maker.bind(multistage_loop.begin, entry=True))
 
 
-def _chain_groups(maker: Specialiser, parts: LoopParts, templates: tuple[Any, ...]) -> Any:
-    """Return one function that calls a kernel for all groups of bodies, each with its own element and material.
-
-    `templates` are the function of one group, the slots for the first group and for the other groups, and the function
-    that calls these two in turn.
-    """
-    group, first, others, chain = templates
-    chained: Any = None
+def _over_groups(maker: Specialiser, parts: LoopParts, template: Kernel, pair: Kernel) -> Any:
+    """Return one function for all groups of bodies: `template` treats one, `pair` one and the groups behind it."""
+    joined: Any = None
     for (element, material), arrays in zip(reversed(parts.kinds), reversed(parts.groups), strict=True):
-        head = maker.with_slots(_slots(element, material), about=layout(arrays)).bind(group)
-        chained = head if chained is None else maker.with_slots({first: head, others: chained}).bind(chain)
-    return chained
+        head = maker.with_slots(_slots(element, material), about=layout(arrays)).bind(template)
+        if joined is None:
+            joined = head
+        else:
+            joined = maker.with_slots({bulk.first_group: head, bulk.other_groups: joined}).bind(pair)
+    return joined
 
 
 def _slots(element: Any, material: Any) -> dict[Any, Any]:

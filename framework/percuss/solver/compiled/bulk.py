@@ -157,49 +157,6 @@ def kinetic(mass: Floats, v: Floats) -> float:
 kinetic.reduction = True  # type: ignore[attr-defined]
 
 
-def bulk_head(
-    group: Any,
-    bulk: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
-    """Advance the first group of bodies (slot)."""
-    unbound()
-
-
-def bulk_tail(
-    group: Any,
-    bulk: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
-    """Advance the other groups (slot)."""
-    unbound()
-
-
-def bulk_chain(
-    groups: Any,
-    bulk: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
-    """Advance a pair (group, other groups); groups of another element or material have compiled code of their own."""
-    bulk_head(groups[0], bulk, u, v, body_acceleration, momentum, dim, dt)
-    bulk_tail(groups[1], bulk, u, v, body_acceleration, momentum, dim, dt)
-
-
 @called
 def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
     """Return the staggered strain energy of the bodies of one group, ``u_n K u_{n+1} / 2`` of a linear body."""
@@ -211,16 +168,25 @@ def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> fl
     return total
 
 
-def elastic_head(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the strain energy of the first group of bodies (slot)."""
+# Groups of another element or material have compiled code of their own: pairs of a group and the groups behind it.
+
+
+def first_group(group: Any, *arguments: Any) -> Any:
+    """Treat the first group of bodies (slot)."""
     unbound()
 
 
-def elastic_tail(group: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the strain energy of the other groups (slot)."""
+def other_groups(groups: Any, *arguments: Any) -> Any:
+    """Treat the other groups (slot)."""
     unbound()
 
 
-def elastic_chain(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the strain energy of a pair (group, other groups)."""
-    return elastic_head(groups[0], u, v, dim, dt) + elastic_tail(groups[1], u, v, dim, dt)
+def each_group(groups: Any, *arguments: Any) -> None:
+    """Treat a pair (group, other groups)."""
+    first_group(groups[0], *arguments)
+    other_groups(groups[1], *arguments)
+
+
+def sum_over_groups(groups: Any, *arguments: Any) -> float:
+    """Return the sum of a quantity over a pair (group, other groups)."""
+    return first_group(groups[0], *arguments) + other_groups(groups[1], *arguments)  # type: ignore[no-any-return]

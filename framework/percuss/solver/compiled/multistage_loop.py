@@ -87,25 +87,6 @@ def force_group(group: Group, u: Floats, force: Floats, dim: int) -> None:
 
 
 @called
-def force_head(group: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Set the forces of the first group of bodies (slot)."""
-    raise NotImplementedError
-
-
-@called
-def force_tail(group: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Set the forces of the other groups (slot)."""
-    raise NotImplementedError
-
-
-@called
-def force_chain(groups: Any, u: Floats, force: Floats, dim: int) -> None:
-    """Set the forces of a pair (group, other groups) of groups of bodies."""
-    force_head(groups[0], u, force, dim)
-    force_tail(groups[1], u, force, dim)
-
-
-@called
 def forces(groups: Any, u: Floats, force: Floats, dim: int) -> None:
     """Set `force` to the internal force on the nodes of all bodies (slot)."""
     raise NotImplementedError
