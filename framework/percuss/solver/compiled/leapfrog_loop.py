@@ -228,15 +228,7 @@ def advance(
         work += work_of_loads(boundary, amplitudes, s, dim, dt)
         # The corrected velocities replace those of the bulk update, and the displacements follow from them.
         write_back(boundary_dofs, u, v, dt)
-        total = totals[0]
-        total.external_work += work
-        total.largest_work = max(total.largest_work, abs(total.external_work))
-        update_contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
-        if n % record.every == 0 or n == record.last:
-            write_record(groups, masses, boundary, record, u, v, dim, dt, n)
-        # Contact work far above the energy put in means an unstable step; a nan fails the comparison too.
-        limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
-        if not (sound and total.contact_work <= limit):
+        if not (close_step(groups, masses, boundary, record, u, v, work, n, dim, dt, dt) and sound):
             return s
     return count
 
@@ -245,6 +237,34 @@ def add_initial_strain_energy(groups: Any, total: Any, u: Floats, v: Floats, dim
     """Add the strain energy before the first step to the energy at the beginning of the run."""
     total.energy_before += elastic(groups, u, v, dim, dt)
     total.began_with = max(total.began_with, total.energy_before)
+
+
+def close_step(
+    groups: Any,
+    masses: Bulk,
+    boundary: Boundary,
+    record: Record,
+    u: Floats,
+    v: Floats,
+    work: float,
+    n: int,
+    dim: int,
+    dt: float,
+    lag: float,
+) -> bool:
+    """Add up the work and the contact energy of step n, write its record, and return whether the step is sound.
+
+    Contact work far above the energy put in means an unstable step; a contact work of nan fails the comparison too.
+    `lag` is the time by which velocities lag behind displacements: dt in a leap-frog scheme, 0 in a multi-stage scheme.
+    """
+    total = boundary.totals[0]
+    total.external_work += work
+    total.largest_work = max(total.largest_work, abs(total.external_work))
+    update_contact_energy(boundary.points, boundary.entries, boundary.boundary_dofs, boundary.totals, n, dt)
+    if n % record.every == 0 or n == record.last:
+        write_record(groups, masses, boundary, record, u, v, dim, lag, n)
+    limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
+    return total.contact_work <= limit  # type: ignore[no-any-return]
 
 
 def save_state(boundary_dofs: Any, u: Floats, v: Floats) -> None:
@@ -455,12 +475,12 @@ def snapshot(record: Record, u: Floats, n: int) -> None:
 
 @called
 def write_record(
-    groups: Any, masses: Bulk, boundary: Boundary, record: Record, u: Floats, v: Floats, dim: int, dt: float, n: int
+    groups: Any, masses: Bulk, boundary: Boundary, record: Record, u: Floats, v: Floats, dim: int, lag: float, n: int
 ) -> None:
-    """Write the record of step n: state at t_n, multipliers, and energies at n + 1/2.
+    """Write the record of step n: state at t_n, multipliers, and energies after the step.
 
-    The velocity at t_n is the mean of those at n - 1/2 and n + 1/2. The end force is the stiffness of an explicit law
-    times the overlap at the end of the step.
+    Where velocities lag behind displacements, the velocity at t_n is the mean of those before and after the step. The
+    end force is the stiffness of an explicit law times the overlap at the end of the step.
     """
     boundary_dofs = boundary.boundary_dofs
     r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
@@ -470,15 +490,14 @@ def write_record(
         record.gap[r, i] = p.gap
         after = p.initial_gap
         for k in range(p.start, p.stop):
-            q = boundary_dofs[boundary.entries[k].place]
-            after += boundary.entries[k].normal * (q.old_u + dt * q.new_v)
+            after += boundary.entries[k].normal * u[boundary_dofs[boundary.entries[k].place].dof]
         record.end_force[r, i] = p.end_stiffness * max(-after, 0.0)
     for k in range(record.probe.size):
         q = boundary_dofs[record.probe[k]]
         record.displacement[r, k] = q.old_u
-        record.velocity[r, k] = 0.5 * (q.old_v + q.new_v)
+        record.velocity[r, k] = 0.5 * (q.old_v + q.new_v) if lag > 0.0 else q.old_v
     record.energy[r, 0] = kinetic(masses.mass, v)
-    record.energy[r, 1] = elastic(groups, u, v, dim, dt)
+    record.energy[r, 1] = elastic(groups, u, v, dim, lag)
     record.energy[r, 2] = boundary.totals[0].external_work
     record.energy[r, 3] = boundary.totals[0].contact_work
     record.energy[r, 4] = boundary.totals[0].stored

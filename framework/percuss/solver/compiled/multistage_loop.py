@@ -16,18 +16,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.methods.slots import accelerations, internal_force
-from percuss.solver.compiled.bulk import Bulk, Group, kinetic
+from percuss.solver.compiled.bulk import Bulk, Group
 from percuss.solver.compiled.leapfrog_loop import (
-    NOISE,
     Boundary,
     Record,
     add_initial_strain_energy,
-    elastic,
+    close_step,
     find_contact_states,
     find_multipliers,
     save_state,
     snapshot,
-    update_contact_energy,
     work_of_nodal_forces,
 )
 from percuss.solver.compiled.marks import called
@@ -239,15 +237,8 @@ def advance(
                 boundary.nodal_forces, boundary_dofs, boundary.axes, system.effective, 0, system.dim, dt
             )
         work += work_of_body_forces(system, v, dt)
-        total = totals[0]
-        total.external_work += work
-        total.largest_work = max(total.largest_work, abs(total.external_work))
-        update_contact_energy(points, boundary.entries, boundary_dofs, totals, n, dt)
-        if n % record.every == 0 or n == record.last:
-            write_record(system, record, u, v, n)
-        # Contact work far above the energy put in means an unstable step; a nan fails the comparison too.
-        limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
-        if not (system.clock[2] == 1.0 and total.contact_work <= limit):
+        sound = close_step(system.groups, system.masses, boundary, record, u, v[:nodal], work, n, system.dim, dt, 0.0)
+        if not (sound and system.clock[2] == 1.0):
             return s
     return count
 
@@ -342,27 +333,3 @@ def work_of_body_forces(system: System, v: Floats, dt: float) -> float:
             0.5 * dt * system.effective[0, body_force.column] * (body_force.momentum + momentum(system, body_force, v))
         )
     return work
-
-
-@called
-def write_record(system: System, record: Record, u: Floats, v: Floats, n: int) -> None:
-    """Write the record of step n: state at t_n, mean multipliers of the step, energies at t_{n+1}."""
-    boundary, nodal = system.boundary, system.masses.mass.size
-    r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1
-    for i in range(boundary.points.size):
-        p = boundary.points[i]
-        record.multiplier[r, i] = p.multiplier
-        record.gap[r, i] = p.gap
-        after = p.initial_gap
-        for k in range(p.start, p.stop):
-            after += boundary.entries[k].normal * u[boundary.boundary_dofs[boundary.entries[k].place].dof]
-        record.end_force[r, i] = p.end_stiffness * max(-after, 0.0)
-    for k in range(record.probe.size):
-        q = boundary.boundary_dofs[record.probe[k]]
-        record.displacement[r, k] = q.old_u
-        record.velocity[r, k] = q.old_v
-    record.energy[r, 0] = kinetic(system.masses.mass, v[:nodal])
-    record.energy[r, 1] = elastic(system.groups, u, v, system.dim, 0.0)
-    record.energy[r, 2] = boundary.totals[0].external_work
-    record.energy[r, 3] = boundary.totals[0].contact_work
-    record.energy[r, 4] = boundary.totals[0].stored
