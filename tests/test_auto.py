@@ -15,6 +15,8 @@ from percuss.reporting.explanation import explanation
 from percuss.solver.model import Model
 from strategies import hunek, run
 
+pytestmark = pytest.mark.slow
+
 CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
 WU, CD = "wu-predictor-corrector", "central-difference"
 PAIRS = list(itertools.product([CD, WU], ["penalty", "bipenalty"]))

@@ -181,6 +181,7 @@ def check_the_limit_is_tight(model, judge_class=PencilCriterion):
     return critical
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
 @given(case=rows(moving=False, loads=False, bars=3))
 def test_the_limit_is_tight(pair, case):
@@ -227,6 +228,7 @@ def test_the_verdict_turns_where_theta_is_one(theta):
     assert (certificate(model)["stable"] == "yes") == (theta < 1)
 
 
+@pytest.mark.slow
 def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
         model = model_of(hunek(n=200, integrator=CD, contact=law))
@@ -269,6 +271,7 @@ def law_file(folder, body):
     return percuss.load({**wall(1.0, 1.0), "method": {"integrator": CD, "contact": "mine"}}, plugins=[file])
 
 
+@pytest.mark.slow
 def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
     found = certificate(Model(law_file(tmp_path, "bound.stiffness[p] * overlap * overlap ** 0.5")))
     assert found["stable"] == "unknown"
@@ -414,7 +417,6 @@ def test_courant_number_one_runs_where_the_law_allows_it(pair):
         assert percuss.run(percuss.load(case)).status == "done"
 
 
-@pytest.mark.deep
 @dataclass(frozen=True)
 class OnVelocity(percuss.ContactLaw):
     """Stops the gap rate while the gap is closed, and never pulls: in a second stage there is little left to stop."""
@@ -436,6 +438,7 @@ class Nothing(NamedTuple):
     none: np.ndarray
 
 
+@pytest.mark.deep
 def test_a_step_that_is_linear_here_and_not_there_is_unknown_and_not_forbidden():
     subject = Subject.of(OnVelocity, REGISTRY)
     case = subject.placed(impact((0.7, 30.0, 0.5, 1)), {}, "noh-bathe")

@@ -80,6 +80,7 @@ def loaded(case):
         raise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [CD, WU, NOH_BATHE])
 @given(case=joints(), courant=st.floats(0.05, 0.97))
 def test_a_yes_holds_for_every_subset_and_every_stretch(integrator, case, courant):

@@ -54,6 +54,7 @@ def test_run_prints_one_json_object() -> None:
     assert set(told["seconds"]) >= {"total", "march"}
 
 
+@pytest.mark.slow
 def test_run_saves_and_draws(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     done = percuss_command("run", HUNEK, "-o", "a.nc", "--plot", "a.png", "--set", "refine=1", cwd=tmp_path)
@@ -310,6 +311,7 @@ def test_the_module_runs_too() -> None:
     assert "compare" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a pseudo-terminal is wanted")
 def test_a_terminal_is_told_while_the_loop_is_compiled_and_not_when_it_is_loaded(tmp_path: Path) -> None:
     import pty

@@ -24,8 +24,22 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
+LASTING = ("contacts/bipenalty", "contacts/tied", "integrators/noh-bathe")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("label", "check", "partner"), EVERY, ids=[f"{label}-{named(*rest)}" for label, *rest in EVERY]
+    ("label", "check", "partner"),
+    [
+        pytest.param(
+            label,
+            check,
+            partner,
+            id=f"{label}-{named(check, partner)}",
+            marks=pytest.mark.deep if partner or label in LASTING else (),
+        )
+        for label, check, partner in EVERY
+    ],
 )
 def test_conformance(label, check, partner):
     assert outcome(label, check, partner).good, str(outcome(label, check, partner))

@@ -193,6 +193,7 @@ def marched(case, *, compiled=False):
     return outcome.record.multiplier[:, back], outcome.record.gap[:, back]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
 def test_two_contacts_at_one_end_press_as_a_dense_solution_has_it(file, compiled):
     """Each contact by itself would press twice as hard: of the two together the bar feels double."""
@@ -236,6 +237,7 @@ def stars(draw):
     return {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": {"steps": 40, "courant": 0.5}}
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(case=stars())
 def test_laws_of_all_kinds_at_one_end_are_solved_together(file, case):

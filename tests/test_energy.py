@@ -69,6 +69,7 @@ def closings(result):
 # ------------------------------------------------------------------------------------------- what is guaranteed
 
 
+@pytest.mark.slow
 @EACH_PAIR
 @given(case=rows())
 def test_the_guarantee_of_the_certificate_is_kept(pair, case):

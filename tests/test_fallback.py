@@ -111,7 +111,10 @@ def struck(law, integrator="wu-predictor-corrector"):
     return case
 
 
-@pytest.mark.parametrize("body", BODIES if DEEP else ["allocates", "dict of lists", "sparse"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "body", [body if body == "allocates" else pytest.param(body, marks=pytest.mark.deep) for body in BODIES]
+)
 def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body):
     file = spring(tmp_path, body)
     for integrator, ahead in (("wu-predictor-corrector", 1.0), ("central-difference", 0.0)):
@@ -222,6 +225,7 @@ def softening(request, tmp_path_factory):
     return file, request.param == "pass"
 
 
+@pytest.mark.slow
 def test_a_material_that_is_nearly_linear_is_nearly_the_elastic_one(softening):
     file, compiles = softening
     case = hunek(20)
@@ -287,6 +291,7 @@ def peak(file):
     return result.arrays["contact_force"].max()
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("what", EDITS if DEEP else ["constant"])
 def test_an_edit_is_seen_by_the_next_run(tmp_path, what):
     file = spring(tmp_path, "helper")

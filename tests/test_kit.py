@@ -29,7 +29,22 @@ def test_a_method_without_a_mistake_conforms(cls):
     assert report.count("passed") >= 8
 
 
-@pytest.mark.parametrize(("cls", "name"), planted.WRONG, ids=[f"{cls.name}-{name}" for cls, name in planted.WRONG])
+LASTING = ("exact-impact", "energy-never-grows", "order", "no-hidden-state", "units")  # checks that take long
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("cls", "name"),
+    [
+        pytest.param(
+            cls,
+            name,
+            id=f"{cls.name}-{name}",
+            marks=pytest.mark.deep if name.partition(" with ")[0] in LASTING else (),
+        )
+        for cls, name in planted.WRONG
+    ],
+)
 def test_a_planted_mistake_is_caught_by_the_check_that_should(cls, name):
     subject = Subject.of(cls, REGISTRY)
     (found,) = [perform(*each[:1], subject, each[1]) for each in checks_of(subject) if named(*each) == name]
@@ -82,6 +97,7 @@ def test_a_declared_failure_that_occurs_is_told_with_its_reason():
     assert "energy grew by" in undeclared.message
 
 
+@pytest.mark.slow
 def test_one_line_of_pytest_is_one_test_a_check(pytester_free_run):
     out = pytester_free_run(
         "from planted import Triangle, SmoothClaimed\n"

@@ -486,6 +486,7 @@ def test_blocks_are_joined_without_a_seam(elements, dimension):
     assert np.abs(right[elements + 1 :] - 2.0).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_a_second_process_gives_the_same_numbers():
     """Machine code from the cache on disk or fresh: bit for bit the same."""
     code = (
@@ -511,6 +512,7 @@ def test_vectors_of_any_dimension(dimension):
     assert result.summary["energy"]["ledger_error"] < 1e-13
 
 
+@pytest.mark.slow
 def test_works_and_momenta_are_right_where_everything_acts_at_once():
     case = hunek(10)
     case["bodies"]["short"]["bar"]["direction"] = [0.6, 0.8]

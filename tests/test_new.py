@@ -52,6 +52,7 @@ def test_every_family_has_its_kind():
     assert list(scaffold.KINDS.values()) == list(FAMILIES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_single_file_runs_as_its_case_expects(written, kind):
     case = percuss.load(written / f"some-{kind}.yaml")

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 import percuss
 from strategies import INTEGRATORS, LEAPFROG, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
 
+pytestmark = pytest.mark.slow
+
 INVARIANT = ("contact_force", "gap", "kinetic_energy", "elastic_energy", "contact_work", "external_work")
 EACH_PAIR = pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
 SOME_PAIR = st.sampled_from(PAIRS)

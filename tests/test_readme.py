@@ -65,7 +65,17 @@ def test_exactly_two_commands_set_up() -> None:
     assert "command_of 2" in (ROOT / ".ci" / "run").read_text()
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+LASTING = ("percuss verify", "percuss stability", "percuss study", "--vary")  # commands that take long
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(command, marks=pytest.mark.deep) if any(words in command for words in LASTING) else command
+        for command in COMMANDS
+    ],
+)
 def test_a_command_runs(command: str, folder: Path) -> None:
     if "--plot" in command:
         pytest.importorskip("matplotlib")
@@ -89,6 +99,7 @@ def test_the_case_shown_is_a_case(tmp_path: Path) -> None:
     assert percuss.run(case).summary["steps"] == 1600
 
 
+@pytest.mark.slow
 def test_the_study_shown_is_a_study(folder: Path) -> None:
     text = next(text for text in blocks(CASES, "yaml") if "percuss-study" in text)
     (folder / "shown.yaml").write_text(text, encoding="utf-8")

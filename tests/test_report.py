@@ -25,6 +25,8 @@ from percuss.reporting.study_figures import figures
 from percuss.reporting.study_page import report_html, study_report
 from percuss.studies.columns import metric
 
+pytestmark = pytest.mark.slow
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 EVIL = """</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">{{js}} 'it' & "that" """
 CHARTS = ("work", "vary", "map", "force")
@@ -859,6 +861,7 @@ def axes_of(page, chart):
     )
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["several", "odd"])
 def test_a_box_is_what_its_axis_is(browser, pages, name):
     seen = set()

@@ -166,6 +166,7 @@ LAWS_TRIED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [[1.0], [0.6, -0.8], [2.0 / 3.0, 1.0 / 3.0, -2.0 / 3.0]], ids=len)
 @pytest.mark.parametrize("law", LAWS_TRIED)
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -316,9 +317,12 @@ def on_a_wall(name, law, elements=12):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [LAWS_TRIED["penalty"], {"name": "penalty", "beta_s": 30.0}, LAWS_TRIED["bipenalty"],
                                  {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}], ids=str)  # fmt: skip
-@pytest.mark.parametrize("name", ["noh-bathe", "verlet", "newmark", "tchamwa", "alpha", "runge"])
+@pytest.mark.parametrize(
+    "name", ["noh-bathe", "verlet", "newmark", "tchamwa", "alpha", pytest.param("runge", marks=pytest.mark.deep)]
+)
 def test_the_step_itself_has_the_limit_of_the_rows(name, law, files):
     """Growth seen in the step, what is kept between steps included, against oscillators and the closed pencil."""
     model = Model(percuss.load(on_a_wall(name, law), plugins=files))

@@ -35,6 +35,8 @@ from percuss import ContactLaw
 from percuss.methods.interfaces import Gt, LinearLaw, Unit
 
 
+pytestmark = pytest.mark.slow
+
 @dataclass(frozen=True)
 class Mine(ContactLaw):
     '''A law of mine.'''

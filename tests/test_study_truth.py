@@ -69,6 +69,8 @@ from percuss.methods.interfaces import Gt, Unit
 from importlib import import_module
 
 
+pytestmark = pytest.mark.slow
+
 @dataclass(frozen=True)
 class Rod(Shape):
     '''A bar of a length that a module says, which is imported by its name.'''

@@ -144,6 +144,7 @@ def ran(tmp_path, monkeypatch, capsys):
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [LAW, SCHEME], ids=["law", "scheme"])
 def test_without_a_mistake_they_run(ran, text):
     code, _, err = ran(text)
