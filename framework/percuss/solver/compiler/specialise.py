@@ -127,15 +127,17 @@ class Specialiser:
         copy = _copy(source, bound, closure, tag)
         kernel: Kernel = copy
         if self.jit:
-            kernel = self._compiled(copy, options, tag, entry)
+            kernel = self._compiled(copy, options, tag, entry, kept=entry or not getattr(function, "not_kept", False))
         self._in_progress.discard(id(function))
         self._bound[id(function)] = kernel
         self.tags[id(kernel)] = tag
         self._keep += [function, kernel]
         return kernel
 
-    def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
-        kernel = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=tag not in self._unhashed)
+    def _compiled(
+        self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool, *, kept: bool
+    ) -> Kernel:
+        kernel = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=kept and tag not in self._unhashed)
         _COMPILED[tag, entry] = kernel
         return kernel
 
