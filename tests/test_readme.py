@@ -65,7 +65,13 @@ def test_exactly_two_commands_set_up() -> None:
     assert "command_of 2" in (ROOT / ".ci" / "run").read_text()
 
 
-LASTING = ("percuss verify", "percuss stability", "percuss study", "--vary")  # commands that take long
+LASTING = (
+    "percuss verify",
+    "percuss stability",
+    "percuss study",
+    "percuss report",
+    "--vary",
+)  # commands that take long
 
 
 @pytest.mark.slow

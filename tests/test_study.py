@@ -21,6 +21,8 @@ from percuss.studies.json_schema import study_schema
 from percuss.studies.parameters import Sample, combinations
 from percuss.studies.spec import read_study
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parent.parent
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 SMALL = {"bodies.short.bar.elements": 20, "bodies.long.bar.elements": 40}
@@ -34,8 +36,6 @@ from typing import Annotated
 from percuss import ContactLaw
 from percuss.methods.interfaces import Gt, LinearLaw, Unit
 
-
-pytestmark = pytest.mark.slow
 
 @dataclass(frozen=True)
 class Mine(ContactLaw):

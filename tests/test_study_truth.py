@@ -21,6 +21,8 @@ from percuss.studies import tasks
 from percuss.studies.tasks import failure_status
 from strategies import hunek
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parent.parent
 
 # ------------------------------------------------------------------------------- what can change a number is in the key
@@ -68,8 +70,6 @@ from percuss import Mesh, Region, Shape
 from percuss.methods.interfaces import Gt, Unit
 from importlib import import_module
 
-
-pytestmark = pytest.mark.slow
 
 @dataclass(frozen=True)
 class Rod(Shape):
