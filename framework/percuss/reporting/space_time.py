@@ -73,6 +73,9 @@ def space_time(axes: Axes, result: Result) -> None:
     if not fields or not np.size(fields["stress"]):
         write_reason(axes, "No stress over space\nand time was recorded.\nAsk for it with\n\nrecord: {fields: 200}")
         return
+    if "geometry" not in result.provenance:
+        write_reason(axes, "This result was saved by an earlier version,\nwhich did not keep the places of the bodies.")
+        return
     strips, label = _strips(fields, result.provenance["geometry"]["bodies"])
     time, stress = np.asarray(fields["time"], dtype=float), np.asarray(fields["stress"], dtype=float)
     finite = np.abs(stress[np.isfinite(stress)])
