@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from hypothesis import assume, event, given
+from test_stability import ROWS, wall
 
 import percuss
 from percuss.certificate import criteria
@@ -23,7 +24,6 @@ from percuss.solver.model import Model
 from percuss.testing import Subject
 from percuss.testing.checks.pairs import impact
 from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
-from test_stability import ROWS, wall
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 # a tie acts whether its gap is open or closed: no run is one of its bodies by themselves

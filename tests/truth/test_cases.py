@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 import percuss
+import places
 from percuss.results.verify import verify
 
-CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+CASES = sorted(places.CASES.glob("*.yaml"))
 BENCHMARKS = {
     "carpenter",
     "hunek",

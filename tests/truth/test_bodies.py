@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import percuss
+import places
 from command_line import percuss_command
 from percuss.certificate import maps, verdict
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
@@ -23,9 +24,9 @@ from percuss.testing.draws import bar_chains
 from percuss.testing.kit import perform
 from strategies import hunek
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
-PARTS = Path(__file__).parent / "bodies"
+PARTS = places.SUPPORT / "bodies"
 GREEN, LEAKING, LAWS, MASSES = (str(PARTS / f"{name}.py") for name in ("green", "leaking", "laws", "masses"))
 STEEL = {"young": 100.0, "density": 0.01}
 LAGRANGE = {"name": "lagrange"}

@@ -4,11 +4,11 @@ import copy
 import json
 import math
 import re
-from pathlib import Path
 
 import pytest
 
 import percuss
+import places
 from percuss.case.options import options_of
 from percuss.case.source import Source
 from percuss.certificate.verdict import SAFETY, settled
@@ -18,7 +18,7 @@ from percuss.reporting.component import component_data, component_text
 from percuss.reporting.explanation import explanation
 from strategies import hunek
 
-CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+CASES = sorted(places.CASES.glob("*.yaml"))
 REGISTRY = Registry.load()
 
 

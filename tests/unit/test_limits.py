@@ -1,10 +1,9 @@
 """Numbers and sizes that cannot be computed with, and arguments of the wrong kind: one clear message each."""
 
-from pathlib import Path
-
 import pytest
 
 import percuss
+import places
 from command_line import percuss_command
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError
@@ -12,7 +11,7 @@ from percuss.solver import size_limits
 from percuss.solver.recording import recordable
 from strategies import hunek
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 GIB = 2**30
 

@@ -5,12 +5,12 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import percuss
+import places
 from strategies import apart, hunek, round_off, run
 
 DEEP = os.environ.get("HYPOTHESIS_PROFILE") == "deep"  # compiling the loop takes seconds each time
@@ -360,7 +360,7 @@ def test_an_edit_is_seen_by_another_process(tmp_path):
 def test_machine_code_on_disk_serves_runs_without_the_plug_ins_of_others(tmp_path, integrator):
     """Each of three processes finds on disk the parts that the others have compiled, with plug-ins it does not know."""
     file = write(tmp_path, IMPORTS.replace("BODY", BODIES["loop"]) + HELPER)
-    element = str(Path(__file__).parent / "bodies" / "leaking.py")
+    element = str(places.SUPPORT / "bodies" / "leaking.py")
     with_law = hunek(10, contact="spring", integrator=integrator, end=0.01)
     with_element = hunek(10, integrator=integrator, end=0.01)
     for body in with_element["bodies"].values():

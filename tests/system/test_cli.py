@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+import places
 from command_line import percuss_command
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 
 

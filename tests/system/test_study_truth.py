@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 import percuss
+import places
 from percuss.errors import InputError
 from percuss.filelock import locked
 from percuss.studies import job_package as benches
@@ -23,7 +24,7 @@ from strategies import hunek
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 
 # ------------------------------------------------------------------------------- what can change a number is in the key
 

@@ -1,15 +1,15 @@
 """The certificate before a run: critical steps against published and closed forms, verdicts, cures."""
 
 import math
-from pathlib import Path
 
 import pytest
 
 import percuss
+import places
 from percuss.certificate.verdict import certificate
 from percuss.solver.model import Model
 
-HUNEK = Path(__file__).parent.parent / "cases" / "hunek.yaml"
+HUNEK = places.CASES / "hunek.yaml"
 BAR = {"material": {"young": 1.0, "density": 1.0}, "area": 1.0}
 N = 60
 

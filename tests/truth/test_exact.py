@@ -8,7 +8,6 @@ import functools
 import itertools
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,11 +16,12 @@ from hypothesis import strategies as st
 
 import characteristics
 import percuss
+import places
 from percuss.results.exact_only import run_exact
 from percuss.solver.model import Model
 from strategies import REGISTRY, hunek, number
 
-CASES = Path(__file__).parent.parent / "cases"
+CASES = places.CASES
 MORE = settings(
     max_examples=2 * settings.default.max_examples,
     deadline=None,

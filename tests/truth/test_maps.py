@@ -4,23 +4,23 @@ import csv
 import itertools
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import assume, event, given
+from test_blackbox import CD, ROW_PAIRS, WU, wall
 
 import percuss
+import places
 from command_line import percuss_command
 from percuss.certificate.verdict import SAFETY, certificate, settled
 from percuss.certificate.waves import waves
 from percuss.reporting.stability_figure import stability_figure
 from percuss.solver.model import Model
 from strategies import INTEGRATORS, LAWS, LEAPFROG, hunek, pair_id, rows, with_pair
-from test_blackbox import CD, ROW_PAIRS, WU, wall
 
-CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
-SDNV, HUNEK = (str(Path(__file__).parent.parent / "cases" / f"{name}.yaml") for name in ("sdnv100", "hunek"))
+CASES = sorted(places.CASES.glob("*.yaml"))
+SDNV, HUNEK = (str(places.CASES / f"{name}.yaml") for name in ("sdnv100", "hunek"))
 INF = math.inf
 
 

@@ -9,12 +9,13 @@ import jsonschema
 import pytest
 import yaml
 
+import places
 from percuss.case.json_schema import case_schema
 from percuss.case.source import Source
 from percuss.methods.interfaces import ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
 
-CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+CASES = sorted(places.CASES.glob("*.yaml"))
 BASE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))["base"]
 
 FULL = """\

@@ -4,12 +4,12 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dense
+import places
 import planted
 from command_line import percuss_command
 from percuss import PluginError
@@ -119,7 +119,7 @@ def pytester_free_run(tmp_path):
         file = tmp_path / "test_mine.py"
         file.write_text(text)
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rf", str(file)]
-        here = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+        here = {**os.environ, "PYTHONPATH": str(places.SUPPORT)}
         return subprocess.run(command, cwd=tmp_path, env=here, capture_output=True, text=True, check=False).stdout
 
     return ran

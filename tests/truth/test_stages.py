@@ -2,7 +2,6 @@
 
 import math
 import textwrap
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from hypothesis import given
 
 import dense
 import percuss
+import places
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
@@ -32,7 +32,7 @@ from percuss import Ge, Gt, Integrator, Le, Stages, Unit, accelerations
 @dataclass(frozen=True)
 """
 # files in the folder of the tests, not written anew: their machine code is kept from one run of the suite to the next
-FOLDER = Path(__file__).parent / "schemes"
+FOLDER = places.SUPPORT / "schemes"
 OWN = sorted(path.stem for path in FOLDER.glob("*.py"))
 VERLET = (FOLDER / "verlet.py").read_text(encoding="utf-8").partition("@dataclass(frozen=True)\n")[2]
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 import percuss
+import places
 from command_line import percuss_command
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 PAGES = {
     name: (ROOT / name / "README.md").read_text(encoding="utf-8")
     for name in (".", "cases", "plugins", "framework", "tests")

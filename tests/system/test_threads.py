@@ -4,15 +4,15 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
 
 import percuss
+import places
 from strategies import hunek
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 LAW = """\
 from dataclasses import dataclass
 from typing import NamedTuple

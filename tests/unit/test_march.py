@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import percuss
+import places
 from percuss.solver import march
 from percuss.solver.compiled.bulk import BLOCK
 from strategies import INTEGRATORS, LEAPFROG, hunek, run
@@ -493,7 +494,7 @@ def test_a_second_process_gives_the_same_numbers():
         "import sys, percuss, json; from strategies import hunek, run;"
         "print(json.dumps(run(hunek(20)).arrays['contact_force'][:, 0].tolist()))"
     )
-    here = os.path.dirname(os.path.abspath(__file__))
+    here = places.SUPPORT
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=here)
     assert np.array_equal(np.array(json.loads(done.stdout)), run(hunek(20)).arrays["contact_force"][:, 0])
 

@@ -14,10 +14,11 @@ import pytest
 
 import percuss
 import percuss_methods
+import places
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.registry import Registry
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = places.ROOT
 FRAMEWORK = Path(percuss.__file__).parent
 PLUGINS = Path(percuss_methods.__file__).parent
 

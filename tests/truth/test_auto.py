@@ -2,13 +2,13 @@
 
 import itertools
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.gain import gains, row
 
 import percuss
-from benchmarks.gain import gains, row
+import places
 from percuss.certificate.verdict import certificate
 from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
@@ -17,7 +17,7 @@ from strategies import hunek, run
 
 pytestmark = pytest.mark.slow
 
-CASES = sorted((Path(__file__).parent.parent / "cases").glob("*.yaml"))
+CASES = sorted(places.CASES.glob("*.yaml"))
 WU, CD = "wu-predictor-corrector", "central-difference"
 PAIRS = list(itertools.product([CD, WU], ["penalty", "bipenalty"]))
 # penetration over the compression of an end element under the peak force, error of the force in L1, peak too high,

@@ -1,13 +1,13 @@
 """The errors that a run reports: what they mean, on histories made up and on methods whose order is known."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
 import percuss
+import places
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
 from percuss.reporting.terminal import tell_result
@@ -21,7 +21,7 @@ from percuss.studies.convergence import orders
 from percuss_methods.solutions._row import BarChain
 from strategies import hunek, run
 
-CASES = Path(__file__).parent.parent / "cases"
+CASES = places.CASES
 ERRORS = ("force_error_l1", "force_error_l2", "impulse_error")
 
 

@@ -17,10 +17,11 @@ from pathlib import Path
 import pytest
 
 import percuss
+import places
 
 pytestmark = pytest.mark.deep
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = places.ROOT
 BIN = "Scripts" if os.name == "nt" else "bin"
 
 

@@ -1,12 +1,13 @@
-"""The scoreboard of the pages, from the shipped study: ``python tests/scoreboard.py`` writes it anew."""
+"""The scoreboard of the pages, from the shipped study: ``python tests/support/scoreboard.py`` writes it anew."""
 
 import sys
 import tempfile
 from pathlib import Path
 
 import percuss
+import places
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 STUDY = ROOT / "cases" / "studies" / "scoreboard.yaml"
 BEGIN, END = "<!-- scoreboard -->\n", "<!-- end of scoreboard -->\n"
 FINDINGS, END_OF_FINDINGS = "<!-- findings -->\n", "<!-- end of findings -->\n"

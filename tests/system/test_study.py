@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 import percuss
+import places
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
@@ -23,7 +24,7 @@ from percuss.studies.spec import read_study
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parent.parent
+ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
 SMALL = {"bodies.short.bar.elements": 20, "bodies.long.bar.elements": 40}
 TIMES = ["seconds"]
