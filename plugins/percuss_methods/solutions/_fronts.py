@@ -28,6 +28,10 @@ TRANSIT, IMPEDANCE, GRAVITY = 0, 1, 2
 WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 
 DONE, FULL, STUCK = 0, 1, 2
+# Only `march` is called from Python: the others need no code that unpacks arguments. Copies are loops, because an
+# assignment to a slice compiles the message of an error about shapes, which takes as long as a tenth of all the rest.
+compiled = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
 INSTANT = 4.0  # number of quanta up to which a duration counts as zero
 MOST_AT_ONCE = 1000  # largest number of consecutive events without duration at a junction
 
@@ -73,17 +77,18 @@ class Limits(NamedTuple):
     quantum: float
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def shifted(c: Any, s: float, out: Any) -> None:
     """Set `out` to the polynomial `c` with its origin shifted by s."""
-    out[:] = c
+    for m in range(c.shape[0]):
+        out[m] = c[m]
     if s != 0.0:
         for low in range(c.shape[0] - 1):
             for m in range(c.shape[0] - 2, low - 1, -1):
                 out[m] += s * out[m + 1]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def value(c: Any, s: float) -> float:
     """Return the value of the polynomial at s."""
     out = c[c.shape[0] - 1]
@@ -92,7 +97,7 @@ def value(c: Any, s: float) -> float:
     return out
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def derivative(c: Any, order: int, s: float) -> float:
     """Return the derivative of an order of the polynomial at s."""
     out = 0.0
@@ -104,7 +109,7 @@ def derivative(c: Any, order: int, s: float) -> float:
     return out
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def integral(c: Any, s: float) -> float:
     """Return the integral of the polynomial from 0 to s."""
     out = 0.0
@@ -113,7 +118,7 @@ def integral(c: Any, s: float) -> float:
     return out * s
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def variation(c: Any, span: float) -> float:
     """Return a bound of the deviation of the polynomial from its value at 0 within the span."""
     reach, out = 1.0, 0.0
@@ -123,19 +128,22 @@ def variation(c: Any, span: float) -> float:
     return out
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def is_line(c: Any) -> bool:
     """Return whether the polynomial is a straight line."""
-    return not np.any(c[2:])
+    for m in range(2, c.shape[0]):
+        if c[m] != 0.0:
+            return False
+    return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def sign_intervals(c: Any, order: int, span: float, ends: Any, spare: Any) -> int:
     """Write the ends of the intervals of (0, span] in which a derivative of the polynomial keeps its sign.
 
     The derivatives are treated from the highest one down: between two zeros of the next higher derivative a derivative
     is monotone and has at most one zero, which is found by bisection. Return the number of intervals; order 0 is the
-    polynomial itself.
+    polynomial itself. A literal as `order` would make numba compile this function once for each.
     """
     degree = c.shape[0] - 1
     while degree > 0 and c[degree] == 0.0:
@@ -163,11 +171,12 @@ def sign_intervals(c: Any, order: int, span: float, ends: Any, spare: Any) -> in
             lo = hi
         spare[count] = span
         n = count + 1
-        ends[:n] = spare[:n]
+        for k in range(n):
+            ends[k] = spare[k]
     return n
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def crossing(c: Any, lo: float, hi: float) -> float:
     """Return the zero between lo and hi of a polynomial that is monotone there and not negative at lo."""
     if is_line(c):
@@ -183,12 +192,12 @@ def crossing(c: Any, lo: float, hi: float) -> float:
     return hi
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
     """Return the first point of (0, span) after which the polynomial is negative, or inf."""
     if c[0] - variation(c, span) >= -tolerance:
         return np.inf
-    n = sign_intervals(c, 1, span, ends, spare)
+    n = sign_intervals(c, np.int64(1), span, ends, spare)
     lo = 0.0
     for k in range(n):
         hi = ends[k]
@@ -198,7 +207,7 @@ def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any)
     return np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def closing_time(gap: float, speed: float, half: float) -> float:
     """Return the first time s > 0 at which ``gap - speed s - half s^2`` is zero, or inf."""
     if half == 0.0:
@@ -213,7 +222,7 @@ def closing_time(gap: float, speed: float, half: float) -> float:
     return (root - speed) / (2.0 * half) if half > 0.0 else np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
     """Return the first time at which a gap closes at the closing speed `c`, or inf.
 
@@ -225,7 +234,7 @@ def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, 
     if gap > (abs(c[0]) + variation(c, span)) * span:
         return np.inf
     # the gap is monotone between the zeros of the closing speed
-    count = sign_intervals(c, 0, span, ends, spare)
+    count = sign_intervals(c, np.int64(0), span, ends, spare)
     lo = 0.0
     for k in range(count):
         hi = ends[k]
@@ -242,7 +251,7 @@ def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, 
     return np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def initial_sign(c: Any, tolerance: float, span: float) -> int:
     """Return the sign of the polynomial just after 0: -1, 1, or 0 if all its terms are within the tolerance."""
     reach = 1.0
@@ -256,7 +265,7 @@ def initial_sign(c: Any, tolerance: float, span: float) -> int:
     return 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, work: Any) -> bool:
     """Return whether the polynomial `c` that begins at t continues the last piece of a history up to round-off."""
     last = waves.count[h] - 1
@@ -269,7 +278,7 @@ def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, w
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def measure_sizes(junctions: Junctions, j: int, c: Any) -> None:
     """Increase the sizes of the velocities at a junction to those that arrive there and those that it transmits.
 
@@ -292,7 +301,7 @@ def measure_sizes(junctions: Junctions, j: int, c: Any) -> None:
                 junctions.size[j, k] = max(junctions.size[j, k], share * junctions.size[j, 1 - k])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def horizon(junctions: Junctions, j: int, end: float) -> tuple[float, float]:
     """Return the time up to which a junction can be computed, and the shortest transit time of its bars."""
     limit, span = end, np.inf
@@ -304,7 +313,7 @@ def horizon(junctions: Junctions, j: int, end: float) -> tuple[float, float]:
     return limit, span
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def arriving_piece(
     history: Histories, h: int, i: int, t: float, near: float, late: float, out: Any
 ) -> tuple[int, float]:
@@ -320,14 +329,15 @@ def arriving_piece(
     return i, following
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def arrivals(junctions: Junctions, waves: Histories, loads: Histories, j: int, near: float, c: Any) -> float:
     """Collect the waves and loads that arrive at a junction now; return the time of the next arrival."""
     t = junctions.clock[j]
     following = np.inf
     for k in range(2):
-        c[WAVE + k, :] = 0.0
-        c[ACTING + k, :] = 0.0
+        for m in range(c.shape[1]):
+            c[WAVE + k, m] = 0.0
+            c[ACTING + k, m] = 0.0
         h = junctions.side[j, k, ARRIVES]
         if h >= 0:
             late = junctions.number[j, k, TRANSIT]
@@ -345,11 +355,12 @@ def arrivals(junctions: Junctions, waves: Histories, loads: Histories, j: int, n
     return following
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def closing_speed(junctions: Junctions, j: int, c: Any) -> float:
     """Set the closing speed of the gap without contact force; return the admittance, its decrease by a unit force."""
     admittance = 0.0
-    c[CLOSING, :] = 0.0
+    for m in range(c.shape[1]):
+        c[CLOSING, m] = 0.0
     for k in range(2):
         sign = 1.0 if k == 0 else -1.0
         kind = junctions.side[j, k, KIND]
@@ -364,7 +375,7 @@ def closing_speed(junctions: Junctions, j: int, c: Any) -> float:
     return admittance
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def switch_contact(
     junctions: Junctions, j: int, reach: float, span: float, limits: Limits, c: Any, roots: Any
 ) -> float:
@@ -397,7 +408,7 @@ def switch_contact(
     return np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def send_waves(junctions: Junctions, waves: Histories, j: int, near: float, span: float, c: Any) -> None:
     """Append the leaving waves of a junction to their histories, unless they continue the last pieces."""
     t = junctions.clock[j]
@@ -417,11 +428,12 @@ def send_waves(junctions: Junctions, waves: Histories, j: int, near: float, span
         if waves.count[h] > 1 and t <= waves.times[h, waves.count[h] - 1] + near:
             waves.count[h] -= 1  # an event at the same instant replaces the last piece
         waves.times[h, waves.count[h]] = t
-        waves.pieces[h, waves.count[h]] = c[LEAVING]
+        for m in range(c.shape[1]):
+            waves.pieces[h, waves.count[h], m] = c[LEAVING, m]
         waves.count[h] += 1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def has_room(junctions: Junctions, waves: Histories, forces: Forces, j: int) -> bool:
     """Return whether the histories of a junction have room for another event."""
     for k in range(2):
@@ -431,7 +443,7 @@ def has_room(junctions: Junctions, waves: Histories, forces: Forces, j: int) -> 
     return forces.count[j] < forces.times.shape[1] - 1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
 def advance(
     junctions: Junctions,
     waves: Histories,
@@ -461,9 +473,10 @@ def advance(
     for m in range(c.shape[1]):
         c[FORCE, m] = c[CLOSING, m] / admittance if junctions.contact[j] == 1 and junctions.closed[j] == 1 else 0.0
     f = forces.count[j]
+    for m in range(c.shape[1]):
+        forces.pieces[j, f, m] = c[FORCE, m]
     forces.times[j, f] = t
     forces.closed[j, f] = junctions.closed[j]
-    forces.pieces[j, f] = c[FORCE]
     forces.count[j] += 1
     send_waves(junctions, waves, j, near, span, c)
     if junctions.contact[j] == 1:
@@ -475,7 +488,17 @@ def advance(
     return next_time - t
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled
+def earliest(clock: Any) -> int:
+    """Return the number of the junction that is computed the least far."""
+    first = 0
+    for j in range(1, clock.size):
+        if clock[j] < clock[first]:
+            first = j
+    return first
+
+
+@numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
     """Compute all junctions up to the end; return DONE, FULL if a history is full, or STUCK.
 
@@ -490,7 +513,7 @@ def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forc
         for j in range(junctions.clock.size):
             measure_sizes(junctions, j, c)
     while True:
-        j = np.argmin(junctions.clock)
+        j = earliest(junctions.clock)
         if junctions.clock[j] >= limits.end:
             return DONE
         limit, span = horizon(junctions, j, limits.end)
