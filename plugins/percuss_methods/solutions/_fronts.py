@@ -131,10 +131,11 @@ def variation(c: Any, span: float) -> float:
 @compiled
 def is_line(c: Any) -> bool:
     """Return whether the polynomial is a straight line."""
+    terms = 0
     for m in range(2, c.shape[0]):
         if c[m] != 0.0:
-            return False
-    return True
+            terms += 1
+    return terms == 0
 
 
 @compiled
