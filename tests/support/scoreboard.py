@@ -6,6 +6,7 @@ from pathlib import Path
 
 import percuss
 import places
+from pages import between
 
 ROOT = places.ROOT
 STUDY = ROOT / "cases" / "studies" / "scoreboard.yaml"
@@ -141,12 +142,6 @@ def findings(table):
         f"{len(cases)} cases some pair errs less.",
     ]
     return "".join(f"- {line}\n" for line in lines)
-
-
-def between(text, begin, end, new):
-    """Return a text with what stands between two marks replaced."""
-    before, _, rest = text.partition(begin)
-    return f"{before}{begin}{new}{end}{rest.partition(end)[2]}"
 
 
 def main():

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+import pages
 import percuss
 import places
 from command_line import percuss_command
+from percuss.methods.registry import Registry
 
 ROOT = places.ROOT
 PAGES = {
@@ -152,12 +154,20 @@ def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
 
 
 def test_every_method_named_is_registered() -> None:
-    from percuss.methods.registry import Registry
-
     registry = Registry.load()
     for family in ("integrators", "contacts", "loads"):
         for name in registry.names(family):
             assert f"`{name}`" in PLUGINS + CASES, f"{family} {name} is in no page"
+
+
+@pytest.mark.parametrize("name", pages.TABLES)
+def test_a_table_says_what_the_code_says(name: str) -> None:
+    """`python tests/support/pages.py` writes the tables anew."""
+    folder, make = pages.TABLES[name]
+    begin, end = pages.marks(name)
+    shown = PAGES[folder].partition(begin)[2].partition(end)[0]
+    assert len(shown.splitlines()) > 5
+    assert shown == make(Registry.load())
 
 
 def test_pictures_and_links_lead_somewhere() -> None:

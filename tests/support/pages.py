@@ -1,0 +1,189 @@
+"""The tables of the pages that say what the code says: ``python tests/support/pages.py`` writes them anew."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+import yaml
+
+import places
+from percuss.case.json_schema import case_schema
+from percuss.cli.main import app
+from percuss.methods.registry import Registry
+from percuss.studies.json_schema import study_schema
+
+FAMILIES = {  # families whose components stand in a case under their own names
+    "integrators": "an integrator",
+    "contacts": "a contact law",
+    "masses": "a mass",
+    "materials": "a material",
+    "elements": "an element",
+    "shapes": "a shape",
+    "loads": "a load",
+    "solutions": "an exact solution",
+    "measures": "a measure of a study",
+}
+
+
+def between(text: str, begin: str, end: str, new: str) -> str:
+    """Return a text with what stands between two marks replaced."""
+    before, mark, rest = text.partition(begin)
+    assert mark, f"the page has no mark {begin}"
+    return f"{before}{begin}{new}{end}{rest.partition(end)[2]}"
+
+
+def marks(name: str) -> tuple[str, str]:
+    """Return the lines that begin and end a table."""
+    return f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+
+
+def table(head: tuple[str, ...], lines: Iterator[tuple[str, ...]]) -> str:
+    """Return a table in Markdown."""
+    rows = [head, tuple("---" for _ in head), *lines]
+    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |\n" for row in rows)
+
+
+# ------------------------------------------------------------------------------------------------- keys
+
+
+def words(schema: dict[str, Any]) -> str:
+    """Return what a value is, from its schema."""
+    if "const" in schema:
+        return f"`{schema['const']}`"
+    if "enum" in schema:
+        return " or ".join(f"`{value}`" for value in schema["enum"])
+    for branches in (schema.get("anyOf"), schema.get("oneOf")):
+        if branches:
+            texts = [words(branch) for branch in branches if branch.get("type") != "null"]
+            return " or ".join(dict.fromkeys(text for text in texts if text))
+    kind = schema.get("type", "")
+    if kind == "array":
+        items = schema.get("items") or next(iter(schema.get("prefixItems", ())), {})
+        inner = words(items) if isinstance(items, dict) else ""
+        count = f"{schema['minItems']} " if schema.get("minItems", 0) > 1 else ""
+        return f"list of {count}{inner}s" if inner in {"number", "text"} else "list"
+    noun = {"number": "number", "integer": "whole number", "string": "text", "object": "mapping"}
+    noun["boolean"] = "true or false"
+    bounds = [
+        f"{sign} {schema[key]:g}"
+        for key, sign in (("exclusiveMinimum", ">"), ("minimum", "≥"), ("exclusiveMaximum", "<"), ("maximum", "≤"))
+        if key in schema
+    ]
+    return " ".join([noun.get(kind, ""), *bounds]).strip()
+
+
+def resolved(schema: dict[str, Any], whole: dict[str, Any]) -> dict[str, Any]:
+    """Return a schema with the one that it refers to in its place."""
+    while "$ref" in schema:
+        target: Any = whole
+        for part in schema["$ref"].removeprefix("#/").split("/"):
+            target = target[part]
+        schema = {**target, **{key: value for key, value in schema.items() if key != "$ref"}}
+    return schema
+
+
+def keys(
+    schema: dict[str, Any], whole: dict[str, Any], path: str = "", skip: frozenset[str] = frozenset()
+) -> Iterator[tuple[str, ...]]:
+    """Yield path, value, default and meaning of every key of a schema, less the components of a case."""
+    required = set(schema.get("required", ()))
+    for key, raw in schema.get("properties", {}).items():
+        if key in skip:
+            continue
+        entry = resolved(raw, whole)
+        default = entry.get("default")
+        shown = "required" if key in required else "" if default in (None, "", [], ()) else f"`{default}`"
+        component = "{name: ...}" in entry.get("description", "") or (key in {"method", "mass"} and "anyOf" in entry)
+        value = "a component" if component else words(entry)
+        yield f"`{path}{key}`", value, shown, entry.get("description", "")
+        if component:
+            continue
+        inner = entry.get("additionalProperties")
+        if entry.get("properties"):
+            yield from keys(entry, whole, f"{path}{key}.", skip)
+        elif isinstance(inner, dict) and resolved(inner, whole).get("properties"):
+            yield from keys(resolved(inner, whole), whole, f"{path}{key}.NAME.", skip)
+        elif isinstance(entry.get("items"), dict):
+            items = resolved(entry["items"], whole)
+            for branch in (items, *items.get("anyOf", ())):
+                yield from keys(resolved(branch, whole), whole, f"{path}{key}[].", skip)
+
+
+def case_keys(registry: Registry) -> str:
+    """Return the table of every key of a case; options of components stand in another table."""
+    names = frozenset(name for family in ("shapes", "loads") for name in registry.names(family))
+    schema = case_schema(registry)
+    return table(("key", "value", "default", "meaning"), keys(schema, schema, skip=names))
+
+
+def study_keys(registry: Registry) -> str:
+    """Return the table of every key of a study."""
+    schema = study_schema(registry)
+    return table(("key", "value", "default", "meaning"), keys(schema, schema))
+
+
+# ---------------------------------------------------------------------------------------------- the rest
+
+
+def components(registry: Registry) -> str:
+    """Return the table of every component with its options."""
+    from percuss.case.options import options_of
+
+    lines = (
+        (f"`{name}`", kind, cls.summary, ", ".join(f"`{key}`" for key in options_of(cls)))
+        for family, kind in FAMILIES.items()
+        for name in registry.names(family)
+        for cls in [registry.get(family, name)]
+    )
+    return table(("name", "is", "what it does", "options"), lines)
+
+
+def commands(_: Registry) -> str:
+    """Return the table of the commands."""
+    group = typer.main.get_command(app)
+    lines = (
+        (f"`percuss {name}`", (command.help or "").strip().split("\n\n")[0].replace("\n", " "))
+        for name, command in group.commands.items()
+    )
+    return table(("command", "what it does"), lines)
+
+
+def shipped_cases(_: Registry) -> str:
+    """Return the table of the shipped cases."""
+    lines = []
+    for path in sorted(places.CASES.glob("*.yaml")):
+        case = yaml.safe_load(path.read_text(encoding="utf-8"))
+        held = sorted({str(entry["source"]).split(" on ")[0] for entry in case.get("expect", ())})
+        lines.append((f"[{path.stem}]({path.name})", case["title"], " ".join(case["source"].split()), ", ".join(held)))
+    return table(("case", "what happens", "source", "held against"), iter(lines))
+
+
+TABLES = {
+    "keys of a case": ("cases", case_keys),
+    "keys of a study": ("cases", study_keys),
+    "commands": ("cases", commands),
+    "shipped cases": ("cases", shipped_cases),
+    "components": ("plugins", components),
+}
+
+
+def page(folder: str) -> Path:
+    """Return the page of a folder."""
+    return places.ROOT / folder / "README.md"
+
+
+def main() -> None:
+    """Write every table into its page."""
+    registry = Registry.load()
+    for name, (folder, make) in TABLES.items():
+        text = page(folder).read_text(encoding="utf-8")
+        page(folder).write_text(between(text, *marks(name), make(registry)), encoding="utf-8")
+        sys.stdout.write(f"{name}: {folder}/README.md\n")
+
+
+if __name__ == "__main__":
+    main()
