@@ -1,5 +1,6 @@
 """Wrong inputs, each with the whole of what it says: the table is `input_errors.yaml`."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -111,6 +112,25 @@ def test_no_nesting_breaks_the_reader(folder, text):
     assert message(text).startswith("case.yaml:1:")
 
 
+def test_a_text_with_many_mistakes_takes_linear_time(folder):
+    """With the lines of the text split anew for each mistake, this would take minutes on a slow machine."""
+    start = time.process_time()
+    with pytest.raises(InputError) as caught:
+        Source.parse("a: 1\n" * 30_000, "x")
+    assert len(caught.value.problems) == 29_999
+    assert time.process_time() - start < 15
+
+
+def test_an_anchor_is_that_of_a_value_or_a_key_and_stands_once(folder):
+    source = Source.parse("&word bar: *word\nb: &b {c: [1]}\nd: *b", "x")
+    assert source.data == {"bar": "bar", "b": {"c": (1,)}, "d": {"c": (1,)}}
+    assert [source.place(path) for path in [("bar",), ("d",), ("d", "c", 0)]] == ["x:1:12", "x:3:4", "x:2:12"]
+    assert message("a: &x 1\nb: &x 2").splitlines()[0] == (
+        "case.yaml:2:4: the anchor &x stands twice: here and in line 1"
+    )
+    assert message("&x a: 1\n*x : 2").startswith("case.yaml:2:1: expected a word as key")
+
+
 def test_aliases_do_not_hide_depth(folder):
     deep = f"a: &a {'[' * 25}{']' * 25}\nb: {'[' * 25}*a{']' * 25}"
     assert "nested more than 40 levels deep" in message(deep)
@@ -123,7 +143,7 @@ def test_aliases_do_not_hide_depth(folder):
         ("on", "on"), ("no", "no"), ("yes", "yes"), ("true", True), ("False", False), ("~", None),
         ("null", None), ("0o17", 15), ("'1'", "1"), ("1_000", "1_000"), ("12:30", "12:30"), ("1e", "1e"),
         ("2026-01-01", "2026-01-01"), ("0b1", "0b1"), ("!!str 1", "1"), ("!!float 1", 1.0),
-        ("-.inf", float("-inf")), ("1" * 5000, float("inf")),
+        ("-.inf", float("-inf")), ("1" * 5000, float("inf")), ("-010", -10), ("!!float 0x10", 16.0), ("'<<'", "<<"),
     ],
 )  # fmt: skip
 def test_scalars_are_those_of_yaml_1_2(text, value):

@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -247,11 +248,14 @@ class Source:
         position = None if self._label(path) is not None else self._position(path, key)
         return "" if position is None else self._excerpt_at(position)
 
+    @cached_property
+    def _lines(self) -> list[str]:
+        return self.text.splitlines()
+
     def _excerpt_at(self, position: tuple[int, int]) -> str:
-        lines = self.text.splitlines()
-        if not lines or position[0] > len(lines):
+        if position[0] > len(self._lines):
             return ""
-        line, column = lines[position[0] - 1].replace("\t", " "), position[1] - 1
+        line, column = self._lines[position[0] - 1].replace("\t", " "), position[1] - 1
         line = "".join(letter if letter.isprintable() else "?" for letter in line)
         if len(line) > EXCERPT_WIDTH:
             start = max(0, column - EXCERPT_WIDTH // 2)

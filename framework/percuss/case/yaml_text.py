@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import yaml
 
@@ -20,15 +20,33 @@ KeyPath = tuple[str | int, ...]
 MAX_DEPTH = 40
 MAX_NODES = 1_000_000
 
-_PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _CORE = "tag:yaml.org,2002:"
-_NULL = re.compile(r"null|Null|NULL|~|")
-_BOOL = re.compile(r"true|True|TRUE|false|False|FALSE")
-_INT = re.compile(r"[-+]?[0-9]{1,4000}")
-_BASED = re.compile(r"0o[0-7]{1,4000}|0x[0-9a-fA-F]{1,4000}")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_INF = re.compile(r"[-+]?(\.inf|\.Inf|\.INF)")
-_NAN = re.compile(r"\.nan|\.NaN|\.NAN")
+_NULL, _BOOL, _INT, _FLOAT, _STR = (_CORE + name for name in ("null", "bool", "int", "float", "str"))
+_COLLECTIONS = (_CORE + "map", _CORE + "seq")
+
+
+# The types of plain scalars by the core schema: the pattern of each and its first letters. All else is a text.
+_PATTERNS = {
+    _NULL: (re.compile(r"(null|Null|NULL|~|)\Z"), ["n", "N", "~", ""]),
+    _BOOL: (re.compile(r"(true|True|TRUE|false|False|FALSE)\Z"), list("tTfF")),
+    _INT: (re.compile(r"([-+]?[0-9]{1,4000}|0o[0-7]{1,4000}|0x[0-9a-fA-F]{1,4000})\Z"), list("-+0123456789")),
+    _FLOAT: (
+        re.compile(
+            r"([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN)\Z"
+        ),
+        list("-+.0123456789"),
+    ),
+}
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """PyYAML's loader with the types of YAML 1.2 in place of those of YAML 1.1."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, list[tuple[str, re.Pattern[str]]]]] = {}
+
+
+for _tag, (_pattern, _letters) in _PATTERNS.items():
+    _Loader.add_implicit_resolver(_tag, _pattern, _letters)
 
 
 class Mark(NamedTuple):
@@ -74,7 +92,10 @@ def dotted(path: KeyPath) -> str:
 def _quoted_if_needed(value: str) -> str:
     """Return a text as YAML writes it, in quotes unless it is read as the same text without them."""
     plain = (
-        value and value == value.strip() and isinstance(_scalar(value), str) and not re.search(r"[\[\]{},:#'\"]", value)
+        value
+        and value == value.strip()
+        and not any(pattern.match(value) for pattern, _ in _PATTERNS.values())
+        and not re.search(r"[\[\]{},:#'\"]", value)
     )
     return value if plain else "'" + value.replace("'", "''") + "'"
 
@@ -96,167 +117,162 @@ def flow(value: Any) -> str:  # noqa: PLR0911
     return str(value)
 
 
-def _scalar(text: str) -> Any:  # noqa: PLR0911
-    """Return the value of a plain scalar by the core schema of YAML 1.2."""
-    if _INT.fullmatch(text):
-        return int(text)
-    if _FLOAT.fullmatch(text):
-        return float(text)
-    if _BOOL.fullmatch(text):
-        return text.lower() == "true"
-    if _NULL.fullmatch(text):
-        return None
-    if _BASED.fullmatch(text):
-        return int(text, 0)
-    if _INF.fullmatch(text):
-        return float(text.replace(".", ""))
-    return float("nan") if _NAN.fullmatch(text) else text
-
-
-def _tagged(text: str, tag: str) -> Any:
-    """Return the value of a scalar with an explicit type, as in ``!!float 1``; raise ValueError if it has another."""
-    if tag == "str":
+def _scalar(text: str, tag: str) -> Any:
+    """Return the value of a scalar of the type `tag`; raise ValueError if the text has another type."""
+    if tag == _STR:
         return text
-    value = _scalar(text)
-    if tag == "float" and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if {"int": int, "float": float, "bool": bool, "null": type(None)}[tag] is not type(value):
-        raise ValueError(f"expected !!{tag}, found {text!r}")
-    return value
+    whole = tag in (_INT, _FLOAT) and _PATTERNS[_INT][0].match(text)
+    if not whole and not _PATTERNS[tag][0].match(text):
+        raise ValueError(f"expected !!{tag.removeprefix(_CORE)}, found {text!r}")
+    if whole:
+        number = int(text, 0 if text[:2] in ("0o", "0x") else 10)
+        return float(number) if tag == _FLOAT else number
+    if tag == _FLOAT:
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    return None if tag == _NULL else text.lower() == "true"
 
 
-class _Composer:
-    """Composer of the parser's events into plain data and marks.
+def _position(node: Any) -> tuple[int, int]:
+    """Return line and column, counted from 1, of the start of an event or a node."""
+    return node.start_mark.line + 1, node.start_mark.column + 1
 
-    PyYAML's own composer is not used, because in C it recurses without a limit, and it keeps the last of two equal keys
-    without an error.
+
+def _checked_aliases(text: str) -> list[tuple[int, int]]:
+    """Return the places of all aliases of a text that is safe to compose.
+
+    The composer of PyYAML nests its calls as deeply as the text, and data with aliases written out can be far larger
+    than the text. Therefore the parser's events are counted before anything is composed.
+
+    Raises
+    ------
+    NotPlainError
+        If the text is nested too deeply or too large, refers to an unknown anchor, or has more than one document.
+    """
+    positions: list[tuple[int, int]] = []
+    lines: dict[str, int] = {}
+    # Number of values and levels of nesting of a node by its anchor, from the end of the node on: none contains itself.
+    sizes: dict[str | None, tuple[int, int]] = {}
+    # Of each open node its anchor, and the numbers of values and levels before it.
+    open_nodes: list[tuple[str | None, int, int]] = []
+    values = levels = documents = 0
+    events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
+    for event in events:
+        anchor = getattr(event, "anchor", None)
+        if isinstance(event, yaml.AliasEvent):
+            if anchor not in sizes:
+                advice = f"An alias needs an anchor &{anchor} before it."
+                raise _fatal_error(_position(event), f"unknown alias *{anchor}", advice)
+            positions.append(_position(event))
+            values, levels = values + sizes[anchor][0], max(levels, len(open_nodes) + sizes[anchor][1])
+        elif anchor in lines:
+            message = f"the anchor &{anchor} stands twice: here and in line {lines[anchor]}"
+            raise _fatal_error(_position(event), message, "Give one of them another name.")
+        elif anchor is not None:
+            lines[anchor] = event.start_mark.line + 1
+        if isinstance(event, yaml.ScalarEvent):
+            values += 1
+            sizes[anchor] = (1, 0)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_nodes.append((anchor, values, levels))
+            values, levels = values + 1, len(open_nodes)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, values_before, levels_before = open_nodes.pop()
+            sizes[anchor] = values - values_before, levels - len(open_nodes)
+            levels = max(levels, levels_before)
+        elif isinstance(event, yaml.DocumentStartEvent):
+            documents += 1
+        if levels > MAX_DEPTH:
+            raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
+        if values > MAX_NODES:
+            message = f"more than {MAX_NODES} values, aliases written out"
+            raise _fatal_error(_position(event), message, "Keep tables in a file.")
+        if documents > 1:
+            message = "expected one document, found a second one"
+            raise _fatal_error(_position(event), message, "Keep one case a file.")
+    return positions
+
+
+class _Document:
+    """Plain data of a composed document, with the marks, the aliases and the mistakes of its nodes.
+
+    Parameters
+    ----------
+    alias_positions
+        Places of all aliases in the order of the text; in the composed document an alias is the node of its anchor.
     """
 
-    def __init__(self, text: str) -> None:
-        self.events: Iterator[Any] = yaml.parse(text, Loader=_PARSER)
+    def __init__(self, alias_positions: list[tuple[int, int]]) -> None:
         self.marks: dict[KeyPath, Mark] = {}
         self.aliases: dict[KeyPath, KeyPath] = {}
-        self.anchors: dict[str, tuple[Any, int, int, KeyPath]] = {}
         self.mistakes: list[Mistake] = []
+        self.alias_positions = iter(alias_positions)
+        # Path and data of each node that was read, by its identity: a node met again is an alias.
+        self.nodes: dict[int, tuple[KeyPath, Any]] = {}
 
-    def document(self) -> Any:
-        """Return the data of the only document of the text, or None where there is no document."""
-        next(self.events)
-        event = next(self.events)
-        if isinstance(event, yaml.StreamEndEvent):
-            return None
-        data, _, _ = self.node(next(self.events), (), None, 0)
-        next(self.events)
-        event = next(self.events)
-        if not isinstance(event, yaml.StreamEndEvent):
-            raise _fatal_error(
-                self.position(event), "expected one document, found a second one", "Keep one case a file."
-            )
+    def read(self, node: yaml.Node, path: KeyPath = (), key: tuple[int, int] | None = None) -> Any:
+        """Return the data of the node at `path`, whose key stands at `key`."""
+        self.marks[path] = Mark(key, self.place(node))
+        if id(node) in self.nodes:
+            self.aliases[path], data = self.nodes[id(node)]
+            return data
+        if isinstance(node, yaml.ScalarNode):
+            data = self.scalar(node, path)
+        else:
+            if node.tag not in _COLLECTIONS:
+                self.report_unknown_tag(node, path)
+            if isinstance(node, yaml.MappingNode):
+                data = self.mapping(node, path)
+            else:
+                data = tuple(self.read(item, (*path, i)) for i, item in enumerate(node.value))
+        self.nodes[id(node)] = path, data
         return data
 
-    @staticmethod
-    def position(event: Any) -> tuple[int, int]:
-        return event.start_mark.line + 1, event.start_mark.column + 1
+    def place(self, node: yaml.Node) -> tuple[int, int]:
+        """Return the place of the node, or of the alias in its stead."""
+        return next(self.alias_positions) if id(node) in self.nodes else _position(node)
 
-    def node(self, event: Any, path: KeyPath, key: tuple[int, int] | None, depth: int) -> tuple[Any, int, int]:
-        """Return the data, the number of nodes and the height of the node that starts with `event`."""
-        position = self.position(event)
-        self.marks[path] = Mark(key, position)
-        if isinstance(event, yaml.AliasEvent):
-            if event.anchor not in self.anchors:
-                raise _fatal_error(
-                    position,
-                    f"unknown alias *{event.anchor}",
-                    f"An alias needs an anchor &{event.anchor} before it.",
-                )
-            data, count, height, self.aliases[path] = self.anchors[event.anchor]
-        elif isinstance(event, yaml.ScalarEvent):
-            data, count, height = self.scalar(event, path), 1, 0
-        else:
-            if event.tag not in (None, "!", _CORE + "map", _CORE + "seq"):
-                self.report_unknown_tag(event.tag, position, path)
-            if depth >= MAX_DEPTH:
-                raise _fatal_error(position, f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
-            compose_items = self.mapping if isinstance(event, yaml.MappingStartEvent) else self.sequence
-            data, count, height = compose_items(path, depth)
-        if depth + height > MAX_DEPTH:
-            raise _fatal_error(position, f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
-        if getattr(event, "anchor", None) and not isinstance(event, yaml.AliasEvent):
-            self.anchors[event.anchor] = (data, count, height, path)
-        return data, count, height
+    def mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        lines: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            position = self.place(key_node)
+            key = self.key(key_node, path, position)
+            if key in data:
+                message = f"the key '{key}' stands twice: here and in line {lines[key]}"
+                self.mistakes.append(Mistake(position, (*path, key), message, "Keep one of them."))
+            lines[key] = position[0]
+            data[key] = self.read(value_node, (*path, key), position)
+        return data
 
-    def checked_count(self, count: int, event: Any) -> int:
-        if count > MAX_NODES:
-            raise _fatal_error(
-                self.position(event), f"more than {MAX_NODES} values, aliases written out", "Keep tables in a file."
-            )
-        return count
+    def key(self, node: yaml.Node, path: KeyPath, position: tuple[int, int]) -> str:
+        """Return the word of a key of the mapping at `path`."""
+        if not isinstance(node, yaml.ScalarNode) or id(node) in self.nodes:
+            message = "expected a word as key, found a list, a mapping or an alias"
+            raise _fatal_error(position, message, "Write `key: value`.")
+        value = self.scalar(node, path)
+        self.nodes[id(node)] = (*path, node.value), value
+        if not isinstance(value, str):
+            message = f"expected a word as key, found {flow(value)}"
+            self.mistakes.append(Mistake(position, path, message, f"Quote it: '{node.value}'."))
+        elif value == "<<" and not node.style:
+            message = "merge keys (<<) are not part of YAML 1.2"
+            self.mistakes.append(Mistake(position, (*path, "<<"), message, "Write the keys out."))
+        return str(node.value)
 
-    def sequence(self, path: KeyPath, depth: int) -> tuple[Any, int, int]:
-        items: list[Any] = []
-        count, height = 1, 0
-        while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
-            data, inside, below = self.node(event, (*path, len(items)), None, depth + 1)
-            items.append(data)
-            count, height = self.checked_count(count + inside, event), max(height, below)
-        return tuple(items), count, height + 1
-
-    def mapping(self, path: KeyPath, depth: int) -> tuple[Any, int, int]:
-        items: dict[str, Any] = {}
-        count, height = 1, 0
-        while not isinstance(event := next(self.events), yaml.MappingEndEvent):
-            key, position = self.key(event, path), self.position(event)
-            first = self.marks.get((*path, key)) if key in items else None
-            data, inside, below = self.node(next(self.events), (*path, key), position, depth + 1)
-            count, height = self.checked_count(count + inside + 1, event), max(height, below)
-            if first is not None and first.key is not None:
-                self.mistakes.append(
-                    Mistake(
-                        position,
-                        (*path, key),
-                        f"the key '{key}' stands twice: here and in line {first.key[0]}",
-                        "Keep one of them.",
-                    )
-                )
-            items[key] = data
-        return items, count, height + 1
-
-    def key(self, event: Any, path: KeyPath) -> str:
-        position = self.position(event)
-        if not isinstance(event, yaml.ScalarEvent):
-            raise _fatal_error(
-                position, "expected a word as key, found a list, a mapping or an alias", "Write `key: value`."
-            )
-        value = self.scalar(event, path)
-        if isinstance(value, str) and value == "<<" and event.implicit[0]:
-            self.mistakes.append(
-                Mistake(position, (*path, "<<"), "merge keys (<<) are not part of YAML 1.2", "Write the keys out.")
-            )
-        if isinstance(value, str):
-            return value
-        self.mistakes.append(
-            Mistake(position, path, f"expected a word as key, found {flow(value)}", f"Quote it: '{event.value}'.")
-        )
-        return str(event.value)
-
-    def scalar(self, event: Any, path: KeyPath) -> Any:
-        if event.tag in (None, "!"):
-            return _scalar(event.value) if event.implicit[0] and event.tag is None else event.value
-        tag = event.tag.removeprefix(_CORE)
-        if event.tag == tag or tag not in {"str", "int", "float", "bool", "null"}:
-            self.report_unknown_tag(event.tag, self.position(event), path)
-            return event.value
+    def scalar(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
+        """Return the value of a scalar, or its text if it has not the type of its tag."""
         try:
-            return _tagged(event.value, tag)
+            if node.tag in (_NULL, _BOOL, _INT, _FLOAT, _STR):
+                return _scalar(node.value, node.tag)
+            self.report_unknown_tag(node, path)
         except ValueError as error:
-            self.mistakes.append(Mistake(self.position(event), path, str(error), "Leave the tag out."))
-            return event.value
+            self.mistakes.append(Mistake(_position(node), path, str(error), "Leave the tag out."))
+        return node.value
 
-    def report_unknown_tag(self, tag: str, position: tuple[int, int], path: KeyPath) -> None:
-        shown = "!!" + tag.removeprefix(_CORE) if tag.startswith(_CORE) else tag
-        self.mistakes.append(
-            Mistake(position, path, f"unknown tag {shown}", "A case holds plain values only: leave the tag out.")
-        )
+    def report_unknown_tag(self, node: yaml.Node, path: KeyPath) -> None:
+        shown = "!!" + node.tag.removeprefix(_CORE) if node.tag.startswith(_CORE) else node.tag
+        advice = "A case holds plain values only: leave the tag out."
+        self.mistakes.append(Mistake(_position(node), path, f"unknown tag {shown}", advice))
 
 
 def _syntax(error: yaml.YAMLError, text: str) -> Mistake:
@@ -290,11 +306,12 @@ def compose(text: str) -> tuple[Any, dict[KeyPath, Mark], dict[KeyPath, KeyPath]
     NotPlainError
         With all mistakes found.
     """
-    composer = _Composer(text)
     try:
-        data = composer.document()
+        document = _Document(_checked_aliases(text))
+        node = yaml.compose(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise NotPlainError([_syntax(error, text)]) from None
-    if composer.mistakes:
-        raise NotPlainError(sorted(composer.mistakes, key=lambda mistake: mistake.position))
-    return data, composer.marks, composer.aliases
+    data = None if node is None else document.read(node)
+    if document.mistakes:
+        raise NotPlainError(sorted(document.mistakes, key=lambda mistake: mistake.position))
+    return data, document.marks, document.aliases
