@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,11 +9,21 @@ from typing import Any
 
 from percuss.case import overrides as overriding
 from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths, wrong_argument
-from percuss.case.expectations import expectations
-from percuss.case.layout import MethodSpec, TimeSpec
+from percuss.case.cross_checks import CrossChecks, completed
 from percuss.case.reader import Reader
 from percuss.case.source import Source
-from percuss.case.specs import Address, BodySpec, ContactSpec, Expectation, LoadSpec, RecordSpec
+from percuss.case.specs import (
+    Address,
+    BodySpec,
+    CaseSection,
+    ContactSpec,
+    Expectation,
+    LoadSpec,
+    MethodSpec,
+    RecordSpec,
+    TimeSpec,
+)
+from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.methods.registry import Registry
@@ -187,29 +196,25 @@ def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
 
 def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: tuple[str, ...]) -> Case:
     reader = Reader(source, registry)
-    top = reader.case()
-    bodies = reader.bodies()
-    method, time = reader.method(), reader.time()
-    contacts = reader.contacts(method.contact if method is not None else None)
-    loads = reader.loads(bodies)
-    record = reader.record()
-    dimension = reader.dimension()
-    expect = expectations(reader, dimension)
+    _check_version(reader)
+    section = reader.read(CaseSection)
+    checks = CrossChecks(reader)
     reader.finish()
-    if top is None or method is None or time is None or record is None:
+    if section is None:
         raise AssertionError("a part of a case is wrong and nothing says why")
+    section = completed(section, checks.dimension)
     return Case(
-        title=top.title,
-        source=top.source,
-        dimension=dimension,
-        bodies={name: _with_full_start(body, dimension) for name, body in bodies.items()},
-        contacts=contacts,
-        loads={name: _with_full_direction(spec, dimension) for name, spec in loads.items()},
-        refine=top.refine,
-        method=method,
-        time=time,
-        record=record,
-        expect=expect,
+        title=section.title,
+        source=section.source,
+        dimension=checks.dimension,
+        bodies=section.bodies,
+        contacts=section.contacts,
+        loads=section.loads,
+        refine=section.refine,
+        method=section.method,
+        time=section.time,
+        record=section.record,
+        expect=section.expect,
         data=source.data,
         notes=notes,
         registry=registry,
@@ -218,16 +223,21 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
     )
 
 
-def _with_full_start(body: BodySpec, dimension: int) -> BodySpec:
-    """Return the body with all coordinates of its start; a start given as a number lies on the x axis."""
-    return dataclasses.replace(body, at=body.at + (0.0,) * (dimension - len(body.at)))
-
-
-def _with_full_direction(spec: LoadSpec, dimension: int) -> LoadSpec:
-    """Return the load with all components of its direction; a direction of fewer components is padded with zeros."""
-    if spec.direction is None:
-        return spec
-    return dataclasses.replace(spec, direction=spec.direction + (0.0,) * (dimension - len(spec.direction)))
+def _check_version(reader: Reader) -> None:
+    """Raise InputError unless the source is a case of the format that this percuss reads."""
+    data = reader.source.data
+    if data is None:
+        reader.wrong((), "is empty", "Begin with `percuss: 1`.")
+    elif not isinstance(data, Mapping):
+        reader.wrong((), f"expected a case, found {found(data)}", "Begin with `percuss: 1`.")
+    elif "percuss-study" in data and "percuss" not in data:
+        reader.wrong(("percuss-study",), "is a study, not a case", "Run it with `percuss study`.", key=True)
+    elif "percuss" not in data:
+        reader.wrong(("percuss",), "missing (version of the format)", "Begin with `percuss: 1`.", key=True)
+    elif data["percuss"] != 1 or isinstance(data["percuss"], bool | float):
+        message = f"expected version 1 of the format, found {found(data['percuss'])}"
+        reader.wrong(("percuss",), message, "This percuss reads version 1 only.")
+    reader.finish()
 
 
 def expect_case(function: str, value: Any, *, many: bool = False, **paths: Any) -> None:

@@ -1,4 +1,4 @@
-"""Types of options in words, and what messages say of values that do not fit them."""
+"""Types of options in words, and the words in which messages show a value that does not fit."""
 
 from __future__ import annotations
 
@@ -12,21 +12,36 @@ from percuss.case.yaml_text import flow
 from percuss.errors import nearest
 from percuss.methods.interfaces import DataFile, Unit
 
-__all__ = ["Expects", "advice", "describe", "fact", "found", "has_type", "is_union", "item_type", "words"]
+__all__ = [
+    "Expects",
+    "advice_for",
+    "describe",
+    "fact",
+    "found",
+    "is_union",
+    "item_type",
+    "without_facts",
+]
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Expects:
-    """Says in words what an option expects where its type alone would read badly."""
+    """The expected value of an option in words, where its type alone would read badly, and advice for any other."""
 
     text: str
+    advice: str = ""
 
 
 def is_union(annotation: Any) -> bool:
     """Return whether a type is a union, however written."""
     return get_origin(annotation) in (Union, types.UnionType)
+
+
+def without_facts(annotation: Any) -> Any:
+    """Return an annotation without the facts around it."""
+    return annotation.__origin__ if get_origin(annotation) is Annotated else annotation
 
 
 def _facts(annotation: Any) -> Iterator[Any]:
@@ -135,11 +150,14 @@ def item_type(annotation: Any) -> Any:
         return item_type(annotation.__origin__)
     if is_union(annotation):
         return next((one for one in map(item_type, get_args(annotation)) if one is not None), None)
-    return get_args(annotation)[0] if get_origin(annotation) is tuple else None
+    return {tuple: get_args(annotation)[:1], dict: get_args(annotation)[1:]}.get(get_origin(annotation), (None,))[0]
 
 
-def advice(annotation: Any, value: Any) -> str:
-    """Return what to do about a value of the wrong kind."""
+def advice_for(annotation: Any, value: Any) -> str:
+    """Return advice for a value that does not fit an annotation; it may be empty."""
+    expects = fact(annotation, Expects)
+    if expects is not None and expects.advice:
+        return expects.advice
     if isinstance(value, str):
         close = nearest(value, words(annotation))
         if close is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from percuss.errors import PluginError, RefusedPair, RunError, nearest
+from percuss.errors import InputError, PluginError, RefusedPair, RunError, nearest
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
@@ -105,12 +105,12 @@ class Subject:
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
-        from percuss.case.options import validate
+        from percuss.case.validation import validate
 
-        made, faults = validate(self.component, options, kind=f"the {self.family} {self.name}", folder=Path())
-        if made is None:
-            raise CheckFailed("; ".join(f"{'.'.join(map(str, fault.path))}: {fault.message}" for fault in faults))
-        return made
+        try:
+            return validate(self.component, options)
+        except InputError as error:
+            raise CheckFailed("; ".join(f"{problem.path}: {problem.message}" for problem in error.problems)) from None
 
     def placed(self, case: Mapping[str, Any], options: Mapping[str, Any], partner: Any = "") -> dict[str, Any]:
         """Return a case that uses the component with `options`, and `partner` as the other method of its pair."""
