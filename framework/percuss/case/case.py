@@ -42,22 +42,14 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A checked case.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case(CaseSection):
+    """A checked case: its sections, whose parts are by name in the order of the file, and its origin.
 
     Attributes
     ----------
-    title, source
-        Title of the case, and its source, such as a publication.
     dimension
         Number of components of every vector in the case: 1, 2 or 3.
-    bodies, contacts, loads
-        Sections of these names, by the name of each entry in the order of the file.
-    refine
-        Factor on the number of elements of every body.
-    method, time, record, expect
-        The other sections.
     data
         The plain mapping that the case was read from, with overrides applied.
     notes
@@ -66,26 +58,16 @@ class Case:
         The components that the case was read with.
     origin
         Text of the case and the places in it.
-    plugins
+    files
         Single-file plug-ins given beside the case.
     """
 
-    title: str
-    source: str
     dimension: int
-    bodies: dict[str, BodySpec]
-    contacts: dict[str, ContactSpec]
-    loads: dict[str, LoadSpec]
-    refine: int
-    method: MethodSpec
-    time: TimeSpec
-    record: RecordSpec
-    expect: tuple[Expectation, ...]
     data: Mapping[str, Any] = field(repr=False)
     notes: tuple[str, ...]
     registry: Registry = field(repr=False)
     origin: Source = field(repr=False)
-    plugins: tuple[Path, ...] = ()
+    files: tuple[Path, ...]
 
     def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
         """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file."""
@@ -105,7 +87,7 @@ class Case:
             If a path does not exist or the result is not a case.
         """
         registry = None if any(path.split(".")[0] == "plugins" for path in overrides) else self.registry
-        return _load(self.origin, overrides, registry, self.plugins, self.notes)
+        return _load(self.origin, overrides, registry, self.files, self.notes)
 
     def with_one_law(self) -> Case:
         """Return the case with the contact law of the section `method` for every contact."""
@@ -116,7 +98,7 @@ class Case:
                 source = source.replaced(
                     ("contacts", name), {key: value for key, value in entry.items() if key != "method"}
                 )
-        return _read(source, self.registry, self.plugins, self.notes)
+        return _read(source, self.registry, self.files, self.notes)
 
 
 def load(
@@ -202,24 +184,14 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
     reader.finish()
     if section is None:
         raise AssertionError("a part of a case is wrong and nothing says why")
-    section = completed(section, checks.dimension)
     return Case(
-        title=section.title,
-        source=section.source,
+        **vars(completed(section, checks.dimension)),
         dimension=checks.dimension,
-        bodies=section.bodies,
-        contacts=section.contacts,
-        loads=section.loads,
-        refine=section.refine,
-        method=section.method,
-        time=section.time,
-        record=section.record,
-        expect=section.expect,
         data=source.data,
         notes=notes,
         registry=registry,
         origin=source,
-        plugins=plugins,
+        files=plugins,
     )
 
 

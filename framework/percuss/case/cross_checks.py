@@ -40,10 +40,8 @@ def completed(case: CaseSection, dimension: int) -> CaseSection:
         loads[name] = replace(load, name=name, direction=direction)
     expect = []
     for i, expectation in enumerate(case.expect):
-        quantity = quantity_named(expectation.quantity)
-        contact = expectation.contact
-        if quantity is not None and quantity.of == "contact":
-            contact = contact or next(iter(contacts))
+        of_contact = quantity_named(expectation.quantity).of == "contact"
+        contact = expectation.contact or (next(iter(contacts)) if of_contact else None)
         expect.append(replace(expectation, contact=contact, path=("expect", i)))
     return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect))
 
@@ -216,8 +214,6 @@ class CrossChecks:
     def _check_statistic(self, path: KeyPath, expectation: Expectation) -> None:
         """Report a statistic, a time or a component that does not suit the quantity."""
         name, statistic, quantity = expectation.quantity, expectation.statistic, quantity_named(expectation.quantity)
-        if quantity is None:
-            return
         if quantity.kind == "scalar":
             if statistic != "value":
                 message = f"{name} is one number a run, it has no {statistic}"
@@ -239,8 +235,6 @@ class CrossChecks:
     def _check_owner(self, path: KeyPath, expectation: Expectation) -> None:
         """Report a contact or a probe that is missing, does not exist, or does not suit the quantity."""
         name, contact, quantity = expectation.quantity, expectation.contact, quantity_named(expectation.quantity)
-        if quantity is None:
-            return
         contacts = [key for key, *_ in self._parts("contacts")]
         at = (*path, "contact")
         if quantity.of != "contact" and contact is not None:

@@ -90,7 +90,7 @@ class _Generator(GenerateJsonSchema):
                 entry["default"] = list(default) if isinstance(default, tuple) else default
             if option.doc:
                 entry["description"] = option.doc + option.shown_unit
-            if named and not named.optional and self._required(named.family, named.default):
+            if named and not named.optional and {default} & {form.get("const") for form in entry["anyOf"]} == set():
                 required.append(key)
         if NO_KEY in required:
             required.remove(NO_KEY)
@@ -110,10 +110,6 @@ class _Generator(GenerateJsonSchema):
 
     def _components(self, family: str) -> dict[str, Any]:
         return {name: self.registry.get(family, name) for name in self.registry.names(family)} if self.registry else {}
-
-    def _required(self, family: str, name: str) -> list[str]:
-        cls = self._components(family).get(name)
-        return [key for key, option in options_of(cls).items() if option.required] if cls else []
 
     def _named(self, named: Named) -> dict[str, Any]:
         """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``."""

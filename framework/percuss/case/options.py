@@ -10,13 +10,13 @@ import dataclasses
 import functools
 import typing
 from collections.abc import Hashable
-from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin
+from typing import Any, NamedTuple, cast
 
-from percuss.case.type_words import Expects, fact, is_union
+from percuss.case.type_words import fact
 from percuss.errors import PluginError
-from percuss.methods.interfaces import DataFile, Doc, Unit
+from percuss.methods.interfaces import Doc, Unit
 
-__all__ = ["Computed", "Expects", "Key", "Option", "options_of", "takes_file"]
+__all__ = ["Computed", "Key", "Option", "options_of"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,10 +99,3 @@ def _options_of(cls: Any) -> dict[str, Option]:
         )
         options[option.key] = option
     return options
-
-
-def takes_file(annotation: Any) -> bool:
-    """Return whether an option takes a data file, perhaps among other values."""
-    if get_origin(annotation) is Annotated:
-        return takes_file(annotation.__origin__)
-    return annotation is DataFile or (is_union(annotation) and any(map(takes_file, get_args(annotation))))

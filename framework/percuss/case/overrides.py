@@ -8,7 +8,7 @@ from typing import Any
 from percuss.case.options import options_of
 from percuss.case.source import Source
 from percuss.case.specs import CaseSection
-from percuss.case.type_words import fact, item_type, without_facts
+from percuss.case.type_words import branches, fact, item_type
 from percuss.case.validation import Named, Section
 from percuss.case.yaml_text import KeyPath, dotted, flow
 from percuss.errors import InputError, Problem, suggestion
@@ -53,12 +53,12 @@ def _component_at(path: KeyPath) -> Named | None:
     """Return the mark of the component at `path`, or None where no component stands."""
     annotation: Any = CaseSection
     for part in path:
-        section = without_facts(annotation)
+        section = next(branches(annotation))
         if isinstance(section, type) and issubclass(section, Section):
             option = options_of(section).get(str(part))
             annotation = option.annotation if option is not None else None
         else:
-            annotation = item_type(section)
+            annotation = item_type(annotation)
     return fact(annotation, Named)
 
 

@@ -97,16 +97,14 @@ def _nonzero(vector: Vector) -> Vector:
     return vector
 
 
-def quantity_named(name: str) -> Quantity | None:
-    """Return the quantity of a name, or None; a dotted path into the summary is one number of the run."""
-    if name in QUANTITIES:
-        return QUANTITIES[name]
-    return Quantity("run", "scalar") if name.partition(".")[0] in SUMMARY else None
+def quantity_named(name: str) -> Quantity:
+    """Return the quantity of a name; a dotted path into the summary is one number of the run."""
+    return QUANTITIES.get(name) or Quantity("run", "scalar")
 
 
-def _quantity_exists(name: str) -> str:
-    if quantity_named(name) is None:
-        head, dot, _ = name.partition(".")
+def _existing_quantity(name: str) -> str:
+    head, dot, _ = name.partition(".")
+    if name not in QUANTITIES and head not in SUMMARY:
         names = [key + dot for key in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
         raise mistake(f"unknown quantity '{name}'", suggestion(head + dot, names, "name"))
     return name
@@ -368,7 +366,7 @@ class Expectation(Section):
     exactly_one: ClassVar = (STATISTICS,)
 
     quantity: Annotated[
-        str, AfterValidator(_quantity_exists), Doc("a recorded quantity, or a dotted path into the summary")
+        str, AfterValidator(_existing_quantity), Doc("a recorded quantity, or a dotted path into the summary")
     ]
     tolerance: Annotated[
         Annotated[float, Ge(0)] | Annotated[str, Field(pattern=_PERCENT)],

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from percuss.errors import InputError, PluginError, RefusedPair, RunError, nearest
-from percuss.methods.interfaces import FAMILIES, Component
+from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 
@@ -90,10 +90,11 @@ class Subject:
     @property
     def examples(self) -> list[dict[str, Any]]:
         """Option sets that the component gives as examples, with absolute paths of the data files beside its file."""
-        from percuss.case.options import options_of, takes_file
+        from percuss.case.options import options_of
+        from percuss.case.type_words import branches
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
-        files = [key for key, option in options_of(self.component).items() if takes_file(option.annotation)]
+        files = [key for key, option in options_of(self.component).items() if DataFile in branches(option.annotation)]
         out = [dict(options) for options in self.component.examples]
         for example in out:
             example |= {
