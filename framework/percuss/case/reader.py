@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import pydantic
 
-from percuss.case.validation import Context, adapter, worded_mistakes
+from percuss.case.validation import Context, mistakes_in, validate
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, Problem
 
@@ -52,10 +52,10 @@ class Reader:
     def read(self, cls: type[T]) -> T | None:
         """Return the whole source as a section, or None if it has mistakes."""
         try:
-            return adapter(cls).validator.validate_python(self.source.data, context=self.context)  # type: ignore[no-any-return]
+            return validate(cls, self.source.data, self.context)
         except pydantic.ValidationError as error:
-            for path, words in worded_mistakes(error):
-                self.wrong(path, **words)
+            for path, message, advice, key in mistakes_in(error):
+                self.wrong(path, message, advice, key=key)
             return None
 
     def part(self, path: KeyPath) -> Any:

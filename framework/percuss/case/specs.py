@@ -17,7 +17,7 @@ from percuss.case import defaults
 from percuss.case.options import Computed, Key
 from percuss.case.quantities import QUANTITIES, STATISTICS, SUMMARY, Quantity
 from percuss.case.type_words import Expects
-from percuss.case.validation import NO_KEY, EmptyIfAbsent, Keyed, Named, Section, mistake
+from percuss.case.validation import NO_KEY, EmptyIfAbsent, Keyed, Mistake, Named, Section, failure
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import suggestion
 from percuss.methods.interfaces import (
@@ -106,7 +106,7 @@ def _existing_quantity(name: str) -> str:
     head, dot, _ = name.partition(".")
     if name not in QUANTITIES and head not in SUMMARY:
         names = [key + dot for key in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
-        raise mistake(f"unknown quantity '{name}'", suggestion(head + dot, names, "name"))
+        raise failure(Mistake((), f"unknown quantity '{name}'", suggestion(head + dot, names, "name")))
     return name
 
 
@@ -169,16 +169,7 @@ class TimeSpec(Section):
 class BodySpec(Section):
     """A body; one key is the name of its shape, as ``bar: {length: 10, elements: 100}``.
 
-    Attributes
-    ----------
-    start
-        Start as given: a number along x, or a point [length].
-    velocity
-        Velocity as given: a number along the direction of the body, or a vector [length/time].
-    name
-        Name of the body.
-    at
-        Start with one number for each dimension of the case [length].
+    `start` is as given, `at` has one number for each dimension of the case.
     """
 
     kind: ClassVar[str] = "the body"
@@ -202,16 +193,7 @@ class BodySpec(Section):
 class ContactSpec(Section):
     """A contact: ``between`` two ends, or of a ``body`` with a rigid ``wall``.
 
-    Attributes
-    ----------
-    method
-        The contact's own law, or None.
-    wall
-        Position of the wall as given, a number along x or a point [length]; None between two ends.
-    name
-        Name of the contact.
-    law
-        The contact's own law, or that of the section `method`.
+    `law` is the contact's own law `method`, else that of the section `method`.
     """
 
     kind: ClassVar[str] = "the contact"
@@ -255,23 +237,10 @@ class ContactSpec(Section):
 
 @dataclass(frozen=True)
 class LoadSpec(Section):
-    """A load; one key is the name of its amplitude, as ``constant: 2``.
+    """A load; one key is the name of its amplitude, as ``constant: 2``. It acts for ``start <= t < stop``.
 
-    Attributes
-    ----------
-    places
-        Bodies or ends as given; None means every body.
-    start, stop
-        The load acts for ``start <= t < stop`` [time].
-    along
-        Vector along which the load acts, as given.
-    quantity
-        Quantity of the amplitude as given, else None.
-    name
-        Name of the load.
-    direction
-        Vector along which the load acts, with one number for each dimension of the case, not of unit length; None means
-        the direction of the body.
+    `along` is the direction as given, `direction` has one number for each dimension of the case, is not of unit length,
+    and None means the direction of the body.
     """
 
     kind: ClassVar[str] = "the load"
@@ -322,13 +291,7 @@ class LoadSpec(Section):
 
 @dataclass(frozen=True)
 class RecordSpec(Section):
-    """Quantities that a run records.
-
-    Attributes
-    ----------
-    probes
-        Ends whose motion is recorded; None means all ends in contact.
-    """
+    """Quantities that a run records; by default the probes are all ends in contact."""
 
     kind: ClassVar[str] = "record"
 
@@ -348,18 +311,7 @@ class RecordSpec(Section):
 class Expectation(Section):
     """An expected value of a run: quantity, owner and time, the value, its tolerance and its source.
 
-    Attributes
-    ----------
-    contact, probe
-        Owner of the quantity; None where the quantity belongs to the run.
-    component
-        Component of a displacement or velocity.
-    during, at
-        Interval or time of the value; None means the whole run.
-    source
-        ``exact``, ``paper`` or ``frozen on YYYY-MM-DD``.
-    path
-        Path of the expectation in the case.
+    `path` is the place of the expectation in the case.
     """
 
     kind: ClassVar[str] = "the expectation"

@@ -11,7 +11,7 @@ import math
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
 
 import pydantic
 from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
@@ -19,22 +19,25 @@ from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownEr
 from percuss.case.csv_file import read_table
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
-from percuss.case.yaml_text import KeyPath, dotted
-from percuss.errors import InputError, PluginError, Problem, suggestion
+from percuss.case.yaml_text import KeyPath
+from percuss.errors import PluginError, suggestion
 from percuss.methods.interfaces import AllowInf, Component, DataFile
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
 __all__ = [
+    "NO_KEY",
     "SINGULAR",
     "Context",
     "EmptyIfAbsent",
     "Keyed",
+    "Mistake",
     "Named",
     "Section",
     "adapter",
-    "mistake",
+    "failure",
+    "mistakes_in",
     "validate",
 ]
 
@@ -102,26 +105,36 @@ class Context:
 # -------------------------------------------------------------------------------------------------- mistakes
 
 
-def _detail(loc: KeyPath, message: str, advice: str = "", *, key: bool = False) -> InitErrorDetails:
-    """Return a worded mistake; `key` says that its place is the key and not the value."""
-    words = {"message": message, "advice": advice, "key": key}
-    shown = tuple(part for part in loc if part != NO_KEY)
-    return InitErrorDetails(type=PydanticCustomError("worded", "{message}", words), loc=shown, input=None)
+class Mistake(NamedTuple):
+    """A mistake in words, at a path inside the value that was validated; `key` says that the key is wrong."""
+
+    path: KeyPath
+    message: str
+    advice: str = ""
+    key: bool = False
 
 
-def _error(details: list[InitErrorDetails]) -> pydantic.ValidationError:
+def failure(*mistakes: Mistake) -> pydantic.ValidationError:
+    """Return the error that a validator raises for mistakes inside its value."""
+    details = [
+        InitErrorDetails(
+            type=PydanticCustomError("worded", "{message}", mistake._asdict()),
+            loc=tuple(part for part in mistake.path if part != NO_KEY),
+            input=None,
+        )
+        for mistake in mistakes
+    ]
     return pydantic.ValidationError.from_exception_data("percuss", details)
 
 
-def mistake(message: str, advice: str = "", *, at: KeyPath = (), key: bool = False) -> pydantic.ValidationError:
-    """Return the error that a validator raises for a mistake at a place inside its value."""
-    return _error([_detail(at, message, advice, key=key)])
+def _worded(detail: Any) -> Mistake:
+    """Return the mistake that an inner validator has put into words, with its path in the outer value."""
+    return Mistake(**{**detail["ctx"], "path": detail["loc"]})
 
 
-def worded_mistakes(error: pydantic.ValidationError) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
-    """Yield place, and message, advice and key, of each mistake."""
-    for detail in error.errors(include_url=False, include_input=False):
-        yield detail["loc"], detail["ctx"]
+def mistakes_in(error: pydantic.ValidationError) -> list[Mistake]:
+    """Return the mistakes of a validation by `adapter`."""
+    return [_worded(detail) for detail in error.errors(include_url=False)]
 
 
 def _reached(loc: KeyPath, value: Any) -> KeyPath:
@@ -135,64 +148,59 @@ def _reached(loc: KeyPath, value: Any) -> KeyPath:
     return tuple(reached)
 
 
-def _value_mistakes(option: Option, value: Any, errors: list[Any]) -> Iterator[InitErrorDetails]:
+def _value_mistakes(option: Option, value: Any, details: list[Any]) -> Iterator[Mistake]:
     """Yield one mistake for each wrong place of a value: the innermost ones, whichever branch of a union saw them."""
-    places = [(_reached(error["loc"][1:], value), error) for error in errors]
-    seen = set()
-    for path, error in places:
-        kind, words = error["type"], error.get("ctx", {})
-        if kind == "worded":  # by the validator of a section or a component inside
-            yield _detail(error["loc"], **words)
-            continue
-        if path in seen or any(other[: len(path)] == path and len(other) > len(path) for other, _ in places):
-            continue
-        seen.add(path)
-        at, inside, annotation = (option.key, *path), value, option.annotation
-        for part in path:
-            inside, annotation = inside[part], item_type(annotation) or Any
-        if kind == "unusable_file":
-            yield _detail(at, words["message"], words["advice"])
-        elif error["loc"][-1] == "[key]":
-            remedy = "A name is a letter, then letters, digits, _ or -."
-            yield _detail(at, f"expected a name, found '{path[-1]}'", remedy, key=True)
-        elif kind in _DESCRIBED or (not path and fact(annotation, Expects) is not None):
-            expected = f"expected {describe(annotation)}{option.shown_unit if path else ''}"
-            yield _detail(at, f"{expected}, found {found(inside)}", advice_for(annotation, inside))
-        else:
-            message = error["msg"].removeprefix("Value error, ")
-            yield _detail(at, f"{message}, found {found(inside)}", advice_for(annotation, inside))
+    places = [_reached(detail["loc"][1:], value) for detail in details]
+    for i, (path, detail) in enumerate(zip(places, details, strict=True)):
+        if detail["type"] == "worded":
+            yield _worded(detail)
+        elif path not in places[:i] and not any(other[: len(path)] == path != other for other in places):
+            yield _value_mistake(option, value, path, detail)
+
+
+def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mistake:
+    """Return the mistake at a path inside the value of an option."""
+    at, kind, annotation = (option.key, *path), detail["type"], option.annotation
+    if kind == "unusable_file":
+        return Mistake(at, **detail["ctx"])
+    if detail["loc"][-1] == "[key]":
+        advice = "A name is a letter, then letters, digits, _ or -."
+        return Mistake(at, f"expected a name, found '{path[-1]}'", advice, key=True)
+    for part in path:
+        value, annotation = value[part], item_type(annotation) or Any
+    message = detail["msg"].removeprefix("Value error, ")
+    if kind in _DESCRIBED or (not path and fact(annotation, Expects) is not None):
+        message = f"expected {describe(annotation)}{option.shown_unit if path else ''}"
+    return Mistake(at, f"{message}, found {found(value)}", advice_for(annotation, value))
 
 
 def _mapping_mistakes(
-    cls: type, given: Mapping[str, Any], error: pydantic.ValidationError, context: Context
-) -> Iterator[InitErrorDetails]:
+    cls: type[Any], given: Mapping[str, Any], details: list[Any], context: Context
+) -> Iterator[Mistake]:
     """Yield the mistakes of a mapping: unknown keys, missing keys and wrong values."""
-    options, kind = options_of(cls), kind_of(cls)
-    keyed = _keyed(cls)
-    known = [*(key for key in options if key != NO_KEY), *(context.names(keyed.family) if keyed else ())]
+    options, keyed = options_of(cls), _keyed(cls)
+    kind = f"the {SINGULAR.get(cls.family, cls.family)} {cls.name}" if issubclass(cls, Component) else cls.kind
     by_key: dict[Any, list[Any]] = {}
-    for detail in error.errors(include_url=False):
+    for detail in details:
         by_key.setdefault(detail["loc"][0], []).append(detail)
-    unknown = [key for key in by_key if key not in options]
-    for key in unknown:
-        remedy = suggestion(key, known, "key") if known else "It takes no options."
+    for key in (unknown := [key for key in by_key if key not in options]):
+        keys = [*options.keys() - {NO_KEY}, *(context.names(keyed.family) if keyed else ())]
+        advice = suggestion(key, keys, "key") if keys else "It takes no options."
         # Where the name of a component may stand, a plug-in could have brought the key.
-        advices = [remedy, *context.left_out] if keyed else [remedy]
-        yield _detail((key,), f"unknown key '{key}' of {kind}", " ".join(advices), key=True)
-    for key, errors in by_key.items():
-        if key in unknown or (key == NO_KEY and unknown and not given[NO_KEY]):
-            continue  # An unknown key is the misspelt name of the component.
+        advice = " ".join([advice, *context.left_out]) if keyed else advice
+        yield Mistake((key,), f"unknown key '{key}' of {kind}", advice, key=True)
+        del by_key[key]
+    if unknown and not given.get(NO_KEY):
+        by_key.pop(NO_KEY, None)  # An unknown key is the misspelt name of the component.
+    for key, of_key in by_key.items():
         option = options[key]
-        if errors[0]["type"] == "missing" and len(errors[0]["loc"]) == 1:
+        if key in given:
+            yield from _value_mistakes(option, given[key], of_key)
+        elif of_key[0]["type"] == "missing":
             about = f" ({option.doc}{option.shown_unit})" if option.doc or option.shown_unit else ""
-            yield _detail((key,), f"missing{about}", f"Add `{key}:` to {kind}.", key=True)
-        else:
-            yield from _value_mistakes(option, given.get(key), errors)
-
-
-def kind_of(cls: type[Any]) -> str:
-    """Return the words by which messages call the mapping of a section or the options of a component."""
-    return f"the {SINGULAR.get(cls.family, cls.family)} {cls.name}" if issubclass(cls, Component) else str(cls.kind)
+            yield Mistake((key,), f"missing{about}", f"Add `{key}:` to {kind}.", key=True)
+        else:  # in the default component
+            yield from map(_worded, of_key)
 
 
 # --------------------------------------------------------------------------------------------------- schemas
@@ -247,7 +255,7 @@ def _mapping_schema(cls: type, handler: Any) -> core_schema.CoreSchema:
 
     def instance(value: Any, check: Any, info: Any) -> Any:
         if not isinstance(value, Mapping):
-            return check(value)  # which raises an error that the mapping around this one words
+            return check(value)  # which raises an error that the mapping around this one puts into words
         given = value
         if keyed is not None:
             names = info.context.names(keyed.family)
@@ -256,11 +264,11 @@ def _mapping_schema(cls: type, handler: Any) -> core_schema.CoreSchema:
         try:
             values = check(given)
         except pydantic.ValidationError as error:
-            raise _error(list(_mapping_mistakes(cls, given, error, info.context))) from None
+            raise failure(*_mapping_mistakes(cls, given, error.errors(include_url=False), info.context)) from None
         try:
             made = cls(**{options[key].field: item for key, item in values.items()})
         except ValueError as error:
-            raise mistake(str(error), key=True) from None
+            raise failure(Mistake((), str(error), key=True)) from None
         info.context.checked[id(value)] = made
         return made
 
@@ -290,20 +298,15 @@ def adapter(cls: type) -> pydantic.TypeAdapter[Any]:
     return _adapter(cast("Hashable", cls))
 
 
-def validate(cls: type[T], options: Mapping[str, Any], folder: Path = Path()) -> T:
-    """Return the component with the given options, checked like those of a case.
+def validate(cls: type[T], options: Mapping[str, Any], context: Context | None = None) -> T:
+    """Return the instance of a dataclass with the given options.
 
     Raises
     ------
-    InputError
-        With all mistakes in the options.
+    pydantic.ValidationError
+        With all mistakes in the options, see `mistakes_in`.
     """
-    try:
-        return adapter(cls).validator.validate_python(dict(options), context=Context(folder=folder))  # type: ignore[no-any-return]
-    except pydantic.ValidationError as error:
-        raise InputError(
-            Problem("", dotted(path), words["message"], words["advice"]) for path, words in worded_mistakes(error)
-        ) from None
+    return adapter(cls).validator.validate_python(options, context=context or Context())  # type: ignore[no-any-return]
 
 
 # ------------------------------------------------------------------------------------------------ components
@@ -339,25 +342,23 @@ class Named:
         schema = core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
         return schema if self.optional else core_schema.with_default_schema(schema, default={}, validate_default=True)
 
-    def component(self, value: Any, info: Any) -> Component:
+    def component(self, entry: Any, info: Any) -> Component:
         """Return the component that an entry names."""
+        name, options = entry, {}
         at: KeyPath = ()
-        options: Mapping[str, Any] = {}
-        if isinstance(value, Mapping):
-            options = {key: item for key, item in value.items() if key != "name"}
-            value, at = value.get("name", self.default), ("name",)
-        context, kind = info.context, SINGULAR.get(self.family, self.family)
-        if not isinstance(value, str):
-            remedy = " ".join([suggestion("", context.names(self.family)), *context.left_out])
-            raise mistake(f"expected the name of a {kind}, found {found(value)}", remedy, at=at)
+        if isinstance(entry, Mapping):
+            options = {**entry}
+            name, at = options.pop("name", self.default), ("name",)
         try:
-            cls = context.registry.get(self.family, value)
+            cls: type[Component] = info.context.registry.get(self.family, name if isinstance(name, str) else "")
         except KeyError:
-            remedy = " ".join([suggestion(value, context.names(self.family)), *context.left_out])
-            raise mistake(f"unknown {kind} '{value}'", remedy, at=at) from None
+            kind, text = SINGULAR[self.family], name if isinstance(name, str) else ""
+            advice = " ".join([suggestion(text, info.context.names(self.family)), *info.context.left_out])
+            message = f"unknown {kind} '{name}'" if text else f"expected the name of a {kind}, found {found(name)}"
+            raise failure(Mistake(at, message, advice)) from None
         except PluginError as error:
-            raise mistake(str(error), at=at) from None
-        return adapter(cls).validator.validate_python(options, context=context)  # type: ignore[no-any-return]
+            raise failure(Mistake(at, str(error))) from None
+        return validate(cls, options, info.context)
 
 
 @dataclass(frozen=True)
@@ -379,29 +380,25 @@ class Keyed:
         return core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
 
     def component(self, given: Mapping[str, Any], info: Any) -> Component:
-        """Return the component of a mapping from those entries that have the name of a component as key."""
+        """Return the component of a mapping from those entries whose keys are names of components."""
         keys = list(given)
         if not keys:
             names = ", ".join(info.context.names(self.family))
-            raise mistake(f"has no {self.kind}", f"Add one of: {names}.", key=True)
+            raise failure(Mistake((), f"has no {self.kind}", f"Add one of: {names}.", key=True))
         if len(keys) > 1:
-            raise mistake(f"expected one {self.kind}, found {' and '.join(keys)}", "Keep one.", at=(keys[1],), key=True)
+            message = f"expected one {self.kind}, found {' and '.join(keys)}"
+            raise failure(Mistake((keys[1],), message, "Keep one.", key=True))
         name, value = keys[0], given[keys[0]]
-        cls = info.context.registry.get(self.family, name)
-        shorthand = cls.shorthand
-        if value is None and not shorthand:
-            value = {}
-        by_value = not isinstance(value, Mapping)
-        if by_value and not shorthand:
-            raise mistake(f"expected the options of {name}, found {found(value)}", at=(name,))
+        cls: type[Component] = info.context.registry.get(self.family, name)
+        options = {} if value is None and not cls.shorthand else value
+        if not isinstance(options, Mapping):
+            if not cls.shorthand:
+                raise failure(Mistake((name,), f"expected the options of {name}, found {found(value)}"))
+            options = {cls.shorthand: value}
         try:
-            options = {shorthand: value} if by_value else value
-            return adapter(cls).validator.validate_python(options, context=info.context)  # type: ignore[no-any-return]
+            return validate(cls, options, info.context)
         except pydantic.ValidationError as error:
-            raise _error(
-                [
-                    # The value of a shorthand stands where the mapping would.
-                    _detail((name, *(loc[1:] if by_value and loc[:1] == (shorthand,) else loc)), **words)
-                    for loc, words in worded_mistakes(error)
-                ]
-            ) from None
+            mistakes = mistakes_in(error)
+        if options is not value:  # The value of a shorthand stands where the mapping would.
+            mistakes = [m._replace(path=m.path[1:]) if m.path[:1] == (cls.shorthand,) else m for m in mistakes]
+        raise failure(*(m._replace(path=(name, *m.path)) for m in mistakes))

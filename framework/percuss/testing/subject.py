@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from percuss.errors import InputError, PluginError, RefusedPair, RunError, nearest
+from percuss.errors import PluginError, RefusedPair, RunError, nearest
 from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
@@ -106,12 +106,16 @@ class Subject:
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
-        from percuss.case.validation import validate
+        from pydantic import ValidationError
+
+        from percuss.case.validation import mistakes_in, validate
+        from percuss.case.yaml_text import dotted
 
         try:
-            return validate(self.component, options)
-        except InputError as error:
-            raise CheckFailed("; ".join(f"{problem.path}: {problem.message}" for problem in error.problems)) from None
+            return validate(self.component, dict(options))
+        except ValidationError as error:
+            mistakes = (f"{dotted(mistake.path)}: {mistake.message}" for mistake in mistakes_in(error))
+            raise CheckFailed("; ".join(mistakes)) from None
 
     def placed(self, case: Mapping[str, Any], options: Mapping[str, Any], partner: Any = "") -> dict[str, Any]:
         """Return a case that uses the component with `options`, and `partner` as the other method of its pair."""

@@ -147,13 +147,14 @@ def check_options_bounded(subject: Subject) -> None:
     """
     from hypothesis import strategies as st
     from hypothesis.errors import Unsatisfiable
+    from pydantic import ValidationError
 
     from percuss.case.options import options_of
-    from percuss.case.validation import validate
+    from percuss.case.validation import mistakes_in, validate
 
     for key, option in options_of(subject.component).items():
         for invalid in (math.nan, {"no": "mapping"}):
-            with contextlib.suppress(InputError):
+            with contextlib.suppress(ValidationError):
                 validate(subject.component, {**subject.examples[0], key: invalid})
                 raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
@@ -161,8 +162,8 @@ def check_options_bounded(subject: Subject) -> None:
             options, value = drawn
             try:
                 instance = validate(subject.component, {**options, key: value})
-            except InputError as error:
-                if not all(problem.message.strip() for problem in error.problems):
+            except ValidationError as error:
+                if not all(mistake.message.strip() for mistake in mistakes_in(error)):
                     raise CheckFailed(f"option `{key}` refuses {value!r} without a word") from None
                 return
             try:
