@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,11 +9,21 @@ from typing import Any
 
 from percuss.case import overrides as overriding
 from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_paths, wrong_argument
-from percuss.case.expectations import expectations
-from percuss.case.layout import MethodSpec, TimeSpec
+from percuss.case.cross_checks import CrossChecks, completed
 from percuss.case.reader import Reader
 from percuss.case.source import Source
-from percuss.case.specs import Address, BodySpec, ContactSpec, Expectation, LoadSpec, RecordSpec
+from percuss.case.specs import (
+    Address,
+    BodySpec,
+    CaseSection,
+    ContactSpec,
+    Expectation,
+    LoadSpec,
+    MethodSpec,
+    RecordSpec,
+    TimeSpec,
+)
+from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.methods.registry import Registry
@@ -33,22 +42,14 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
-    """A checked case.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Case(CaseSection):
+    """A checked case: its sections, whose parts are by name in the order of the file, and its origin.
 
     Attributes
     ----------
-    title, source
-        Title of the case, and its source, such as a publication.
     dimension
         Number of components of every vector in the case: 1, 2 or 3.
-    bodies, contacts, loads
-        Sections of these names, by the name of each entry in the order of the file.
-    refine
-        Factor on the number of elements of every body.
-    method, time, record, expect
-        The other sections.
     data
         The plain mapping that the case was read from, with overrides applied.
     notes
@@ -57,26 +58,16 @@ class Case:
         The components that the case was read with.
     origin
         Text of the case and the places in it.
-    plugins
+    files
         Single-file plug-ins given beside the case.
     """
 
-    title: str
-    source: str
     dimension: int
-    bodies: dict[str, BodySpec]
-    contacts: dict[str, ContactSpec]
-    loads: dict[str, LoadSpec]
-    refine: int
-    method: MethodSpec
-    time: TimeSpec
-    record: RecordSpec
-    expect: tuple[Expectation, ...]
     data: Mapping[str, Any] = field(repr=False)
     notes: tuple[str, ...]
     registry: Registry = field(repr=False)
     origin: Source = field(repr=False)
-    plugins: tuple[Path, ...] = ()
+    files: tuple[Path, ...]
 
     def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
         """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file."""
@@ -96,7 +87,7 @@ class Case:
             If a path does not exist or the result is not a case.
         """
         registry = None if any(path.split(".")[0] == "plugins" for path in overrides) else self.registry
-        return _load(self.origin, overrides, registry, self.plugins, self.notes)
+        return _load(self.origin, overrides, registry, self.files, self.notes)
 
     def with_one_law(self) -> Case:
         """Return the case with the contact law of the section `method` for every contact."""
@@ -107,7 +98,7 @@ class Case:
                 source = source.replaced(
                     ("contacts", name), {key: value for key, value in entry.items() if key != "method"}
                 )
-        return _read(source, self.registry, self.plugins, self.notes)
+        return _read(source, self.registry, self.files, self.notes)
 
 
 def load(
@@ -187,47 +178,38 @@ def registry_of(source: Source, plugins: tuple[Path, ...]) -> Registry:
 
 def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: tuple[str, ...]) -> Case:
     reader = Reader(source, registry)
-    top = reader.case()
-    bodies = reader.bodies()
-    method, time = reader.method(), reader.time()
-    contacts = reader.contacts(method.contact if method is not None else None)
-    loads = reader.loads(bodies)
-    record = reader.record()
-    dimension = reader.dimension()
-    expect = expectations(reader, dimension)
+    _check_version(reader)
+    section = reader.read(CaseSection)
+    checks = CrossChecks(reader)
     reader.finish()
-    if top is None or method is None or time is None or record is None:
+    if section is None:
         raise AssertionError("a part of a case is wrong and nothing says why")
     return Case(
-        title=top.title,
-        source=top.source,
-        dimension=dimension,
-        bodies={name: _with_full_start(body, dimension) for name, body in bodies.items()},
-        contacts=contacts,
-        loads={name: _with_full_direction(spec, dimension) for name, spec in loads.items()},
-        refine=top.refine,
-        method=method,
-        time=time,
-        record=record,
-        expect=expect,
+        **vars(completed(section, checks.dimension)),
+        dimension=checks.dimension,
         data=source.data,
         notes=notes,
         registry=registry,
         origin=source,
-        plugins=plugins,
+        files=plugins,
     )
 
 
-def _with_full_start(body: BodySpec, dimension: int) -> BodySpec:
-    """Return the body with all coordinates of its start; a start given as a number lies on the x axis."""
-    return dataclasses.replace(body, at=body.at + (0.0,) * (dimension - len(body.at)))
-
-
-def _with_full_direction(spec: LoadSpec, dimension: int) -> LoadSpec:
-    """Return the load with all components of its direction; a direction of fewer components is padded with zeros."""
-    if spec.direction is None:
-        return spec
-    return dataclasses.replace(spec, direction=spec.direction + (0.0,) * (dimension - len(spec.direction)))
+def _check_version(reader: Reader) -> None:
+    """Raise InputError unless the source is a case of the format that this percuss reads."""
+    data = reader.source.data
+    if data is None:
+        reader.wrong((), "is empty", "Begin with `percuss: 1`.")
+    elif not isinstance(data, Mapping):
+        reader.wrong((), f"expected a case, found {found(data)}", "Begin with `percuss: 1`.")
+    elif "percuss-study" in data and "percuss" not in data:
+        reader.wrong(("percuss-study",), "is a study, not a case", "Run it with `percuss study`.", key=True)
+    elif "percuss" not in data:
+        reader.wrong(("percuss",), "missing (version of the format)", "Begin with `percuss: 1`.", key=True)
+    elif data["percuss"] != 1 or isinstance(data["percuss"], bool | float):
+        message = f"expected version 1 of the format, found {found(data['percuss'])}"
+        reader.wrong(("percuss",), message, "This percuss reads version 1 only.")
+    reader.finish()
 
 
 def expect_case(function: str, value: Any, *, many: bool = False, **paths: Any) -> None:

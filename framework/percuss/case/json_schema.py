@@ -1,18 +1,26 @@
-"""The JSON schema of a case, from the components at hand: with it an editor completes and checks a case.
+"""JSON schemas of cases and of components, with which an editor completes and checks a case.
 
-It is made from the classes that `percuss.case.case` validates with, so the two cannot drift apart. What a
-class checks in its ``__post_init__``, and what depends on several parts of a case, is beyond a schema.
+They are made from the classes that validate a case, so that the two cannot drift apart. Conditions of a class's
+``__post_init__`` and of several parts of a case are beyond a schema.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from percuss.case.layout import CaseSection, Each, Items, Named, Part
-from percuss.case.options import Option, described, option_schema, options_of, schema_of
+from pydantic.json_schema import GenerateJsonSchema
+
+from percuss.case.options import options_of
+from percuss.case.specs import CaseSection
 from percuss.case.type_words import fact
-from percuss.methods.interfaces import NAME_PATTERN
-from percuss.methods.registry import Registry
+from percuss.case.validation import NO_KEY, Keyed, Named, adapter
+
+if TYPE_CHECKING:
+    from percuss.methods.registry import Registry
+
+__all__ = ["case_schema", "schema_of"]
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def case_schema(registry: Registry) -> dict[str, Any]:
@@ -28,87 +36,102 @@ def case_schema(registry: Registry) -> dict[str, Any]:
     dict
         Plain data, ready for ``json.dumps``.
     """
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "percuss case",
-        "description": "A case of percuss, format 1",
-        **section_schema(CaseSection, registry),
-    }
+    about = {"$schema": DIALECT, "title": "percuss case", "description": "A case of percuss, format 1"}
+    return {**about, **schema_of(CaseSection, registry)}
 
 
-def section_schema(section: type, registry: Registry, family: str = "") -> dict[str, Any]:
-    """Return the schema of a section; with a `family`, one key of it is the name of a component."""
+def schema_of(cls: type, registry: Registry | None = None) -> dict[str, Any]:
+    """Return the JSON schema of a dataclass's options: types, bounds, units, descriptions and defaults.
 
-    def schema_for(option: Option) -> dict[str, Any] | None:
-        made = _entry(option, registry)
-        return None if made is None else described(made, option)
+    Parameters
+    ----------
+    cls
+        The dataclass. Its `exactly_one`, where it has one, lists groups of options of which one is given.
+    registry
+        Registry of the components that may be named; needed for sections only.
+    """
 
-    schema = schema_of(section, schema_for)
-    # a component has a default, unless the default itself has options without one
-    missing = [key for key, option in options_of(section).items() if _has_default(option, registry)]
-    schema["required"] = [key for key in schema.get("required", ()) if key not in missing]
-    if family:
-        names = registry.names(family)
-        schema["properties"] |= {name: _keyed(registry.get(family, name)) for name in names}
-        schema["oneOf"] = [{"required": [name]} for name in names]
-    return schema
+    class Generator(_Generator):
+        pass
 
-
-def _entry(option: Option, registry: Registry) -> dict[str, Any] | None:
-    """Return the schema of an entry that is a section, a component, or several; None for a plain value."""
-    named, part = fact(option.annotation, Named), fact(option.annotation, Part)
-    each, items = fact(option.annotation, Each), fact(option.annotation, Items)
-    if named is not None:
-        return _named(named, registry)
-    if part is not None:
-        return section_schema(part.section, registry)
-    if each is not None:
-        return {
-            "type": "object",
-            "propertyNames": {"pattern": f"^{NAME_PATTERN.pattern}$"},
-            "additionalProperties": section_schema(each.section, registry, each.family),
-            **({"minProperties": 1} if option.required else {}),
-        }
-    return {"type": "array", "items": section_schema(items.section, registry)} if items is not None else None
+    Generator.registry = registry
+    return adapter(cls).json_schema(schema_generator=Generator)
 
 
-def _has_default(option: Option, registry: Registry) -> bool:
-    named = fact(option.annotation, Named)
-    if named is None:
+class _Generator(GenerateJsonSchema):
+    """Generator of a schema with units, and with the components of a registry by name."""
+
+    registry: Registry | None = None
+
+    def field_title_should_be_set(self, schema: Any) -> bool:  # noqa: ARG002
+        """Return False, as the keys themselves are the titles."""
         return False
-    return named.optional or not _required(named.default, named.family, registry)
 
+    def dict_schema(self, schema: Any) -> dict[str, Any]:
+        """Return the schema of parts by name."""
+        out = super().dict_schema(schema)
+        for pattern, values in out.pop("patternProperties", {}).items():
+            out |= {"propertyNames": {"pattern": pattern}, "additionalProperties": values}
+        return out
 
-def _required(name: str, family: str, registry: Registry) -> list[str]:
-    if name not in registry.names(family):
-        return []
-    return [key for key, option in options_of(registry.get(family, name)).items() if option.required]
+    def typed_dict_schema(self, schema: Any) -> dict[str, Any]:
+        """Return the schema of the options of a dataclass."""
+        cls = schema["metadata"]["percuss"]
+        out = super().typed_dict_schema(schema)
+        out.setdefault("properties", {})
+        required = out.pop("required", [])
+        for key, option in options_of(cls).items():
+            entry = out["properties"][key]
+            named = fact(option.annotation, Named)
+            default = named.default if named and not named.optional else option.default
+            if option.unit:
+                entry["x-unit"] = option.unit
+            if isinstance(default, bool | int | float | str | tuple) and default not in (float("inf"), -float("inf")):
+                entry["default"] = list(default) if isinstance(default, tuple) else default
+            if option.doc:
+                entry["description"] = option.doc + option.shown_unit
+            if named and not named.optional and {default} & {form.get("const") for form in entry["anyOf"]} == set():
+                required.append(key)
+        if NO_KEY in required:
+            required.remove(NO_KEY)
+            keyed = out["properties"].pop(NO_KEY)
+            out["properties"] |= keyed["properties"]
+            out["oneOf"] = keyed["oneOf"]
+        if required:
+            out["required"] = required
+        if groups := getattr(cls, "exactly_one", ()):
+            out["allOf"] = [{"oneOf": [{"required": [key]} for key in group]} for group in groups]
+        return out
 
+    def function_plain_schema(self, schema: Any) -> dict[str, Any]:
+        """Return the schema of a component."""
+        mark = schema["metadata"]["percuss"]
+        return self._named(mark) if isinstance(mark, Named) else self._keyed(mark)
 
-def _named(named: Named, registry: Registry) -> dict[str, Any]:
-    """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``."""
-    names = registry.names(named.family)
-    classes = {name: registry.get(named.family, name) for name in names}
-    bare = [
-        {"const": name, "description": cls.summary}
-        for name, cls in classes.items()
-        if not _required(name, named.family, registry)
-    ]
-    whole = []
-    for name, cls in classes.items():
-        schema = schema_of(cls)
-        schema["properties"] = {"name": {"const": name}, **schema["properties"]}
-        needed = [] if name == named.default else ["name"]
-        whole.append({**schema, "description": cls.summary, "required": [*needed, *schema.get("required", ())]})
-    return {"anyOf": [*bare, *whole], "default": named.default} if not named.optional else {"anyOf": [*bare, *whole]}
+    def _components(self, family: str) -> dict[str, Any]:
+        return {name: self.registry.get(family, name) for name in self.registry.names(family)} if self.registry else {}
 
+    def _named(self, named: Named) -> dict[str, Any]:
+        """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``."""
+        bare, whole = [], []
+        for name, cls in self._components(named.family).items():
+            schema = schema_of(cls)
+            if not schema.get("required"):
+                bare.append({"const": name, "description": cls.summary})
+            schema["properties"] = {"name": {"const": name}, **schema["properties"]}
+            needed = [] if name == named.default else ["name"]
+            whole.append({**schema, "description": cls.summary, "required": [*needed, *schema.get("required", ())]})
+        return {"anyOf": [*bare, *whole]}
 
-def _keyed(cls: type[Any]) -> dict[str, Any]:
-    """Return the schema of the value of a shape's or load's key."""
-    schema = {**schema_of(cls), "description": cls.summary}
-    forms = [schema]
-    if cls.shorthand:
-        forms.append(option_schema(cls, options_of(cls)[cls.shorthand]))
-    elif "required" not in schema:
-        forms.append({"type": "null"})
-    return schema if len(forms) == 1 else {"anyOf": forms, "description": cls.summary}
+    def _keyed(self, keyed: Keyed) -> dict[str, Any]:
+        """Return the schemas of the values of each key that is the name of a shape or load."""
+        properties = {}
+        for name, cls in self._components(keyed.family).items():
+            schema = {**schema_of(cls), "description": cls.summary}
+            forms = [schema]
+            if cls.shorthand:
+                forms.append(schema["properties"][cls.shorthand])
+            elif "required" not in schema:
+                forms.append({"type": "null"})
+            properties[name] = schema if len(forms) == 1 else {"anyOf": forms, "description": cls.summary}
+        return {"properties": properties, "oneOf": [{"required": [name]} for name in properties]}

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 from typing import Any
 
-from percuss.case.layout import CaseSection, Each, Named, Part
 from percuss.case.options import options_of
 from percuss.case.source import Source
-from percuss.case.type_words import fact
+from percuss.case.specs import CaseSection
+from percuss.case.type_words import branches, fact, item_type
+from percuss.case.validation import Named, Section
 from percuss.case.yaml_text import KeyPath, dotted, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
@@ -49,20 +50,16 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
 
 
 def _component_at(path: KeyPath) -> Named | None:
-    """Return the layout entry of the component at `path`, or None where no component stands."""
-    section: type | None = CaseSection
-    entry: Named | None = None
-    parts = list(path)
-    while parts:
-        option = options_of(section).get(str(parts.pop(0))) if section is not None else None
-        if option is None:
-            return None
-        entry = fact(option.annotation, Named)
-        part, each = fact(option.annotation, Part), fact(option.annotation, Each)
-        section = part.section if part is not None else each.section if each is not None else None
-        if each is not None and parts:
-            parts.pop(0)  # This part is the name of the body, contact or load.
-    return entry
+    """Return the mark of the component at `path`, or None where no component stands."""
+    annotation: Any = CaseSection
+    for part in path:
+        section = next(branches(annotation))
+        if isinstance(section, type) and issubclass(section, Section):
+            option = options_of(section).get(str(part))
+            annotation = option.annotation if option is not None else None
+        else:
+            annotation = item_type(annotation)
+    return fact(annotation, Named)
 
 
 def _apply_override(
@@ -144,14 +141,13 @@ def _without_foreign_options(
 def _refuse_missing_entry(source: Source, path: str, value: Any) -> None:
     """Refuse to set a value inside a body, contact or load that does not exist; an override may add a whole one."""
     parts = path.split(".")
-    option = options_of(CaseSection).get(parts[0])
-    each = fact(option.annotation, Each) if option is not None else None
     entries = source.get((parts[0],), {})
-    if each is None or len(parts) < 3 or not isinstance(entries, Mapping) or parts[1] in entries:
+    kind = {"bodies": "body", "contacts": "contact", "loads": "load"}.get(parts[0])
+    if kind is None or len(parts) < 3 or not isinstance(entries, Mapping) or parts[1] in entries:
         return
     label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
     advice = suggestion(parts[1], entries, "name")
-    raise InputError([Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {each.what} '{parts[1]}'", advice)])
+    raise InputError([Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {kind} '{parts[1]}'", advice)])
 
 
 def _with_load_as_mapping(source: Source, parts: KeyPath, registry: Registry) -> Source:

@@ -1,18 +1,61 @@
-"""The checked parts of a case: what the rest of percuss works with."""
+"""Sections of a case: each class is a mapping of the file, and each of its fields a key.
+
+Validation, messages and the JSON schema are made from these classes and from nothing else. The rest of percuss works
+with the checked instances.
+"""
 
 from __future__ import annotations
 
+import datetime as dt
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal
 
+from pydantic import AfterValidator, Field
+
+from percuss.case import defaults
+from percuss.case.options import Computed, Key
+from percuss.case.quantities import QUANTITIES, STATISTICS, SUMMARY, Quantity
+from percuss.case.type_words import Expects
+from percuss.case.validation import NO_KEY, EmptyIfAbsent, Keyed, Mistake, Named, Section, failure
 from percuss.case.yaml_text import KeyPath
-from percuss.methods.interfaces import ContactLaw, Element, Load, Material, Shape
+from percuss.errors import suggestion
+from percuss.methods.interfaces import (
+    NAME_PATTERN,
+    ContactLaw,
+    Doc,
+    Element,
+    Ge,
+    Gt,
+    Integrator,
+    Load,
+    Mass,
+    Material,
+    Shape,
+    Unit,
+)
 
-__all__ = ["Address", "BodySpec", "ContactSpec", "Expectation", "LoadSpec", "RecordSpec"]
+__all__ = [
+    "Address",
+    "BodySpec",
+    "CaseSection",
+    "ContactSpec",
+    "During",
+    "Expectation",
+    "LoadSpec",
+    "MethodSpec",
+    "RecordSpec",
+    "TimeSpec",
+]
 
 Vector = tuple[float, ...]
 ActsAs = Literal["force", "acceleration", "velocity"]
+
+# Value of a field that follows from the rest of the case, until the whole case is checked.
+UNSET: Any = None
+
+_ORIGIN = r"^(exact|paper|frozen on [0-9]{4}-[0-9]{2}-[0-9]{2})$"
+_PERCENT = r"^([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)? ?%$"
 
 
 @dataclass(frozen=True)
@@ -25,127 +68,356 @@ class Address:
     def __str__(self) -> str:
         return f"{self.body}.{self.region}" if self.region else self.body
 
+    @classmethod
+    def parse(cls, text: str) -> Address:
+        """Return the address that a text is."""
+        body, _, region = text.partition(".")
+        return cls(body, region)
 
-@dataclass(frozen=True)
-class BodySpec:
-    """A body of a case.
-
-    Attributes
-    ----------
-    at
-        Its start, one number a dimension [length].
-    area
-        Cross-section [length^2].
-    velocity
-        As given: a number along the body's direction, or a vector [length/time].
-    fixed
-        Ends that do not move.
-    """
-
-    name: str
-    shape: Shape
-    at: Vector
-    material: Material
-    element: Element
-    area: float
-    velocity: float | Vector
-    fixed: tuple[str, ...]
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        return handler.generate_schema(Annotated[str, AfterValidator(cls.parse)])
 
 
-@dataclass(frozen=True)
-class ContactSpec:
-    """A contact between two ends, or of one end with a rigid wall.
-
-    Attributes
-    ----------
-    sides
-        Two ends, or one where there is a wall.
-    wall
-        Position of the wall as given, a number along x or a point [length]; None between two ends.
-    law
-        The contact's own law, or that of the method.
-    own_law
-        Whether it has one of its own.
-    """
-
-    name: str
-    sides: tuple[Address, ...]
-    wall: float | Vector | None
-    law: ContactLaw
-    own_law: bool = False
+def _valid_date(origin: str) -> str:
+    if origin not in ("exact", "paper"):
+        dt.date.fromisoformat(origin.removeprefix("frozen on "))
+    return origin
 
 
-@dataclass(frozen=True)
-class LoadSpec:
-    """A load: what, where, when and along what.
+def _increasing(times: tuple[float, float]) -> tuple[float, float]:
+    if not 0 <= times[0] < times[1]:
+        raise ValueError("not an interval")
+    return times
 
-    Attributes
-    ----------
-    on
-        Bodies or ends; empty means every body.
-    acts_as
-        Which quantity the amplitude is.
-    direction
-        Vector along which it acts, not of unit length; None means the direction of the body.
-    start, stop
-        It acts for ``start <= t < stop``; -inf and inf where not given.
-    """
 
-    name: str
-    load: Load
-    on: tuple[Address, ...]
-    acts_as: ActsAs
-    direction: Vector | None
-    start: float = -math.inf
-    stop: float = math.inf
+def _nonzero(vector: Vector) -> Vector:
+    if not any(vector):
+        raise ValueError("the zero vector")
+    return vector
+
+
+def quantity_named(name: str) -> Quantity:
+    """Return the quantity of a name; a dotted path into the summary is one number of the run."""
+    return QUANTITIES.get(name) or Quantity("run", "scalar")
+
+
+def _existing_quantity(name: str) -> str:
+    head, dot, _ = name.partition(".")
+    if name not in QUANTITIES and head not in SUMMARY:
+        names = [key + dot for key in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
+        raise failure(Mistake((), f"unknown quantity '{name}'", suggestion(head + dot, names, "name")))
+    return name
+
+
+Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN.pattern}$")]
+AnAddress = Annotated[Address, Expects("an address, as short.right")]
+During = Annotated[
+    tuple[float, float],
+    AfterValidator(_increasing),
+    Expects("two times of at least 0, the later one last"),
+    Unit("time"),
+    Doc("from when until when"),
+]
 
 
 @dataclass(frozen=True)
-class RecordSpec:
-    """What a run records.
+class MethodSpec(Section):
+    """The methods of a run."""
 
-    Attributes
-    ----------
-    probes
-        Ends whose motion is recorded; None means all ends in contact.
-    """
+    kind: ClassVar[str] = "method"
 
-    every: int = 1
-    probes: tuple[Address, ...] | None = None
-    fields: int = 0
+    integrator: Annotated[
+        Integrator,
+        Named("integrators", defaults.INTEGRATOR),
+        Doc("time integrator: a name, or {name: ...}"),
+    ]
+    contact: Annotated[ContactLaw, Named("contacts", defaults.CONTACT), Doc("contact law: a name, or {name: ...}")]
+    mass: Annotated[Mass, Named("masses", defaults.MASS), Doc("how element masses become nodal masses")]
 
 
 @dataclass(frozen=True)
-class Expectation:
-    """What a run of the case is expected to give.
+class TimeSpec(Section):
+    """Length of a run and its step."""
 
-    Attributes
-    ----------
-    contact, probe
-        Whose quantity; None where the quantity is the run's.
-    component
-        Of a displacement or velocity.
-    during, at
-        Times it is taken over, or the time it is taken at; None means the whole run.
-    statistic
-        What is made of the history: mean, max, min, final, integral or value.
-    value, within, relative
-        Expected value and how far off it may be, as a share of the value where `relative`.
-    source
-        ``exact``, ``paper`` or ``frozen on YYYY-MM-DD``.
-    path
-        Where it stands in the case.
+    kind: ClassVar[str] = "time"
+    exactly_one: ClassVar = (("courant", "step"), ("end", "steps"))
+
+    end: Annotated[float, Gt(0), Unit("time"), Doc("the last step reaches it or just passes it")] | None = None
+    courant: (
+        Annotated[float, Gt(0), Unit("1"), Doc("Courant number of the element with the smallest h/c, or auto")]
+        | Literal["auto"]
+        | None
+    ) = None
+    step: Annotated[float, Gt(0), Unit("time"), Doc("time step; instead of courant")] | None = None
+    steps: Annotated[int, Ge(1), Unit("1"), Doc("number of steps; instead of end")] | None = None
+    on_unstable: Annotated[
+        Literal["stop", "warn"], Doc("what to do where the certificate says that the step is not stable")
+    ] = "stop"
+
+    def __post_init__(self) -> None:
+        wrong = []
+        for group in self.exactly_one:
+            given = [key for key in group if getattr(self, key) is not None]
+            if len(given) != 1:
+                wrong.append(f"{'both' if given else 'neither'} of `{group[0]}` and `{group[1]}`")
+        if wrong:
+            raise ValueError(f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}")
+
+
+@dataclass(frozen=True)
+class BodySpec(Section):
+    """A body; one key is the name of its shape, as ``bar: {length: 10, elements: 100}``.
+
+    `start` is as given, `at` has one number for each dimension of the case.
     """
 
-    quantity: str
-    contact: str | None
-    probe: Address | None
-    component: int
-    during: tuple[float, float] | None
-    at: float | None
-    statistic: str
-    value: float
-    within: float
-    relative: bool
-    source: str
-    path: KeyPath
+    kind: ClassVar[str] = "the body"
+
+    shape: Annotated[Shape, Keyed("shapes", "shape"), Key(NO_KEY)]
+    material: Annotated[Material, Named("materials", defaults.MATERIAL), Doc("material: its options, or {name: ...}")]
+    element: Annotated[Element, Named("elements", defaults.ELEMENT), Doc("element: a name, or {name: ...}")]
+    area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section")]
+    start: Annotated[
+        float | Vector, Key("at"), Unit("length"), Doc("where the body starts: a number along x, or a point")
+    ] = 0.0
+    velocity: Annotated[
+        float | Vector, Unit("length/time"), Doc("initial velocity: a number along the body, or a vector")
+    ] = 0.0
+    fixed: Annotated[tuple[str, ...], Expects("a list of ends, as [right]"), Doc("ends that do not move")] = ()
+    name: Annotated[str, Computed()] = UNSET
+    at: Annotated[Vector, Computed()] = UNSET
+
+
+@dataclass(frozen=True)
+class ContactSpec(Section):
+    """A contact: ``between`` two ends, or of a ``body`` with a rigid ``wall``.
+
+    `law` is the contact's own law `method`, else that of the section `method`.
+    """
+
+    kind: ClassVar[str] = "the contact"
+
+    method: Annotated[
+        ContactLaw | None,
+        Named("contacts", defaults.CONTACT, optional=True),
+        Doc("contact law of this contact; else method.contact"),
+    ] = None
+    between: (
+        Annotated[
+            tuple[Address, Address], Expects("two ends, as [short.right, long.left]"), Doc("the two ends in contact")
+        ]
+        | None
+    ) = None
+    body: Annotated[AnAddress, Doc("the end that meets the wall")] | None = None
+    wall: (
+        Annotated[float | Vector, Unit("length"), Doc("position of a rigid wall: a number along x, or a point")] | None
+    ) = None
+    name: Annotated[str, Computed()] = UNSET
+    law: Annotated[ContactLaw, Computed()] = UNSET
+
+    def __post_init__(self) -> None:
+        wall = self.body is not None and self.wall is not None
+        if self.between is not None and (self.body is not None or self.wall is not None):
+            raise ValueError("has both `between` and a wall: give `between`, or `body` and `wall`")
+        if self.between is None and not wall:
+            missing = "`wall`" if self.body is not None else "`body`" if self.wall is not None else "`between`"
+            raise ValueError(f"has no {missing}: give `between: [END, END]`, or `body: END` and `wall: POSITION`")
+
+    @property
+    def sides(self) -> tuple[Address, ...]:
+        """The two ends in contact, or the one that meets the wall."""
+        return self.between or ((self.body,) if self.body is not None else ())
+
+    @property
+    def own_law(self) -> bool:
+        """Whether the contact has a law of its own."""
+        return self.method is not None
+
+
+@dataclass(frozen=True)
+class LoadSpec(Section):
+    """A load; one key is the name of its amplitude, as ``constant: 2``. It acts for ``start <= t < stop``.
+
+    `along` is the direction as given, `direction` has one number for each dimension of the case, is not of unit length,
+    and None means the direction of the body.
+    """
+
+    kind: ClassVar[str] = "the load"
+
+    load: Annotated[Load, Keyed("loads", "amplitude"), Key(NO_KEY)]
+    places: (
+        Annotated[
+            Address | tuple[Address, ...],
+            Key("on"),
+            Expects("an end or a body, as short.left, or a list of them"),
+            Doc("where: an end, a body, or a list of them"),
+        ]
+        | None
+    ) = None
+    start: Annotated[
+        float, Key("from"), Unit("time"), Doc("when it is switched on; its amplitude counts from here")
+    ] = -math.inf
+    stop: Annotated[float, Key("until"), Unit("time"), Doc("when it is switched off")] = math.inf
+    along: (
+        Annotated[
+            Vector,
+            Key("direction"),
+            AfterValidator(_nonzero),
+            Expects("a vector that is not zero, as [1, 0]"),
+            Unit("1"),
+            Doc("vector along which it acts; the body's direction by default"),
+        ]
+        | None
+    ) = None
+    quantity: Annotated[ActsAs, Key("as"), Doc("what the amplitude is")] | None = None
+    name: Annotated[str, Computed()] = UNSET
+    direction: Annotated[Vector | None, Computed()] = None
+
+    def __post_init__(self) -> None:
+        if self.stop <= self.start:
+            raise ValueError(f"ends before it begins: `until` {self.stop:g} is not after `from` {self.start:g}")
+
+    @property
+    def on(self) -> tuple[Address, ...]:
+        """Bodies or ends; empty means every body."""
+        return (self.places,) if isinstance(self.places, Address) else self.places or ()
+
+    @property
+    def acts_as(self) -> ActsAs:
+        """Quantity of the amplitude."""
+        return self.quantity or self.load.acts_as
+
+
+@dataclass(frozen=True)
+class RecordSpec(Section):
+    """Quantities that a run records; by default the probes are all ends in contact."""
+
+    kind: ClassVar[str] = "record"
+
+    every: Annotated[int, Ge(1), Unit("1"), Doc("record every so many steps")] = 1
+    probes: (
+        Annotated[
+            tuple[Address, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")
+        ]
+        | None
+    ) = None
+    fields: Annotated[
+        int, Ge(0), Unit("1"), Doc("snapshots of stress along the bodies, for the space-time picture")
+    ] = 0
+
+
+@dataclass(frozen=True)
+class Expectation(Section):
+    """An expected value of a run: quantity, owner and time, the value, its tolerance and its source.
+
+    `path` is the place of the expectation in the case.
+    """
+
+    kind: ClassVar[str] = "the expectation"
+    exactly_one: ClassVar = (STATISTICS,)
+
+    quantity: Annotated[
+        str, AfterValidator(_existing_quantity), Doc("a recorded quantity, or a dotted path into the summary")
+    ]
+    tolerance: Annotated[
+        Annotated[float, Ge(0)] | Annotated[str, Field(pattern=_PERCENT)],
+        Key("within"),
+        Expects("a share as 1%, or a number of at least 0"),
+        Doc("tolerance: a share of the value, as 1%, or a number"),
+    ]
+    source: Annotated[
+        str,
+        Field(pattern=_ORIGIN),
+        AfterValidator(_valid_date),
+        Expects("'exact', 'paper' or 'frozen on YYYY-MM-DD'"),
+        Doc("where the value is from: exact, paper or frozen on YYYY-MM-DD"),
+    ]
+    contact: Annotated[str, Doc("which contact")] | None = None
+    probe: Annotated[AnAddress, Doc("which end")] | None = None
+    component: Annotated[int, Ge(0), Doc("component of a displacement or velocity")] = 0
+    during: During | None = None
+    at: Annotated[float, Ge(0), Unit("time"), Doc("time at which `value` holds")] | None = None
+    mean: Annotated[float, Doc("expected mean")] | None = None
+    max: Annotated[float, Doc("expected largest value")] | None = None
+    min: Annotated[float, Doc("expected smallest value")] | None = None
+    final: Annotated[float, Doc("expected last value")] | None = None
+    integral: Annotated[float, Doc("expected integral over time")] | None = None
+    single: Annotated[float, Key("value"), Doc("expected value, at the time `at` or of the run")] | None = None
+    path: Annotated[KeyPath, Computed()] = ()
+
+    def __post_init__(self) -> None:
+        given = [f"`{statistic}`" for statistic in self._values()]
+        if len(given) != 1:
+            state = f"has {' and '.join(given)}" if given else "expects no value"
+            raise ValueError(f"{state}: give exactly one of {', '.join(STATISTICS)}")
+        if self.during is not None and self.at is not None:
+            raise ValueError("has both `during` and `at`: keep one")
+
+    def _values(self) -> dict[str, float]:
+        """Return the given values by statistic."""
+        values = {name: self.single if name == "value" else getattr(self, name) for name in STATISTICS}
+        return {name: value for name, value in values.items() if value is not None}
+
+    @property
+    def statistic(self) -> str:
+        """Statistic of the history: mean, max, min, final, integral or value."""
+        return next(iter(self._values()))
+
+    @property
+    def value(self) -> float:
+        """Expected value."""
+        return self._values()[self.statistic]
+
+    @property
+    def relative(self) -> bool:
+        """Whether the tolerance is a share of the value."""
+        return isinstance(self.tolerance, str)
+
+    @property
+    def within(self) -> float:
+        """Tolerance, as a share of the value where `relative`."""
+        return float(self.tolerance.removesuffix("%")) / 100.0 if isinstance(self.tolerance, str) else self.tolerance
+
+
+@dataclass(frozen=True)
+class CaseSection(Section):
+    """A case of percuss."""
+
+    kind: ClassVar[str] = "the case"
+
+    percuss: Annotated[Literal[1], Doc("version of the format: 1")]
+    bodies: Annotated[
+        dict[Name, Annotated[BodySpec, Expects("a mapping that says what the body is")]],
+        Field(min_length=1),
+        Expects("at least one body by name"),
+        Doc("the bodies, by name"),
+    ]
+    time: Annotated[TimeSpec, Expects("a mapping as {end: 1, courant: 0.5}"), Doc("how long a run is and how it steps")]
+    method: Annotated[
+        MethodSpec, Expects("a mapping as {contact: lagrange}"), EmptyIfAbsent(), Doc("the methods of a run")
+    ]
+    record: Annotated[RecordSpec, Expects("a mapping as {every: 1}"), EmptyIfAbsent(), Doc("what is recorded")]
+    title: Annotated[str, Doc("one line that says what the case is")] = ""
+    source: Annotated[str, Doc("where the case is from")] = ""
+    plugins: Annotated[
+        tuple[str, ...],
+        Expects("a list of files, as [my_law.py]"),
+        Doc("single-file plug-ins, relative to this file"),
+    ] = ()
+    contacts: Annotated[
+        dict[Name, Annotated[ContactSpec, Expects("a mapping that says what the contact is")]],
+        Expects("contacts by name"),
+        Doc("the contacts, by name"),
+    ] = field(default_factory=dict)
+    loads: Annotated[
+        dict[Name, Annotated[LoadSpec, Expects("a mapping that says what the load is")]],
+        Expects("loads by name"),
+        Doc("the loads, by name"),
+    ] = field(default_factory=dict)
+    refine: Annotated[int, Ge(1), Unit("1"), Doc("multiplies every body's elements")] = 1
+    expect: Annotated[
+        tuple[Annotated[Expectation, Expects("a mapping as {quantity: gap, ...}")], ...],
+        Expects("a list of expectations", "Begin each with a dash."),
+        Doc("what a run is expected to give"),
+    ] = ()

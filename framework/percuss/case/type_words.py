@@ -1,4 +1,4 @@
-"""Types of options in words, and what messages say of values that do not fit them."""
+"""Types of options in words, and the words in which messages show a value that does not fit."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from percuss.case.yaml_text import flow
 from percuss.errors import nearest
 from percuss.methods.interfaces import DataFile, Unit
 
-__all__ = ["Expects", "advice", "describe", "fact", "found", "has_type", "is_union", "item_type", "words"]
+__all__ = ["Expects", "advice_for", "branches", "describe", "fact", "found", "is_union", "item_type"]
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Expects:
-    """Says in words what an option expects where its type alone would read badly."""
+    """The expected value of an option in words, where its type alone would read badly, and advice for any other."""
 
     text: str
+    advice: str = ""
 
 
 def is_union(annotation: Any) -> bool:
@@ -29,8 +30,19 @@ def is_union(annotation: Any) -> bool:
     return get_origin(annotation) in (Union, types.UnionType)
 
 
+def branches(annotation: Any) -> Iterator[Any]:
+    """Yield the types that an annotation allows, without its facts: each branch of a union by itself."""
+    if get_origin(annotation) is Annotated:
+        yield from branches(annotation.__origin__)
+    elif is_union(annotation):
+        for branch in get_args(annotation):
+            yield from branches(branch)
+    else:
+        yield annotation
+
+
 def _facts(annotation: Any) -> Iterator[Any]:
-    """Yield the facts of an annotation, those of a union's branches after its own."""
+    """Yield the facts of an annotation, and after its own those of the branches of a union."""
     if get_origin(annotation) is Annotated:
         yield from annotation.__metadata__
         yield from _facts(annotation.__origin__)
@@ -39,70 +51,62 @@ def _facts(annotation: Any) -> Iterator[Any]:
             yield from _facts(branch)
 
 
-# by identity: to hash an annotation takes as long as to walk it; the annotation is kept, so that its id stays its own
-_KNOWN: dict[int, tuple[Any, tuple[Any, ...]]] = {}
-
-
 def fact(annotation: Any, kind: type[T]) -> T | None:
     """Return the first fact of a kind, or None."""
-    kept = _KNOWN.get(id(annotation))
-    if kept is None:
-        kept = _KNOWN[id(annotation)] = (annotation, tuple(_facts(annotation)))
-    for one in kept[1]:
-        if isinstance(one, kind):
-            return one
-    return None
+    return next((fact for fact in _facts(annotation) if isinstance(fact, kind)), None)
+
+
+def item_type(annotation: Any) -> Any:
+    """Return the type of the items of a list, or of the values of a mapping, or None."""
+    items = {tuple: 0, dict: 1}
+    containers = (branch for branch in branches(annotation) if get_origin(branch) in items)
+    return next((get_args(branch)[items[get_origin(branch)]] for branch in containers), None)
 
 
 def _bounded(noun: str, facts: tuple[Any, ...]) -> str:
-    """Return a noun with its bounds and unit: ``a number greater than 0 [length]``."""
-    parts = []
-    for one in facts:
-        for kind, words in (
-            ("gt", "greater than"),
-            ("ge", "of at least"),
-            ("lt", "less than"),
-            ("le", "of at most"),
-        ):
-            limit = getattr(one, kind, None)
-            if limit is not None:
-                parts.append(f"{words} {limit:g}" if isinstance(limit, int | float) else f"{words} {limit}")
-    unit = next((one.unit for one in facts if isinstance(one, Unit)), "1")
-    text = f"{noun} {' and '.join(parts)}" if parts else noun
+    """Return a noun with its bounds and unit, as ``a number greater than 0 [length]``."""
+    words = (("gt", "greater than"), ("ge", "of at least"), ("lt", "less than"), ("le", "of at most"))
+    limits = [(word, getattr(fact, kind, None)) for fact in facts for kind, word in words]
+    bounds = [
+        f"{word} {limit:g}" if isinstance(limit, int | float) else f"{word} {limit}"
+        for word, limit in limits
+        if limit is not None
+    ]
+    unit = next((fact.unit for fact in facts if isinstance(fact, Unit)), "1")
+    text = f"{noun} {' and '.join(bounds)}" if bounds else noun
     return text if unit == "1" else f"{text} [{unit}]"
 
 
 def describe(annotation: Any) -> str:
-    """Return what a type expects, in words, with bounds and unit."""
-    branches = _branches(annotation, ())
-    return branches[0] if len(branches) == 1 else f"{', '.join(branches[:-1])} or {branches[-1]}"
+    """Return the expected value of a type in words, with bounds and unit."""
+    *first, last = _phrases(annotation, ())
+    return f"{', '.join(first)} or {last}" if first else last
 
 
-def _branches(annotation: Any, facts: tuple[Any, ...]) -> list[str]:
-    """Return what each branch of a type expects; the unit of a union is said once, after its last."""
+def _phrases(annotation: Any, facts: tuple[Any, ...]) -> list[str]:
+    """Return the expected value of each branch of a type; a unit of the whole union stands after the last branch."""
     if get_origin(annotation) is Annotated:
-        said = next((one for one in annotation.__metadata__ if isinstance(one, Expects)), None)
-        return [said.text] if said else _branches(annotation.__origin__, (*annotation.__metadata__, *facts))
+        expects = next((fact for fact in annotation.__metadata__ if isinstance(fact, Expects)), None)
+        return [expects.text] if expects else _phrases(annotation.__origin__, (*annotation.__metadata__, *facts))
     if is_union(annotation):
-        bare = tuple(one for one in facts if not isinstance(one, Unit))
-        types_ = [one for one in get_args(annotation) if one is not type(None)]
-        words = [word for one in types_[:-1] for word in _branches(one, bare)]
-        return words + _branches(types_[-1], facts)
+        without_unit = tuple(fact for fact in facts if not isinstance(fact, Unit))
+        *first, last = [branch for branch in get_args(annotation) if branch is not type(None)]
+        return [phrase for branch in first for phrase in _phrases(branch, without_unit)] + _phrases(last, facts)
     if get_origin(annotation) is Literal:
-        return [repr(one) if isinstance(one, str) else flow(one) for one in get_args(annotation)]
+        return [repr(value) if isinstance(value, str) else flow(value) for value in get_args(annotation)]
     if get_origin(annotation) is tuple:
         inner, *rest = get_args(annotation)
-        many = {"a number": "numbers", "a whole number": "whole numbers", "a text": "texts"}
-        noun = many.get(describe(inner), "values")
+        plurals = {"a number": "numbers", "a whole number": "whole numbers", "a text": "texts"}
+        noun = plurals.get(describe(inner), "values")
         return [_bounded(f"a list of {noun}" if rest == [...] else f"a list of {1 + len(rest)} {noun}", facts)]
-    simple = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
-    if annotation in simple:
-        return [_bounded(simple[annotation], facts)]
+    nouns = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+    if annotation in nouns:
+        return [_bounded(nouns[annotation], facts)]
     return ["the path of a CSV file" if annotation is DataFile else str(getattr(annotation, "__name__", annotation))]
 
 
 def found(value: Any) -> str:
-    """Return what stands in the input, short enough for a message."""
+    """Return a value as the input has it, short enough for a message."""
     if isinstance(value, str):
         return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
     text = flow(value)
@@ -113,35 +117,14 @@ def found(value: Any) -> str:
     return f"a list of {len(value)} items" if isinstance(value, tuple) else f"{text[:37]}..."
 
 
-def words(annotation: Any) -> list[str]:
-    """Return the words a type accepts."""
-    if get_origin(annotation) is Annotated:
-        return words(annotation.__origin__)
-    if is_union(annotation):
-        return [word for branch in get_args(annotation) for word in words(branch)]
-    return [one for one in get_args(annotation) if isinstance(one, str)] if get_origin(annotation) is Literal else []
-
-
-def has_type(annotation: Any, wanted: type) -> bool:
-    """Return whether a type is `wanted`, or a union with it."""
-    if get_origin(annotation) is Annotated:
-        return has_type(annotation.__origin__, wanted)
-    return any(has_type(one, wanted) for one in get_args(annotation)) if is_union(annotation) else annotation is wanted
-
-
-def item_type(annotation: Any) -> Any:
-    """Return the type of the items of a list, or None."""
-    if get_origin(annotation) is Annotated:
-        return item_type(annotation.__origin__)
-    if is_union(annotation):
-        return next((one for one in map(item_type, get_args(annotation)) if one is not None), None)
-    return get_args(annotation)[0] if get_origin(annotation) is tuple else None
-
-
-def advice(annotation: Any, value: Any) -> str:
-    """Return what to do about a value of the wrong kind."""
+def advice_for(annotation: Any, value: Any) -> str:
+    """Return advice for a value that does not fit an annotation; it may be empty."""
+    expects = fact(annotation, Expects)
+    if expects is not None and expects.advice:
+        return expects.advice
     if isinstance(value, str):
-        close = nearest(value, words(annotation))
+        literals = [branch for branch in branches(annotation) if get_origin(branch) is Literal]
+        close = nearest(value, [word for literal in literals for word in get_args(literal) if isinstance(word, str)])
         if close is not None:
             return f"Did you mean '{close}'?"
     if isinstance(value, float):
@@ -149,6 +132,6 @@ def advice(annotation: Any, value: Any) -> str:
             return "nan is never a value."
         if math.isinf(value):
             return "Give a finite number."
-        if value == int(value) and has_type(annotation, int):
+        if value == int(value) and int in branches(annotation):
             return f"Write {int(value)}."
     return ""

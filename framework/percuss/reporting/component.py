@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import percuss
-from percuss.case.options import Option, options_of, schema_of
+from percuss.case.json_schema import schema_of
+from percuss.case.options import Option, options_of
 from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from percuss.case.json_schema import section_schema
+from percuss.case.json_schema import DIALECT, schema_of
 from percuss.methods.registry import Registry
-from percuss.studies.layout import MeasureSection, RangeSection, StudySection
+from percuss.studies.layout import StudySection
 
 
 def study_schema(registry: Registry) -> dict[str, Any]:
@@ -19,24 +19,12 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     """
     from percuss.studies.columns import METRICS
 
-    section = section_schema(StudySection, registry)
-    properties = {key.replace("_", "-"): value for key, value in section["properties"].items()}
-    mapping = {"type": "object"}
-    properties["set"] |= mapping
-    properties["vary"] |= {"type": "object", "additionalProperties": {"type": ["array", "string", "number", "boolean"]}}
-    properties["paired"] |= {"type": "array", "items": mapping}
+    schema = schema_of(StudySection, registry)
+    properties = schema["properties"]
+    properties["vary"]["additionalProperties"] = {"type": ["array", "string", "number", "boolean"]}
     for family, family_schema in properties["methods"]["properties"].items():
         choices = [{"enum": registry.names(family)}, {"type": "object", "required": ["name"]}]
-        family_schema |= {"type": "array", "items": {"anyOf": choices}}
-    ranges = {"type": "object", "additionalProperties": section_schema(RangeSection, registry)}
-    properties["sample"]["properties"]["of"] |= ranges
+        family_schema["items"] = {"anyOf": choices}
     bare = {"anyOf": [{"enum": list(METRICS)}, {"type": "string", "pattern": r"^\w+(\.[\w*-]+)*$"}]}
-    properties["measure"] |= {"type": "array", "items": {"anyOf": [bare, section_schema(MeasureSection, registry)]}}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "percuss study",
-        "description": "A study of percuss, format 1",
-        **section,
-        "properties": properties,
-        "required": [key.replace("_", "-") for key in section["required"]],
-    }
+    properties["measure"]["items"] = {"anyOf": [bare, properties["measure"]["items"]]}
+    return {"$schema": DIALECT, "title": "percuss study", "description": "A study of percuss, format 1", **schema}

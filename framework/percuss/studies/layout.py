@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal
 
-from percuss.case.layout import During, Items, Part
+from pydantic import WrapValidator
+
+from percuss.case.options import Key
+from percuss.case.specs import During
 from percuss.case.type_words import Expects
+from percuss.case.validation import EmptyIfAbsent, Section
 from percuss.methods.interfaces import Doc, Ge, Le, Unit
 
 __all__ = [
@@ -21,31 +25,29 @@ __all__ = [
 ]
 
 
+NAMES = Expects("a list of names", "Write the names in brackets, separated by commas.")
+PATHS = Expects("a mapping of paths to values")
+
+
 @dataclass(frozen=True)
-class MethodsSection:
+class MethodsSection(Section):
     """Integrators and contact laws; every pair is run."""
 
+    kind: ClassVar[str] = "the methods"
+
     integrators: Annotated[
-        Any, Doc("names of integrators, or {name: ..., option: ...}; by default the case's own")
+        tuple[Any, ...], NAMES, Doc("names of integrators, or {name: ..., option: ...}; by default the case's own")
     ] = ()
-    contacts: Annotated[Any, Doc("names of contact laws, or {name: ..., option: ...}; by default the case's own")] = ()
+    contacts: Annotated[
+        tuple[Any, ...], NAMES, Doc("names of contact laws, or {name: ..., option: ...}; by default the case's own")
+    ] = ()
 
 
 @dataclass(frozen=True)
-class SampleSection:
-    """Points drawn from a box of values."""
-
-    count: Annotated[int, Ge(1), Le(1_000_000), Unit("1"), Doc("number of points")]
-    of: Annotated[Any, Doc("by path: {from: ..., to: ..., scale: linear or log}")]
-    method: Annotated[Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")] = (
-        "latin-hypercube"
-    )
-    seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
-
-
-@dataclass(frozen=True)
-class RangeSection:
+class RangeSection(Section):
     """The range of a sampled path."""
+
+    kind: ClassVar[str] = "the range"
 
     from_: Annotated[float, Doc("lower end")]
     to: Annotated[float, Doc("upper end")]
@@ -59,8 +61,28 @@ class RangeSection:
 
 
 @dataclass(frozen=True)
-class MeasureSection:
+class SampleSection(Section):
+    """Points drawn from a box of values."""
+
+    kind: ClassVar[str] = "the sample"
+
+    count: Annotated[int, Ge(1), Le(1_000_000), Unit("1"), Doc("number of points")]
+    of: Annotated[
+        dict[str, Annotated[RangeSection, Expects("a range as {from: 0, to: 1}")]],
+        Expects("a mapping of paths to ranges"),
+        Doc("by path: {from: ..., to: ..., scale: linear or log}"),
+    ]
+    method: Annotated[Literal["random", "latin-hypercube", "sobol", "halton"], Doc("how the points are drawn")] = (
+        "latin-hypercube"
+    )
+    seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
+
+
+@dataclass(frozen=True)
+class MeasureSection(Section):
     """A number taken from each run: a quantity, its contact or probe, the time, and the statistic."""
+
+    kind: ClassVar[str] = "the measure"
 
     name: Annotated[str, Doc("name of the column")]
     quantity: Annotated[str, Doc("a recorded quantity, or a dotted path into the summary")]
@@ -75,8 +97,10 @@ class MeasureSection:
 
 
 @dataclass(frozen=True)
-class Condition:
+class Condition(Section):
     """A condition on the points of a study; points that fulfil it are kept."""
+
+    kind: ClassVar[str] = "the condition"
 
     path: Annotated[str, Doc("a varied path, or case, integrator or contact")]
     op: Annotated[Literal["<", "<=", ">", ">=", "==", "!="], Doc("how the value is compared")]
@@ -98,33 +122,65 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class KeepSection:
+class KeepSection(Section):
     """Data kept of each run besides its row."""
+
+    kind: ClassVar[str] = "keep"
 
     histories: Annotated[int, Ge(0), Unit("1"), Doc("at most so many points of each contact force; 0 keeps none")] = 0
 
 
+MEASURE = Expects("a name, or a measure as {name: plateau, quantity: contact_force, ...}")
+
+
+def _or_name(value: Any, check: Callable[[Any], MeasureSection]) -> MeasureSection | str:
+    """Return a name as it is, and anything else as a checked measure."""
+    return value if isinstance(value, str) else check(value)
+
+
 @dataclass(frozen=True)
-class StudySection:
+class StudySection(Section):
     """A study of percuss: many runs, one row each."""
 
-    percuss_study: Annotated[Literal[1], Doc("version of the format: 1")]
+    kind: ClassVar[str] = "the study"
+
+    percuss_study: Annotated[Literal[1], Key("percuss-study"), Doc("version of the format: 1")]
     cases: Annotated[
         tuple[str, ...], Expects("a list of files, as [hunek.yaml]"), Doc("the cases, relative to this file")
     ]
+    methods: Annotated[
+        MethodsSection, Expects("a mapping"), EmptyIfAbsent(), Doc("integrators and contact laws; every pair is run")
+    ]
+    keep: Annotated[KeepSection, Expects("a mapping"), EmptyIfAbsent(), Doc("what is kept of each run beside its row")]
     title: Annotated[str, Doc("one line that says what the study is")] = ""
     question: Annotated[str, Doc("what it is to answer")] = ""
-    set: Annotated[Any, Doc("values replaced in every case, by dotted path")] = ()
-    methods: Annotated[Any, Part(MethodsSection), Doc("integrators and contact laws; every pair is run")] = ()
-    vary: Annotated[Any, Doc("values by dotted path, every combination: a list, or 0:1:11 or 0.01:100:log:30")] = ()
-    paired: Annotated[Any, Doc("list of mappings of paths to values that go together")] = ()
-    sample: Annotated[Any, Part(SampleSection), Doc("points drawn from a box")] = ()
-    measure: Annotated[Any, Doc("the columns of the table; by default those of a comparison")] = ()
-    where: Annotated[Any, Items(Condition), Doc("conditions that every run meets")] = ()
+    set: Annotated[dict[str, Any], PATHS, Doc("values replaced in every case, by dotted path")] = field(
+        default_factory=dict
+    )
+    vary: Annotated[
+        dict[str, Any],
+        PATHS,
+        Doc("values by dotted path, every combination: a list, or 0:1:11 or 0.01:100:log:30"),
+    ] = field(default_factory=dict)
+    paired: Annotated[
+        tuple[Annotated[dict[str, Any], PATHS], ...],
+        Expects("a list of mappings", "Begin with a dash."),
+        Doc("list of mappings of paths to values that go together"),
+    ] = ()
+    sample: Annotated[SampleSection, Expects("a mapping"), Doc("points drawn from a box")] | None = None
+    measure: Annotated[
+        tuple[Annotated[MeasureSection, WrapValidator(_or_name), MEASURE], ...],
+        Expects("a list of measures", "Begin each with a dash."),
+        Doc("the columns of the table; by default those of a comparison"),
+    ] = ()
+    where: Annotated[
+        tuple[Annotated[Condition, Expects("a condition as {path: refine, op: <, value: 4}")], ...],
+        Expects("a list of conditions", "Begin with a dash."),
+        Doc("conditions that every run meets"),
+    ] = ()
     tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
     nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer hang on round-off?")] = False
     repeats: (
         Annotated[int, Ge(1), Le(1000), Unit("1"), Doc("how often each march is made, the least time counts; null: 5")]
         | None
     ) = None
-    keep: Annotated[Any, Part(KeepSection), Doc("what is kept of each run beside its row")] = ()

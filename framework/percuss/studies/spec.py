@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from percuss.case.case import Case, load
-from percuss.case.reader import SINGULAR, Reader
+from percuss.case.reader import Reader
 from percuss.case.source import Source
 from percuss.case.specs import Address
 from percuss.case.type_words import found
+from percuss.case.validation import SINGULAR
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import METRICS, Column, column, column_by_name
-from percuss.studies.layout import (
-    Condition,
-    KeepSection,
-    MeasureSection,
-    MethodsSection,
-    RangeSection,
-    SampleSection,
-    StudySection,
-)
+from percuss.studies.layout import Condition, SampleSection, StudySection
 from percuss.studies.parameters import Sample
 
 __all__ = ["StudySpec", "read_study"]
@@ -113,29 +106,24 @@ class _StudyReader:
         reader, data = self.reader, self.source.data
         if not isinstance(data, Mapping):
             reader.wrong((), f"expected a study, found {found(data)}", "Begin with `percuss-study: 1`.")
-            reader.finish()
-        if data.get("percuss-study") != 1 or isinstance(data.get("percuss-study"), bool | float):
+        elif data.get("percuss-study") != 1 or isinstance(data.get("percuss-study"), bool | float):
             message = f"expected version 1 of the format, found {found(data.get('percuss-study'))}"
             advice = (
                 "This is a case: run it with `percuss run`." if "percuss" in data else "Begin with `percuss-study: 1`."
             )
             reader.wrong(("percuss-study",), message, advice)
-            reader.finish()
-        body = {("percuss_study" if key == "percuss-study" else key): value for key, value in data.items()}
-        section = reader.section(StudySection, (), body, "the study")
+        reader.finish()
+        section = reader.read(StudySection)
         names = data.get("cases")
         if not isinstance(names, tuple) or not all(isinstance(path, str) for path in names):
             reader.finish()  # without cases nothing else can be checked
-            raise AssertionError("the cases are wrong and nothing says why")
         cases = self.cases(names)
-        methods = self.part(MethodsSection, "methods", "the methods")
-        keep = self.part(KeepSection, "keep", "keep")
         registries = [case.registry for case in cases.values()] or [self.reader.registry]
-        integrators = self.methods("integrators", methods.integrators if methods else (), registries)
-        contacts = self.methods("contacts", methods.contacts if methods else (), registries)
+        integrators, contacts = self.methods("integrators", registries), self.methods("contacts", registries)
         if contacts:
             cases = {label: case.with_one_law() for label, case in cases.items()}
-        varied, paired, sample = self.varied(), self.paired(), self.sample()
+        varied = {path: self.values(("vary", path), given) for path, given in self.entries("vary").items()}
+        paired, sample = self.paired(), self.sample()
         self.refuse_repeated_paths(varied, paired, sample)
         paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
         columns, where = self.columns(cases), self.where([*NAMES, *dict.fromkeys(paths)])
@@ -154,7 +142,7 @@ class _StudyReader:
             where=where,
             tied=section.tied,
             nudge=section.nudge,
-            histories=keep.histories if keep else 0,
+            histories=section.keep.histories,
             repeats=section.repeats,
             data=data,
             source=self.source,
@@ -162,11 +150,15 @@ class _StudyReader:
 
     # -------------------------------------------------------------------------------------------- parts
 
-    def part(self, cls: type[Any], key: str, kind: str) -> Any:
-        """Return a section, with its defaults if it is absent, or None if it is wrong."""
-        value = self.source.get((key,), {})
-        given = self.reader.mapping((key,), value, "a mapping")
-        return self.reader.section(cls, (key,), given, kind) if given is not None else None
+    def entries(self, *path: str) -> Mapping[str, Any]:
+        """Return the entries of a mapping, none where it is absent or no mapping, which is reported already."""
+        value = self.source.get(path)
+        return value if isinstance(value, Mapping) else {}
+
+    def items(self, *path: str) -> tuple[Any, ...]:
+        """Return the items of a list, none where it is absent or no list, which is reported already."""
+        value = self.source.get(path)
+        return value if isinstance(value, tuple) else ()
 
     def cases(self, names: tuple[str, ...]) -> dict[str, Case]:
         """Return the cases by label: the file name without its ending, or the path if two names are alike."""
@@ -195,10 +187,7 @@ class _StudyReader:
 
     def with_set(self, case: Case) -> Case | None:
         """Return the case with the values of `set` and without its expectations, which hold for other runs, or None."""
-        values = self.source.get(("set",), {})
-        given = self.reader.mapping(("set",), values if values != () else {}, "a mapping of paths to values")
-        if given is None:
-            return None
+        given = self.entries("set")
         try:
             return case.with_overrides({**given, "expect": ()})
         except InputError as error:
@@ -215,16 +204,10 @@ class _StudyReader:
         message = f"{problem.path}: {problem.message}" if problem.path not in ("", matching[0][-1]) else problem.message
         self.reader.wrong(matching[0], message, problem.advice, key=problem.message.startswith("unknown key"))
 
-    def methods(self, family: str, given: Any, registries: list[Registry]) -> dict[str, Any]:
+    def methods(self, family: str, registries: list[Registry]) -> dict[str, Any]:
         """Return label and value of each named method; at least one case must have it."""
-        path: KeyPath = ("methods", family)
-        kind, known_names = (
-            SINGULAR[family],
-            sorted({name for registry in registries for name in registry.names(family)}),
-        )
-        if not isinstance(given, tuple):
-            self.reader.wrong(path, f"expected a list of names, found {found(given)}", f"Write as [{known_names[0]}].")
-            return {}
+        path, given, kind = ("methods", family), self.items("methods", family), SINGULAR[family]
+        known_names = sorted({name for registry in registries for name in registry.names(family)})
         out: dict[str, Any] = {}
         names: list[Any] = [method.get("name") if isinstance(method, Mapping) else method for method in given]
         for i, method in enumerate(given):
@@ -239,15 +222,6 @@ class _StudyReader:
                 if label in out:
                     self.reader.wrong((*path, i), f"{label} is named twice", "Keep one.")
                 out[label] = method
-        return out
-
-    def varied(self) -> dict[str, list[Any]]:
-        """Return the values of each varied path."""
-        value = self.source.get(("vary",), {})
-        given = self.reader.mapping(("vary",), value if value != () else {}, "a mapping of paths to values")
-        out = {}
-        for path, values in (given or {}).items():
-            out[path] = self.values(("vary", path), values)
         return out
 
     def values(self, at: KeyPath, given: Any) -> list[Any]:
@@ -266,58 +240,32 @@ class _StudyReader:
 
     def paired(self) -> list[dict[str, Any]]:
         """Return the points whose values go together."""
-        given = self.source.get(("paired",), ())
-        if not isinstance(given, tuple):
-            self.reader.wrong(("paired",), f"expected a list of mappings, found {found(given)}", "Begin with a dash.")
-            return []
-        out: list[dict[str, Any]] = []
-        for i, entry in enumerate(given):
-            point = self.reader.mapping(("paired", i), entry, "a mapping of paths to values")
-            if point is not None and out and set(point) != set(out[0]):
-                message = f"has {', '.join(point)}, and the first has {', '.join(out[0])}"
+        points = [(i, dict(point)) for i, point in enumerate(self.items("paired")) if isinstance(point, Mapping)]
+        for i, point in points[1:]:
+            first = points[0][1]
+            if set(point) != set(first):
+                message = f"has {', '.join(point)}, and the first has {', '.join(first)}"
                 self.reader.wrong(("paired", i), message, "Give every point the same paths.")
-            elif point is not None:
-                out.append(dict(point))
-        return out
+        return [point for _, point in points]
 
     def sample(self) -> Sample | None:
         """Return the points to be drawn, or None if there are none."""
-        if self.source.get(("sample",), MISSING) is MISSING:
-            return None
-        section = self.part(SampleSection, "sample", "the sample")
+        section: SampleSection | None = self.reader.part(("sample",))
         if section is None:
             return None
-        given = self.reader.mapping(("sample", "of"), section.of, "a mapping of paths to ranges")
-        axes = {}
-        for path, entry in (given or {}).items():
-            at = ("sample", "of", path)
-            mapping = self.reader.mapping(at, entry, "a range as {from: 0, to: 1}")
-            axis = self.reader.section(RangeSection, at, mapping, "the range") if mapping is not None else None
-            if axis is not None:
-                axes[path] = (axis.from_, axis.to, axis.scale == "log")
-        if given is not None and not given:
+        if not section.of:
             self.reader.wrong(("sample", "of"), "expected at least one path, found none", "Add PATH: {from: 0, to: 1}.")
+        axes = {path: (axis.from_, axis.to, axis.scale == "log") for path, axis in section.of.items()}
         return Sample(section.count, section.method, section.seed, axes)
 
     def where(self, paths: list[str]) -> tuple[Condition, ...]:
         """Return the conditions that every run must meet."""
-        given = self.source.get(("where",), ())
-        if not isinstance(given, tuple):
-            self.reader.wrong(("where",), f"expected a list of conditions, found {found(given)}", "Begin with a dash.")
-            return ()
-        out = []
-        for i, entry in enumerate(given):
-            mapping = self.reader.mapping(("where", i), entry, "a condition as {path: refine, op: <, value: 4}")
-            condition = (
-                self.reader.section(Condition, ("where", i), mapping, "the condition") if mapping is not None else None
-            )
+        conditions = [self.reader.part(("where", i)) for i in range(len(self.items("where")))]
+        for i, condition in enumerate(conditions):
             if condition is not None and condition.path not in paths:
-                self.reader.wrong(
-                    ("where", i, "path"), f"'{condition.path}' is not varied", suggestion(condition.path, paths)
-                )
-            elif condition is not None:
-                out.append(condition)
-        return tuple(out)
+                message = f"'{condition.path}' is not varied"
+                self.reader.wrong(("where", i, "path"), message, suggestion(condition.path, paths))
+        return tuple(condition for condition in conditions if condition is not None)
 
     def refuse_repeated_paths(
         self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: Sample | None
@@ -332,13 +280,8 @@ class _StudyReader:
 
     def columns(self, cases: dict[str, Case]) -> tuple[Column, ...]:
         """Return the measured columns."""
-        given = self.source.get(("measure",), ())
-        if not isinstance(given, tuple):
-            message = f"expected a list of measures, found {found(given)}"
-            self.reader.wrong(("measure",), message, f"Measures with a name: {', '.join(METRICS)}.")
-            return ()
         out: dict[str, Column] = {}
-        for i, measure in enumerate(given):
+        for i, measure in enumerate(self.items("measure")):
             column_of_measure = self.column(("measure", i), measure, cases)
             if column_of_measure is not None and not isinstance(measure, str) and column_of_measure.name in RESERVED:
                 self.reader.wrong(
@@ -360,10 +303,7 @@ class _StudyReader:
         try:
             if isinstance(measure, str):
                 return column_by_name(measure, [case.registry for case in cases.values()])
-            mapping = self.reader.mapping(
-                at, measure, "a name, or a measure as {name: plateau, quantity: contact_force, ...}"
-            )
-            section = self.reader.section(MeasureSection, at, mapping, "the measure") if mapping is not None else None
+            section = self.reader.part(at)
             if section is None:
                 return None
             contacts = list(dict.fromkeys(name for case in cases.values() for name in case.contacts))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from percuss.errors import PluginError, RefusedPair, RunError, nearest
-from percuss.methods.interfaces import FAMILIES, Component
+from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 
@@ -90,10 +90,11 @@ class Subject:
     @property
     def examples(self) -> list[dict[str, Any]]:
         """Option sets that the component gives as examples, with absolute paths of the data files beside its file."""
-        from percuss.case.options import options_of, takes_file
+        from percuss.case.options import options_of
+        from percuss.case.type_words import branches
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
-        files = [key for key, option in options_of(self.component).items() if takes_file(option.annotation)]
+        files = [key for key, option in options_of(self.component).items() if DataFile in branches(option.annotation)]
         out = [dict(options) for options in self.component.examples]
         for example in out:
             example |= {
@@ -105,12 +106,16 @@ class Subject:
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
-        from percuss.case.options import validate
+        from pydantic import ValidationError
 
-        made, faults = validate(self.component, options, kind=f"the {self.family} {self.name}", folder=Path())
-        if made is None:
-            raise CheckFailed("; ".join(f"{'.'.join(map(str, fault.path))}: {fault.message}" for fault in faults))
-        return made
+        from percuss.case.validation import mistakes_in, validate
+        from percuss.case.yaml_text import dotted
+
+        try:
+            return validate(self.component, dict(options))
+        except ValidationError as error:
+            mistakes = (f"{dotted(mistake.path)}: {mistake.message}" for mistake in mistakes_in(error))
+            raise CheckFailed("; ".join(mistakes)) from None
 
     def placed(self, case: Mapping[str, Any], options: Mapping[str, Any], partner: Any = "") -> dict[str, Any]:
         """Return a case that uses the component with `options`, and `partner` as the other method of its pair."""

@@ -68,6 +68,15 @@ class DataFile:
     path: str
     table: Floats
 
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> dict[str, Any]:
+        # The input has a path, and the context of the validation finds the file.
+        return {
+            "type": "function-after",
+            "function": {"type": "with-info", "function": lambda path, info: info.context.data_file(path)},
+            "schema": handler.generate_schema(str),
+        }
+
     def __eq__(self, other: object) -> bool:
         # An array has no truth value, so the comparison that a dataclass generates would fail.
         if not isinstance(other, DataFile):

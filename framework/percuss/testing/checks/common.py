@@ -125,7 +125,8 @@ def check_options_documented(subject: Subject) -> None:
 
     The schema, the messages and the check that results do not depend on the system of units all use the unit.
     """
-    from percuss.case.options import options_of, schema_of
+    from percuss.case.json_schema import schema_of
+    from percuss.case.options import options_of
     from percuss.testing.draws import unit_factor
 
     schema = schema_of(subject.component)["properties"]
@@ -146,21 +147,24 @@ def check_options_bounded(subject: Subject) -> None:
     """
     from hypothesis import strategies as st
     from hypothesis.errors import Unsatisfiable
+    from pydantic import ValidationError
 
-    from percuss.case.options import options_of, validate
+    from percuss.case.options import options_of
+    from percuss.case.validation import mistakes_in, validate
 
     for key, option in options_of(subject.component).items():
         for invalid in (math.nan, {"no": "mapping"}):
-            instance, _ = validate(subject.component, {**subject.examples[0], key: invalid}, kind="it")
-            if instance is not None:
+            with contextlib.suppress(ValidationError):
+                validate(subject.component, {**subject.examples[0], key: invalid})
                 raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
         def with_value(drawn: tuple[dict[str, Any], Any], key: str = key) -> None:
             options, value = drawn
-            instance, faults = validate(subject.component, {**options, key: value}, kind="it")
-            if instance is None:
-                if not all(fault.message.strip() for fault in faults):
-                    raise CheckFailed(f"option `{key}` refuses {value!r} without a word")
+            try:
+                instance = validate(subject.component, {**options, key: value})
+            except ValidationError as error:
+                if not all(mistake.message.strip() for mistake in mistakes_in(error)):
+                    raise CheckFailed(f"option `{key}` refuses {value!r} without a word") from None
                 return
             try:
                 _use(subject, instance, {**options, key: value})
@@ -192,7 +196,7 @@ def check_schema(subject: Subject) -> None:
 
     Editors complete cases with the schema, and other tools check cases against it.
     """
-    from percuss.case.options import schema_of
+    from percuss.case.json_schema import schema_of
     from percuss.jsonable import plain
 
     schema = schema_of(subject.component)

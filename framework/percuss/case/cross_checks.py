@@ -1,0 +1,256 @@
+"""Checks of a case beyond its single sections: addresses, dimensions, doubles, and quantities with their owners."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from percuss.case.specs import Address, BodySpec, CaseSection, Expectation, quantity_named
+from percuss.case.yaml_text import KeyPath, dotted
+from percuss.errors import suggestion
+
+if TYPE_CHECKING:
+    from percuss.case.reader import Reader
+
+__all__ = ["CrossChecks", "completed"]
+
+
+def completed(case: CaseSection, dimension: int) -> CaseSection:
+    """Return a case without mistakes in which the computed fields of its parts are set.
+
+    Vectors with fewer components than the case has dimensions are padded with zeros.
+    """
+
+    def padded(vector: tuple[float, ...]) -> tuple[float, ...]:
+        return vector + (0.0,) * (dimension - len(vector))
+
+    bodies = {
+        name: replace(body, name=name, at=padded(body.start if isinstance(body.start, tuple) else (float(body.start),)))
+        for name, body in case.bodies.items()
+    }
+    contacts = {
+        name: replace(contact, name=name, law=contact.method or case.method.contact)
+        for name, contact in case.contacts.items()
+    }
+    loads = {}
+    for name, load in case.loads.items():
+        direction = load.along or load.load.vector()
+        direction = padded(direction) if direction is not None and any(direction) else None
+        loads[name] = replace(load, name=name, direction=direction)
+    expect = []
+    for i, expectation in enumerate(case.expect):
+        of_contact = quantity_named(expectation.quantity).of == "contact"
+        contact = expectation.contact or (next(iter(contacts)) if of_contact else None)
+        expect.append(replace(expectation, contact=contact, path=("expect", i)))
+    return replace(case, bodies=bodies, contacts=contacts, loads=loads, expect=tuple(expect))
+
+
+class CrossChecks:
+    """Checks of the sections that have no mistakes of their own; mistakes are reported to the reader.
+
+    Attributes
+    ----------
+    dimension
+        Number of components of every vector in the case.
+    """
+
+    def __init__(self, reader: Reader) -> None:
+        self.reader, self.wrong = reader, reader.wrong
+        self.bodies: dict[str, BodySpec] = {}
+        self.ends: dict[str, Sequence[str] | None] = {}
+        self.vectors: list[tuple[KeyPath, int]] = []
+        self._check_bodies()
+        self._check_contacts()
+        self._check_loads()
+        self._check_record()
+        self.dimension = self._common_dimension()
+        self._check_expectations()
+
+    def _parts(self, section: str) -> Iterator[tuple[str, KeyPath, Mapping[str, Any], Any]]:
+        """Yield name, path, data and checked instance, or None, of each mapping in a section of named parts."""
+        entries = self.reader.source.get((section,), {})
+        for name, given in entries.items() if isinstance(entries, Mapping) else ():
+            if isinstance(given, Mapping):
+                yield name, (section, name), given, self.reader.part((section, name))
+
+    def _component_key(self, family: str, given: Mapping[str, Any]) -> str:
+        """Return the key of a mapping that is the name of a component, or an empty text."""
+        names = self.reader.registry.names(family)
+        return next((key for key in given if key in names), "")
+
+    # ------------------------------------------------------------------------------------------- vectors
+
+    def _note_vector(self, path: KeyPath, value: Any) -> None:
+        """Note the length of a vector, which every other vector must have."""
+        if isinstance(value, tuple):
+            if 1 <= len(value) <= 3:
+                self.vectors.append((path, len(value)))
+            else:
+                self.wrong(path, f"expected 1, 2 or 3 components, found {len(value)}")
+
+    def _common_dimension(self) -> int:
+        """Return the number of dimensions; vectors of another length than the first are wrong."""
+        if not self.vectors:
+            return 1
+        first, dimension = self.vectors[0]
+        for path, length in self.vectors[1:]:
+            if length != dimension:
+                where = f"{dotted(first)} ({self.reader.source.place(first)})"
+                message = f"implies {length} dimensions, and {where} implies {dimension}"
+                self.wrong(path, message, "All vectors of a case have one dimension.")
+        return dimension
+
+    # ----------------------------------------------------------------------------------------- addresses
+
+    def _is_end(self, path: KeyPath, address: Address, *, whole_body: bool = False) -> bool:
+        """Return whether an address is an end of the case, or, if allowed, a whole body."""
+        body, region = address.body, address.region
+        if body not in self.ends:
+            self.wrong(path, f"there is no body '{body}'", suggestion(body, self.ends, "name"))
+            return False
+        ends = self.ends[body]
+        if not region and not whole_body:
+            example = f"{body}.{ends[0]}" if ends else f"{body}.END"
+            self.wrong(path, f"expected an end, found the whole body '{body}'", f"Write as '{example}'.")
+            return False
+        if region and ends is not None and region not in ends:
+            self.wrong(path, f"the body '{body}' has no end '{region}'", suggestion(region, ends, "end"))
+            return False
+        return True
+
+    def _are_ends(self, path: KeyPath, addresses: Sequence[Address], *, whole_body: bool = False) -> list[int]:
+        """Return which addresses of a list are ends of the case; an address that stands twice is wrong."""
+        good = []
+        for i, address in enumerate(addresses):
+            if self._is_end((*path, i), address, whole_body=whole_body):
+                if address in addresses[:i]:
+                    self.wrong((*path, i), f"{address} is named twice", "Keep one.")
+                else:
+                    good.append(i)
+        return good
+
+    # ------------------------------------------------------------------------------------------- sections
+
+    def _check_bodies(self) -> None:
+        for name, path, given, body in self._parts("bodies"):
+            shape_name = self._component_key("shapes", given)
+            shape = self.reader.registry.get("shapes", shape_name) if shape_name else None
+            ends = self.ends[name] = getattr(shape, "regions", None) or None
+            if body is None:
+                continue
+            self.bodies[name] = body
+            if (dimension := body.shape.dimension()) is not None:
+                self.vectors.append(((*path, shape_name), int(dimension)))
+            self._note_vector((*path, "at"), body.start)
+            self._note_vector((*path, "velocity"), body.velocity)
+            for i, end in enumerate(body.fixed):
+                at = (*path, "fixed", i)
+                if ends is not None and end not in ends:
+                    self.wrong(at, f"the body '{name}' has no end '{end}'", suggestion(end, ends, "end"))
+                elif end in body.fixed[:i]:
+                    self.wrong(at, f"the end '{end}' is fixed twice", "Keep one.")
+
+    def _check_contacts(self) -> None:
+        pairs: dict[Any, str] = {}
+        for name, path, _, contact in self._parts("contacts"):
+            if contact is None:
+                continue
+            self._note_vector((*path, "wall"), contact.wall)
+            between = contact.between is not None
+            places = [(*path, "between", 0), (*path, "between", 1)] if between else [(*path, "body")]
+            are_ends = [self._is_end(at, side) for at, side in zip(places, contact.sides, strict=True)]
+            if not all(are_ends):
+                continue
+            pair = (frozenset(contact.sides), contact.wall)
+            if between and len(pair[0]) == 1:
+                self.wrong(places[1], f"the end {contact.sides[1]} is in contact with itself", "Name two ends.")
+            elif pair in pairs:
+                same = "ends" if between else "end and wall"
+                self.wrong(path, f"the contact '{pairs[pair]}' has the same {same}", "Keep one of them.", key=True)
+            else:
+                pairs[pair] = name
+
+    def _check_loads(self) -> None:
+        for _, path, given, load in self._parts("loads"):
+            if load is None:
+                continue
+            key, at = self._component_key("loads", given), (*path, "on")
+            moves = load.acts_as == "velocity"
+            if isinstance(load.places, Address):
+                places = {at: load.places} if self._is_end(at, load.places, whole_body=not moves) else {}
+            else:
+                good = self._are_ends(at, load.on, whole_body=not moves)
+                places = {(*at, i): load.on[i] for i in good}
+            for place, end in places.items():
+                if moves and end.body in self.bodies and end.region in self.bodies[end.body].fixed:
+                    advice = f"Take it out of bodies.{end.body}.fixed."
+                    self.wrong(place, f"{end} is fixed and cannot have a velocity", advice)
+            if not load.on and (not load.load.everywhere or moves):
+                owner = "an end" if moves else "an end or a body"
+                self.wrong(at, "missing (where the load acts)", f"Add `on:` with {owner}.", key=True)
+            own = load.load.vector()
+            if own is not None and len(own) > 1:
+                self._note_vector((*path, key), own)
+                if load.along is not None:
+                    self.wrong((*path, "direction"), f"{key} is a vector already", "Keep one.", key=True)
+            self._note_vector((*path, "direction"), load.along)
+
+    def _check_record(self) -> None:
+        record = self.reader.part(("record",))
+        if record is not None:
+            self._are_ends(("record", "probes"), record.probes or ())
+
+    # --------------------------------------------------------------------------------------- expectations
+
+    def _check_expectations(self) -> None:
+        items = self.reader.source.get(("expect",), ())
+        for i in range(len(items) if isinstance(items, tuple) else 0):
+            expectation = self.reader.part(("expect", i))
+            if expectation is not None:
+                self._check_statistic(("expect", i), expectation)
+                self._check_owner(("expect", i), expectation)
+
+    def _check_statistic(self, path: KeyPath, expectation: Expectation) -> None:
+        """Report a statistic, a time or a component that does not suit the quantity."""
+        name, statistic, quantity = expectation.quantity, expectation.statistic, quantity_named(expectation.quantity)
+        if quantity.kind == "scalar":
+            if statistic != "value":
+                message = f"{name} is one number a run, it has no {statistic}"
+                self.wrong((*path, statistic), message, "Write `value:`.", key=True)
+            for time in ("during", "at"):
+                if getattr(expectation, time) is not None:
+                    message = f"{name} is one number a run and belongs to no time"
+                    self.wrong((*path, time), message, f"Remove `{time}:`.", key=True)
+        elif statistic == "value" and expectation.at is None:
+            self.wrong((*path, "at"), "missing (the time at which `value` holds)", "Add `at:`.", key=True)
+        elif statistic != "value" and expectation.at is not None:
+            message = f"{statistic} is taken over an interval, not at a time"
+            self.wrong((*path, "at"), message, "Write `value:` instead, or `during:`.", key=True)
+        of_probe = quantity.of == "probe"
+        if expectation.component and (not of_probe or expectation.component >= self.dimension):
+            limit = f"0 to {self.dimension - 1}" if of_probe and self.dimension > 1 else "0 only"
+            self.wrong((*path, "component"), f"expected {limit}, found {expectation.component}")
+
+    def _check_owner(self, path: KeyPath, expectation: Expectation) -> None:
+        """Report a contact or a probe that is missing, does not exist, or does not suit the quantity."""
+        name, contact, quantity = expectation.quantity, expectation.contact, quantity_named(expectation.quantity)
+        contacts = [key for key, *_ in self._parts("contacts")]
+        at = (*path, "contact")
+        if quantity.of != "contact" and contact is not None:
+            self.wrong(at, f"{name} belongs to no contact", "Remove `contact:`.", key=True)
+        elif quantity.of == "contact" and contact is not None and contact not in contacts:
+            self.wrong(at, f"there is no contact '{contact}'", suggestion(contact, contacts, "name"))
+        elif quantity.of == "contact" and contact is None and len(contacts) != 1:
+            if contacts:
+                advice = f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
+                self.wrong(at, f"missing (whose {name})", advice, key=True)
+            elif not self.reader.problems:  # Mistakes in the contacts have been reported already.
+                self.wrong(at, f"missing (whose {name})", "The case has no contact.", key=True)
+        at = (*path, "probe")
+        if quantity.of == "probe" and expectation.probe is not None:
+            self._is_end(at, expectation.probe)
+        elif quantity.of == "probe":
+            self.wrong(at, f"missing (whose {name})", "Add `probe:` with an end.", key=True)
+        elif expectation.probe is not None:
+            self.wrong(at, f"{name} belongs to no end", "Remove `probe:`.", key=True)

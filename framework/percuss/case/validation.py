@@ -1,0 +1,404 @@
+"""Validation of plain data against frozen dataclasses by pydantic, with a message and advice for every mistake.
+
+Each dataclass is one mapping of the input. Its validator words the mistakes of its own keys, and pydantic puts their
+places together on the way up. The class of a component is looked up in the registry of the validation's context.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
+
+import pydantic
+from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
+
+from percuss.case.csv_file import read_table
+from percuss.case.options import Option, options_of
+from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
+from percuss.case.yaml_text import KeyPath
+from percuss.errors import PluginError, suggestion
+from percuss.methods.interfaces import AllowInf, Component, DataFile
+
+if TYPE_CHECKING:
+    from percuss.methods.registry import Registry
+
+__all__ = [
+    "NO_KEY",
+    "SINGULAR",
+    "Context",
+    "EmptyIfAbsent",
+    "Keyed",
+    "Mistake",
+    "Named",
+    "Section",
+    "adapter",
+    "failure",
+    "mistakes_in",
+    "validate",
+]
+
+T = TypeVar("T")
+
+SINGULAR = {
+    "integrators": "integrator",
+    "contacts": "contact law",
+    "loads": "load",
+    "shapes": "shape",
+    "elements": "element",
+    "materials": "material",
+    "masses": "mass",
+}
+_STRICT = core_schema.CoreConfig(strict=True, allow_inf_nan=False)
+# Mistakes of these types are worded by what the annotation expects.
+_DESCRIBED = {
+    *("float_type", "int_type", "bool_type", "string_type", "tuple_type", "dict_type", "none_required", "missing"),
+    *("greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_long", "too_short"),
+    *("finite_number", "int_from_float", "literal_error"),
+}
+# Key of a component whose name is itself a key of the mapping; no file has it and no path shows it.
+NO_KEY = "\0"
+
+
+@dataclass(frozen=True)
+class Context:
+    """Surroundings of a validation.
+
+    Attributes
+    ----------
+    registry
+        Registry of the components; None where none can be named.
+    folder
+        Folder that the paths of data files are relative to.
+    checked
+        Instance made from each mapping of the input without mistakes, by the mapping's ``id``.
+    """
+
+    registry: Registry | None = None
+    folder: Path = Path()
+    checked: dict[int, Any] = field(default_factory=dict)
+
+    def names(self, family: str) -> list[str]:
+        """Return the names of the components of a family."""
+        return self.registry.names(family) if self.registry is not None else []
+
+    def data_file(self, path: str) -> DataFile:
+        """Return the data file at a path as written in the input."""
+        try:
+            return read_table(path, self.folder)
+        except ValueError as error:
+            advice = "The path is relative to the case." if "no such file" in str(error) else ""
+            words = {"message": str(error), "advice": advice}
+            raise PydanticCustomError("unusable_file", "{message}", words) from None
+
+    @property
+    def left_out(self) -> list[str]:
+        """Sentences about the plug-ins that failed to load, one of which could have brought an unknown name."""
+        broken = self.registry.broken if self.registry is not None else ()
+        sentences = [f"Plug-in that failed to load: {plugin.source}: {plugin.error}" for plugin in broken]
+        return [sentence if sentence.endswith("?") else f"{sentence}." for sentence in sentences]
+
+
+# -------------------------------------------------------------------------------------------------- mistakes
+
+
+class Mistake(NamedTuple):
+    """A mistake in words, at a path inside the value that was validated; `key` says that the key is wrong."""
+
+    path: KeyPath
+    message: str
+    advice: str = ""
+    key: bool = False
+
+
+def failure(*mistakes: Mistake) -> pydantic.ValidationError:
+    """Return the error that a validator raises for mistakes inside its value."""
+    details = [
+        InitErrorDetails(
+            type=PydanticCustomError("worded", "{message}", mistake._asdict()),
+            loc=tuple(part for part in mistake.path if part != NO_KEY),
+            input=None,
+        )
+        for mistake in mistakes
+    ]
+    return pydantic.ValidationError.from_exception_data("percuss", details)
+
+
+def _worded(detail: Any) -> Mistake:
+    """Return the mistake that an inner validator has put into words, with its path in the outer value."""
+    return Mistake(**{**detail["ctx"], "path": detail["loc"]})
+
+
+def mistakes_in(error: pydantic.ValidationError) -> list[Mistake]:
+    """Return the mistakes of a validation by `adapter`."""
+    return [_worded(detail) for detail in error.errors(include_url=False)]
+
+
+def _reached(loc: KeyPath, value: Any) -> KeyPath:
+    """Return the part of a location that leads into the value, without the names of branches of unions."""
+    reached: list[str | int] = []
+    for part in loc:
+        keys: Any = value if isinstance(value, Mapping) else range(len(value)) if isinstance(value, tuple) else ()
+        if part in keys:
+            value = value[part]
+            reached.append(part)
+    return tuple(reached)
+
+
+def _value_mistakes(option: Option, value: Any, details: list[Any]) -> Iterator[Mistake]:
+    """Yield one mistake for each wrong place of a value: the innermost ones, whichever branch of a union saw them."""
+    places = [_reached(detail["loc"][1:], value) for detail in details]
+    for i, (path, detail) in enumerate(zip(places, details, strict=True)):
+        if detail["type"] == "worded":
+            yield _worded(detail)
+        elif path not in places[:i] and not any(other[: len(path)] == path != other for other in places):
+            yield _value_mistake(option, value, path, detail)
+
+
+def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mistake:
+    """Return the mistake at a path inside the value of an option."""
+    at, kind, annotation = (option.key, *path), detail["type"], option.annotation
+    if kind == "unusable_file":
+        return Mistake(at, **detail["ctx"])
+    if detail["loc"][-1] == "[key]":
+        advice = "A name is a letter, then letters, digits, _ or -."
+        return Mistake(at, f"expected a name, found '{path[-1]}'", advice, key=True)
+    for part in path:
+        value, annotation = value[part], item_type(annotation) or Any
+    message = detail["msg"].removeprefix("Value error, ")
+    if kind in _DESCRIBED or (not path and fact(annotation, Expects) is not None):
+        message = f"expected {describe(annotation)}{option.shown_unit if path else ''}"
+    return Mistake(at, f"{message}, found {found(value)}", advice_for(annotation, value))
+
+
+def _mapping_mistakes(
+    cls: type[Any], given: Mapping[str, Any], details: list[Any], context: Context
+) -> Iterator[Mistake]:
+    """Yield the mistakes of a mapping: unknown keys, missing keys and wrong values."""
+    options, keyed = options_of(cls), _keyed(cls)
+    kind = f"the {SINGULAR.get(cls.family, cls.family)} {cls.name}" if issubclass(cls, Component) else cls.kind
+    by_key: dict[Any, list[Any]] = {}
+    for detail in details:
+        by_key.setdefault(detail["loc"][0], []).append(detail)
+    for key in (unknown := [key for key in by_key if key not in options]):
+        keys = [*options.keys() - {NO_KEY}, *(context.names(keyed.family) if keyed else ())]
+        advice = suggestion(key, keys, "key") if keys else "It takes no options."
+        # Where the name of a component may stand, a plug-in could have brought the key.
+        advice = " ".join([advice, *context.left_out]) if keyed else advice
+        yield Mistake((key,), f"unknown key '{key}' of {kind}", advice, key=True)
+        del by_key[key]
+    if unknown and not given.get(NO_KEY):
+        by_key.pop(NO_KEY, None)  # An unknown key is the misspelt name of the component.
+    for key, of_key in by_key.items():
+        option = options[key]
+        if key in given:
+            yield from _value_mistakes(option, given[key], of_key)
+        elif of_key[0]["type"] == "missing":
+            about = f" ({option.doc}{option.shown_unit})" if option.doc or option.shown_unit else ""
+            yield Mistake((key,), f"missing{about}", f"Add `{key}:` to {kind}.", key=True)
+        else:  # in the default component
+            yield from map(_worded, of_key)
+
+
+# --------------------------------------------------------------------------------------------------- schemas
+
+
+class Section:
+    """Base of the dataclasses that are sections of a file.
+
+    Attributes
+    ----------
+    kind
+        Words by which messages call the section.
+    """
+
+    kind: ClassVar[str]
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return _mapping_schema(cls, handler)
+
+
+@dataclass(frozen=True)
+class _Mapping:
+    """Mark of a value that is a mapping whose keys are the options of a dataclass."""
+
+    cls: type
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return _mapping_schema(self.cls, handler)
+
+
+def _keyed(cls: type) -> Keyed | None:
+    """Return the mark of the component that mappings for a dataclass name by a key of their own, if they do."""
+    option = options_of(cls).get(NO_KEY)
+    return fact(option.annotation, Keyed) if option is not None else None
+
+
+def _mapping_schema(cls: type, handler: Any) -> core_schema.CoreSchema:
+    """Return the schema of a mapping that becomes an instance of a dataclass."""
+    options, keyed = options_of(cls), _keyed(cls)
+    fields = {}
+    for key, option in options.items():
+        try:
+            schema = handler.generate_schema(option.annotation)
+        except pydantic.errors.PydanticUserError as error:
+            reason = str(error).splitlines()[0]
+            raise PluginError(f"{cls.__name__}: option '{key}' is of a type no case can give: {reason}") from None
+        if fact(option.annotation, AllowInf) is not None:
+            schema = core_schema.no_info_after_validator_function(_without_nan, schema)
+        required = option.required and schema["type"] != "default"
+        fields[key] = core_schema.typed_dict_field(schema, required=required)
+
+    def instance(value: Any, check: Any, info: Any) -> Any:
+        if not isinstance(value, Mapping):
+            return check(value)  # which raises an error that the mapping around this one puts into words
+        given = value
+        if keyed is not None:
+            names = info.context.names(keyed.family)
+            given = {key: item for key, item in value.items() if key not in names}
+            given[NO_KEY] = {key: item for key, item in value.items() if key in names}
+        try:
+            values = check(given)
+        except pydantic.ValidationError as error:
+            raise failure(*_mapping_mistakes(cls, given, error.errors(include_url=False), info.context)) from None
+        try:
+            made = cls(**{options[key].field: item for key, item in values.items()})
+        except ValueError as error:
+            raise failure(Mistake((), str(error), key=True)) from None
+        info.context.checked[id(value)] = made
+        return made
+
+    mapping = core_schema.typed_dict_schema(fields, extra_behavior="forbid", config=_STRICT, metadata={"percuss": cls})
+    return core_schema.with_info_wrap_validator_function(instance, mapping)
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, float) and math.isnan(value):
+        raise PydanticKnownError("finite_number")
+    return value
+
+
+@functools.cache
+def _adapter(cls: Any) -> pydantic.TypeAdapter[Any]:
+    return pydantic.TypeAdapter(Annotated[Any, _Mapping(cls)])
+
+
+def adapter(cls: type) -> pydantic.TypeAdapter[Any]:
+    """Return the adapter that makes an instance of a dataclass from a mapping, given a `Context`.
+
+    Raises
+    ------
+    PluginError
+        If an annotation cannot be read or allows no value that a case can give.
+    """
+    return _adapter(cast("Hashable", cls))
+
+
+def validate(cls: type[T], options: Mapping[str, Any], context: Context | None = None) -> T:
+    """Return the instance of a dataclass with the given options.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        With all mistakes in the options, see `mistakes_in`.
+    """
+    return adapter(cls).validator.validate_python(options, context=context or Context())  # type: ignore[no-any-return]
+
+
+# ------------------------------------------------------------------------------------------------ components
+
+
+@dataclass(frozen=True)
+class EmptyIfAbsent:
+    """Mark of an entry that is read as an empty mapping where it is absent."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return core_schema.with_default_schema(handler(source), default={}, validate_default=True)
+
+
+@dataclass(frozen=True)
+class Named:
+    """Mark of an entry that is a component: ``NAME`` or ``{name: NAME, option: ...}``.
+
+    Attributes
+    ----------
+    family
+        Family of the component.
+    default
+        Name of the component if the entry has none.
+    optional
+        Whether an absent entry is None and not the default component.
+    """
+
+    family: str
+    default: str
+    optional: bool = False
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        schema = core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
+        return schema if self.optional else core_schema.with_default_schema(schema, default={}, validate_default=True)
+
+    def component(self, entry: Any, info: Any) -> Component:
+        """Return the component that an entry names."""
+        name, options = entry, {}
+        at: KeyPath = ()
+        if isinstance(entry, Mapping):
+            options = {**entry}
+            name, at = options.pop("name", self.default), ("name",)
+        try:
+            cls: type[Component] = info.context.registry.get(self.family, name if isinstance(name, str) else "")
+        except KeyError:
+            kind, text = SINGULAR[self.family], name if isinstance(name, str) else ""
+            advice = " ".join([suggestion(text, info.context.names(self.family)), *info.context.left_out])
+            message = f"unknown {kind} '{name}'" if text else f"expected the name of a {kind}, found {found(name)}"
+            raise failure(Mistake(at, message, advice)) from None
+        except PluginError as error:
+            raise failure(Mistake(at, str(error))) from None
+        return validate(cls, options, info.context)
+
+
+@dataclass(frozen=True)
+class Keyed:
+    """Mark of a component whose name is a key of the mapping around it, as ``constant: 2`` of a load.
+
+    Attributes
+    ----------
+    family
+        Family of the component.
+    kind
+        Word for the component in messages.
+    """
+
+    family: str
+    kind: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return core_schema.with_info_plain_validator_function(self.component, metadata={"percuss": self})
+
+    def component(self, given: Mapping[str, Any], info: Any) -> Component:
+        """Return the component of a mapping from those entries whose keys are names of components."""
+        keys = list(given)
+        if not keys:
+            names = ", ".join(info.context.names(self.family))
+            raise failure(Mistake((), f"has no {self.kind}", f"Add one of: {names}.", key=True))
+        if len(keys) > 1:
+            message = f"expected one {self.kind}, found {' and '.join(keys)}"
+            raise failure(Mistake((keys[1],), message, "Keep one.", key=True))
+        name, value = keys[0], given[keys[0]]
+        cls: type[Component] = info.context.registry.get(self.family, name)
+        options = {} if value is None and not cls.shorthand else value
+        if not isinstance(options, Mapping):
+            if not cls.shorthand:
+                raise failure(Mistake((name,), f"expected the options of {name}, found {found(value)}"))
+            options = {cls.shorthand: value}
+        try:
+            return validate(cls, options, info.context)
+        except pydantic.ValidationError as error:
+            mistakes = mistakes_in(error)
+        if options is not value:  # The value of a shorthand stands where the mapping would.
+            mistakes = [m._replace(path=m.path[1:]) if m.path[:1] == (cls.shorthand,) else m for m in mistakes]
+        raise failure(*(m._replace(path=(name, *m.path)) for m in mistakes))
