@@ -1,9 +1,10 @@
-"""Edits of what a single-file plug-in reaches: each is seen by the next load, in this process and in another.
+"""Edits of what a kernel reaches: each is seen by the next process, and an edit of a single file by the next load.
 
 A compiled kernel that does not see an edit is a wrong number that looks right. The quick part asks for the tag under
 which machine code is kept; the deep one runs every edit, compiled against plain Python, on a warm cache.
 """
 
+import importlib
 import json
 import os
 import subprocess
@@ -13,22 +14,18 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.methods.registry import Registry
-from percuss.solver.compiler.fingerprint import Fingerprint, layout
+from percuss.methods import source_digest
+from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.specialise import Specialiser
 from strategies import hunek
 
 DEEP = os.environ.get("HYPOTHESIS_PROFILE") == "deep"
 
 LAW = '''
-import os
-import sys
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from dataclasses import dataclass
 from typing import NamedTuple
 import numpy as np
-from percuss import ContactLaw
+from percuss import ContactLaw, hookimpl
 IMPORT
 
 
@@ -45,13 +42,18 @@ class Spring(ContactLaw):
     summary = "Penalty as a kernel"
 
     def bind(self, points, dt):
-        return BOUND(0.25 * points.stiffness, 0.125 * points.stiffness)
+        return Bound(0.25 * points.stiffness, 0.125 * points.stiffness)
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
         for p in range(multiplier.size):
             k = bound.k[p]
             multiplier[p] = EXPRESSION * max(-trial.predicted_gap[p], 0.0)
+
+
+@hookimpl
+def percuss_contacts():
+    return [Spring]
 '''
 
 NJIT = "from numba import njit\n"
@@ -67,7 +69,7 @@ JITCLASS = (
 )
 PLAIN = "def f(x):\n    return 1.0 * x\n"
 
-# what the plug-in imports, how its kernel uses it, the helper, and what of it is edited into what
+# what the package's module imports, how its kernel uses it, the helper, and what of it is edited into what
 EDITS = {
     "constant": ("from helpers import C", "k * C", "C = 1.0\n", "1.0", "2.0"),
     "constant of a module": ("import helpers as h", "k * h.C", "C = 1.0\n", "1.0", "2.0"),
@@ -120,6 +122,10 @@ EDITS = {
     "fields of a named tuple": (
         "import helpers as h", "k * h.P.c", TUPLE, "    c: float\n    d: float\n", "    d: float\n    c: float\n",
     ),
+    "default of a named tuple": (
+        "from helpers import Q", "k * Q().c",
+        "from typing import NamedTuple\nclass Q(NamedTuple):\n    c: float = 1.0\n", "1.0", "2.0",
+    ),
     "enumeration": ("from helpers import M", "k * M.C.value", "import enum\nclass M(enum.Enum):\n    C = 1.0\n", "1.0",
                     "2.0"),
     "whole enumeration": ("import helpers as h", "k * h.M.C", "import enum\nclass M(enum.IntEnum):\n    C = 1\n",
@@ -135,98 +141,142 @@ EDITS = {
         "f = functools.partial(g, 1.0)\n", "1.0", "2.0",
     ),
 }  # fmt: skip
-# what of these numba compiles has no hash: machine code that reaches them is not kept on disk
+# what of these has no content by which it is identified: machine code that reaches them is not kept on disk
 UNTOLD = (
     "class, jitted", "partial", "partial, jitted", "in the place of a nested helper", "vectorised",
-    "in a tuple, jitted", "calls itself, jitted",
+    "in a tuple, jitted", "calls itself, jitted", "calls itself", "call each other",
 )  # fmt: skip
 QUICK = ["default, jitted", "enumeration"]
 
 
-def written(folder, name, bound="Bound"):
-    """Write plug-in and helper; return the plug-in, the helper's file and its text before and after the edit."""
+MODULES = ("mine", "helpers", "third")
+
+
+def written(folder, name):
+    """Write a package as if installed as editable; return the helper's file and its text before and after the edit."""
     imported, expression, text, old, new = EDITS[name]
-    law = LAW.replace("IMPORT", imported).replace("EXPRESSION", expression).replace("BOUND", bound)
-    file, helper = folder / "mine.py", folder / "helpers.py"
-    file.write_text(law, encoding="utf-8")
+    (folder / "mine.py").write_text(LAW.replace("IMPORT", imported).replace("EXPRESSION", expression), encoding="utf-8")
+    info = folder / "mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[percuss]\nmethods = mine\n")
+    helper = folder / "helpers.py"
     helper.write_text(text, encoding="utf-8")
+    return helper, text, edited(text, old, new)
+
+
+def edited(text, old, new):
     assert text.count(old) >= 1
-    after = text.replace(old, new if new is not None else old.replace("1.0", "2.0"))
-    return file, helper, text, after
+    return text.replace(old, new if new is not None else old.replace("1.0", "2.0"))
 
 
-@pytest.fixture(autouse=True)
-def path_as_it_was(monkeypatch):
-    """The plug-ins here put their folder on the path."""
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    yield
-    sys.modules.pop("helpers", None)
-    sys.modules.pop("third", None)
+def single_file(folder, name):
+    """Write a plug-in that holds its helper itself; return its file and its text after the edit."""
+    _, expression, helper, old, new = EDITS[name]
+    file = folder / "single.py"
+    text = LAW.replace("EXPRESSION", expression)
+    file.write_text(text.replace("IMPORT", helper), encoding="utf-8")
+    return file, text.replace("IMPORT", edited(helper, old, new))
 
 
-def tag(file):
+@pytest.fixture
+def imported(tmp_path, monkeypatch):
+    """Import the package anew, as another process would or as ``importlib.reload`` does; return its law."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # bytecode does not see an edit within the same second
+
+    def do(reload=False):
+        for module in MODULES:
+            sys.modules.pop(module, None)
+        if not reload:
+            monkeypatch.setattr(source_digest, "_DIGEST_AT_IMPORT", {})
+        importlib.invalidate_caches()
+        return importlib.import_module("mine").Spring
+
+    yield do
+    for module in MODULES:
+        sys.modules.pop(module, None)
+
+
+def tag_of(kernel):
     """The tag of a kernel, and whether machine code with it may be kept."""
     maker = Specialiser()
-    law = Registry.load([file]).get("contacts", "spring")
-    found = maker.tags[id(maker.bind(law.multipliers))]
-    return found, found not in maker._unhashed
+    found = maker.tags[id(maker.bind(kernel))]
+    return found, found not in maker._unkept
 
 
+@pytest.mark.parametrize("reload", [False, True], ids=["in another process", "reloaded"])
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edit_of_a_helper_gives_another_tag(name, tmp_path):
-    file, helper, before, after = written(tmp_path, name)
-    first, kept = tag(file)
-    assert tag(file) == (first, kept)
+def test_an_edit_of_a_helper_gives_another_tag(name, reload, tmp_path, imported):
+    helper, before, after = written(tmp_path, name)
+    first, kept = tag_of(imported().multipliers)
     helper.write_text(after, encoding="utf-8")  # within the second, and of the same size
-    second, _ = tag(file)
-    assert second != first
+    second, _ = tag_of(imported(reload).multipliers)
+    # a class that is no named tuple, enumeration or jitclass cannot be compiled
+    assert second != first or name == "attribute of a class"
     helper.write_text(before, encoding="utf-8")
-    assert tag(file)[0] == first
+    assert not kept or tag_of(imported(reload).multipliers) == (first, kept)
     assert kept is (name not in UNTOLD)
 
 
-@pytest.mark.parametrize("name", EDITS)
-def test_the_content_alone_tells_an_edit(name, tmp_path):
-    """The same with the name of the plug-in's module left out, which an edit changes too."""
-
-    def printed():
-        found = Fingerprint("")
-        found.function(Registry.load([file]).get("contacts", "spring").multipliers)
-        return found.whole, found.tag
-
-    file, helper, _, after = written(tmp_path, name)
-    whole, first = printed()
-    helper.write_text(after, encoding="utf-8")
-    # a class that is no named tuple, enumeration or jitclass cannot be compiled
-    assert printed()[1] != first or not whole or name == "attribute of a class"
+def test_the_same_kernel_has_the_same_tag(tmp_path, imported):
+    """Also of code that numba has called under a profiler, which changes the flags of the code."""
+    written(tmp_path, "helper")
+    first = tag_of(imported().multipliers)
+    law = imported()
+    assert tag_of(law.multipliers) == first
+    for function in (law.multipliers, sys.modules["helpers"].f):
+        function.__code__ = function.__code__.replace(co_flags=function.__code__.co_flags ^ 3)
+    assert tag_of(law.multipliers) == first
 
 
-def test_a_helper_of_a_helper_and_one_reached_by_two_ways(tmp_path):
-    written(tmp_path, "constant")
-    third = tmp_path / "third.py"
-    (tmp_path / "helpers.py").write_text(
+def test_a_comment_gives_another_tag(tmp_path, imported):
+    """The source of a module counts as a whole, for machine code as for stored runs."""
+    helper, before, _ = written(tmp_path, "helper")
+    first, _ = tag_of(imported().multipliers)
+    helper.write_text(f"# nothing\n{before}")
+    assert tag_of(imported().multipliers)[0] != first
+
+
+def test_a_helper_that_is_replaced_at_run_time(tmp_path, imported, monkeypatch):
+    """By a function of another module, by one without a source, and by new code in the same function."""
+    written(tmp_path, "helper of a module")
+    law = imported()
+    first, kept = tag_of(law.multipliers)
+    assert kept
+    sourceless = {"__name__": "helpers"}
+    exec("def f(x):\n    return 3.0 * x\n", sourceless)
+    monkeypatch.setattr(sys.modules["helpers"], "f", sourceless["f"])
+    second, kept = tag_of(law.multipliers)
+    assert second != first
+    assert not kept
+    monkeypatch.undo()
+    monkeypatch.setattr(sys.modules["helpers"].f, "__code__", sourceless["f"].__code__)
+    third, kept = tag_of(law.multipliers)
+    assert third != first
+    assert not kept
+
+
+def test_a_function_without_a_source_is_compiled_and_not_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    names = {"__name__": "__console__", "C": 2.0}
+    exec("def f(x):\n    return C * x\n", names)
+    assert Specialiser().bind(names["f"], entry=True)(3.0) == 6.0
+    names["C"] = 4.0
+    assert Specialiser().bind(names["f"], entry=True)(3.0) == 12.0
+    assert not tag_of(names["f"])[1]
+
+
+def test_a_helper_of_a_helper_and_one_reached_by_two_ways(tmp_path, imported):
+    helper, _, _ = written(tmp_path, "helper of a module")
+    helper.write_text(
         NJIT + "import third as t\n@njit\ndef g(x):\n    return t.D * x\n@njit\ndef f(x):\n    return t.C * g(x)\n"
     )
-    file = tmp_path / "mine.py"
-    file.write_text(LAW.replace("IMPORT", "import helpers as h").replace("EXPRESSION", "h.f(k)"))
     tags = set()
     for text in ("C = 1.0\nD = 1.0\n", "C = 2.0\nD = 1.0\n", "C = 1.0\nD = 2.0\n"):
-        third.write_text(text)
-        tags.add(tag(file)[0])
+        (tmp_path / "third.py").write_text(text)
+        tags.add(tag_of(imported(reload=True).multipliers)[0])
     assert len(tags) == 3
-
-
-def test_helpers_count_in_the_version_of_a_plug_in(tmp_path):
-    file, helper, before, after = written(tmp_path, "constant")
-
-    def version():
-        return Registry.load([file]).sources["contacts", "spring"].version
-
-    first = version()
-    helper.write_text(after)
-    assert version() != first
-    helper.write_text(before)
-    assert version() == first
 
 
 def test_fields_of_bound_arrays_count():
@@ -242,47 +292,63 @@ def test_fields_of_bound_arrays_count():
 
 
 RUNS = """
-import sys, json, pathlib, percuss
-case, file, helper = json.loads(sys.argv[1]), sys.argv[2], pathlib.Path(sys.argv[3])
+import json, sys, percuss
+case, files = json.loads(sys.argv[1]), sys.argv[2:3]
 out = []
-for text in sys.argv[4:]:
-    helper.write_text(text)
+for text in sys.argv[3:] or [None]:
+    if text is not None:
+        open(files[0], "w", encoding="utf-8").write(text)
     for compiled in (True, False):
-        result = percuss.run(percuss.load(case, plugins=[file]), compiled=compiled)
+        result = percuss.run(percuss.load(case, plugins=files), compiled=compiled)
         out.append(result.arrays["contact_force"].max())
 print(json.dumps(out))
 """
 
 
+def ran(folder, *arguments):
+    """Run a case in another process; return the largest forces, compiled and plain, for each text of the plug-in."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": str(folder)}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # bytecode does not see an edit within the same second
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    case = json.dumps(hunek(10, contact="spring", end=0.3))
+    command = [sys.executable, "-c", RUNS, case, *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    forces = np.array(json.loads(done.stdout)).reshape(-1, 2)
+    assert forces[:, 0] == pytest.approx(forces[:, 1], rel=1e-11)
+    return forces[:, 1]
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("name", EDITS if DEEP else QUICK)
-def test_an_edit_is_seen_by_the_next_run(name, tmp_path):
-    """In the process that ran the helper as it was, and in one that finds its machine code on disk."""
-    file, helper, before, after = written(tmp_path, name)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    environment.pop("NUMBA_DISABLE_JIT", None)
+def test_an_edit_of_a_package_is_seen_by_the_next_process(name, tmp_path):
+    """Which finds machine code of the helper as it was on disk."""
+    helper, before, after = written(tmp_path, name)
+    first = ran(tmp_path)
+    helper.write_text(after, encoding="utf-8")
+    other = ran(tmp_path)
+    helper.write_text(before, encoding="utf-8")
+    assert ran(tmp_path) == pytest.approx(first, rel=1e-11)
+    assert name == "options, jitted" or abs(first - other) > 1e-6
 
-    def ran(*texts):
-        command = [sys.executable, "-c", RUNS, json.dumps(hunek(10, contact="spring", end=0.3)), str(file), str(helper)]
-        done = subprocess.run([*command, *texts], capture_output=True, text=True, check=False, env=environment)
-        assert done.returncode == 0, done.stderr
-        return np.array(json.loads(done.stdout)).reshape(-1, 2)
 
-    first = ran(before)
-    other = ran(after)
-    both = ran(before, after)
-    for found in (first, other, both):
-        assert found[:, 0] == pytest.approx(found[:, 1], rel=1e-11)
-    assert both == pytest.approx(np.concatenate([first, other]), rel=1e-11)
-    assert name == "options, jitted" or abs(first[0, 1] - other[0, 1]) > 1e-6
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["helper", "jitted", "closure"] if DEEP else ["helper"])
+def test_an_edit_of_a_single_file_is_seen_by_the_next_load(name, tmp_path):
+    """In the process that ran the file as it was, and in one that finds its machine code on disk."""
+    file, after = single_file(tmp_path, name)
+    before = file.read_text(encoding="utf-8")
+    both = ran(tmp_path, file, before, after)
+    assert abs(both[0] - both[1]) > 1e-6
+    assert ran(tmp_path, file, after, before) == pytest.approx(both[::-1], rel=1e-11)
 
 
 @pytest.mark.deep
 def test_a_case_loaded_before_the_edit_keeps_what_it_was_loaded_with(tmp_path):
-    file, helper, _, after = written(tmp_path, "helper")
+    file, after = single_file(tmp_path, "helper")
     case = percuss.load(hunek(10, contact="spring", end=0.3), plugins=[file])
     old = percuss.run(case, compiled=False).arrays["contact_force"].max()
-    helper.write_text(after, encoding="utf-8")
+    file.write_text(after, encoding="utf-8")
     new = percuss.load(hunek(10, contact="spring", end=0.3), plugins=[file])
     assert percuss.run(new, compiled=False).arrays["contact_force"].max() != old
     assert percuss.run(case, compiled=False).arrays["contact_force"].max() == old

@@ -15,8 +15,7 @@ class Provenance:
     distribution
         Name of the installed distribution; empty for a single file.
     version
-        Version of the distribution; for a single file, the first digits of the SHA-256 of the file, its helper modules
-        and its data files.
+        Version of the distribution; for a single file, the first digits of the SHA-256 of the file and its data files.
     module, file
         Module and file that define the class.
     """

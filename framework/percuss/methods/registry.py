@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import importlib.metadata
 import inspect
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
@@ -27,9 +25,9 @@ from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
 from percuss.methods.interfaces import FAMILIES, Component
-from percuss.methods.local_modules import companions, importing
-from percuss.methods.provenance import Broken, Provenance, display_path
-from percuss.methods.source_digest import data_named, remember
+from percuss.methods.provenance import Broken, Provenance
+from percuss.methods.single_file import SingleFile
+from percuss.methods.source_digest import remember
 
 __all__ = ["Broken", "Provenance", "Registry"]
 
@@ -82,10 +80,10 @@ class Registry:
         PluginError
             If one of `files` is missing, fails, or registers something wrong or a name that is taken.
         """
-        given: dict[Path, _File] = {}
+        given: dict[Path, SingleFile] = {}
         with LOCK:  # Another thread could find a module half imported, or import it a second time.
             for file in files:
-                read = _File.read(Path(file))
+                read = SingleFile.read(Path(file))
                 given.setdefault(read.path, read)
             return _load(_environment() if distributions else None, tuple(given.values()))
 
@@ -129,48 +127,6 @@ class Registry:
         return functools.partial(Registry.load, distributions=self.distributions), (self.files,)
 
 
-@dataclass(frozen=True)
-class _File:
-    """A single-file plug-in as read, with its helpers and data files; an edit of any of them makes another plug-in."""
-
-    path: Path
-    content: bytes
-    helpers: tuple[tuple[Path, tuple[str, bytes]], ...]
-    data: tuple[tuple[Path, bytes], ...]
-    given: str = field(compare=False)
-
-    @classmethod
-    def read(cls, given: Path) -> _File:
-        """Return the single-file plug-in at a path; refuse a path that is not a readable Python file."""
-        path = given.expanduser().resolve()
-        if not path.exists():
-            near = nearest(path.name, [file.name for file in path.parent.glob("*.py")])
-            advice = f". Did you mean '{near}'?" if near else ""
-            raise PluginError(f"{given}: there is no such file in {display_path(str(path.parent))}{advice}")
-        if path.suffix != ".py":
-            raise PluginError(f"{given}: this is not a Python file, expected a name that ends in .py")
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise PluginError(f"{given}: cannot be read: {error.strerror}") from error
-        helpers = companions(path, content)
-        sources = {path: content, **{file: text for file, (_, text) in helpers.items()}}
-        named = {file for source, text in sources.items() for file in data_named(source, text)}
-        data = tuple((file, file.read_bytes()) for file in sorted(named))
-        return cls(path, content, tuple(helpers.items()), data, str(given))
-
-    @property
-    def source(self) -> Provenance:
-        """Provenance of the plug-in, with a module name of its own for each path and content."""
-        data = [content for _, content in self.data]
-        content = b"\0".join([self.content, *(text for _, (_, text) in self.helpers), *data])
-        version = hashlib.sha256(content).hexdigest()[:12]
-        # The name depends on the content too, so that an edited file is a new module and the old one stays intact.
-        unique = hashlib.sha256(str(self.path).encode() + b"\0" + content).hexdigest()[:12]
-        stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
-        return Provenance("", version, f"percuss_file_{stem}_{unique}", str(self.path))
-
-
 class _Registered(NamedTuple):
     """A registered component that keeps the contract, and its provenance."""
 
@@ -189,7 +145,7 @@ def _environment() -> tuple[tuple[str, int], ...]:
 
 
 @functools.lru_cache(maxsize=32)
-def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[_File, ...]) -> Registry:
+def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFile, ...]) -> Registry:
     """Return the registry of installed distributions and `files`, cached until the installation changes.
 
     Parameters
@@ -255,7 +211,7 @@ def _registered_by(key: Key, sources: Iterable[Provenance]) -> str:
     return f"{key[0]} '{key[1]}' is registered by {' and by '.join(map(str, sources))}"
 
 
-def _add_file(manager: _Manager, file: _File, chosen: dict[Key, _Registered], clashes: Clashes) -> None:
+def _add_file(manager: _Manager, file: SingleFile, chosen: dict[Key, _Registered], clashes: Clashes) -> None:
     """Add the components of a single file to `chosen`; raise PluginError with all mistakes in the file."""
     broken: list[Broken] = []
     with _isolate(broken, file.source):
@@ -270,18 +226,13 @@ def _add_file(manager: _Manager, file: _File, chosen: dict[Key, _Registered], cl
         raise PluginError("\n".join(lines).replace(str(file.path), file.given))
 
 
-def _import_file(file: _File) -> ModuleType:
+def _import_file(file: SingleFile) -> ModuleType:
     """Return the module of a single-file plug-in, which is imported once for each content."""
     name = file.source.module
-    if name in sys.modules:
-        return sys.modules[name]
-    module = ModuleType(name)
-    module.__file__ = str(file.path)
-    with _undoing_failed_import(name), importing(dict(file.helpers)):
-        sys.modules[name] = module  # Dataclasses and pickle look the module up there.
-        # Python's own loader is not used: its bytecode cache misses an edit within one second that keeps the size.
-        exec(compile(file.content, str(file.path), "exec", dont_inherit=True), vars(module))  # noqa: S102
-    return module
+    if name not in sys.modules:
+        with _undoing_failed_import(name):
+            file.import_as(name)
+    return sys.modules[name]
 
 
 class _Manager(pluggy.PluginManager):

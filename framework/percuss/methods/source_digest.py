@@ -1,9 +1,10 @@
-"""Digests of the sources of a method: equal digests mean equal numerical results.
+"""Digests of sources: the single answer to the question whether code has changed since a number or machine code.
 
-A digest covers the file that defines the method and, recursively, all modules that this file imports from outside
-installed distributions: those of the method's own package, of packages installed as editable, and helper modules beside
-a single file, with the data files that they name. Installed distributions count by their version, as do Python and the
-packages that compute.
+The digest of a method, on which stored runs depend, covers the file that defines it and, recursively, all modules that
+this file imports from outside installed distributions: those of its own package, of packages installed as editable and
+of the import path, with the data files that they name. Installed distributions count by their version, as do Python and
+the packages that compute. The digest of a function, on which machine code depends, covers the file of its module and
+its own code; functions and values that it reads have digests of their own (`percuss.solver.compiler.fingerprint`).
 """
 
 from __future__ import annotations
@@ -14,20 +15,33 @@ import hashlib
 import json
 import os
 import platform
+import site
 import sys
-from collections.abc import Iterator
+import sysconfig
+import types
+from collections.abc import Iterable, Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from percuss.errors import InputError, Problem
 from percuss.files import PACKAGE
-from percuss.methods.local_modules import installed, managed_modules
 
 if TYPE_CHECKING:
     from percuss.methods.provenance import Provenance
 
-__all__ = ["SourceDigests", "content_digest", "data_named", "own_digest", "remember", "surroundings"]
+__all__ = [
+    "SourceDigests",
+    "content_digest",
+    "data_named",
+    "file_of_module",
+    "function_digest",
+    "imports_of",
+    "own_digest",
+    "record_import",
+    "remember",
+    "surroundings",
+]
 
 LARGE = 2**24  # bytes; a larger data file counts by its size and modification time
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
@@ -47,7 +61,8 @@ NUMERIC_PREFIXES = (
     "MKL_ENABLE_INSTRUCTIONS",
 )
 
-_DIGEST_AT_IMPORT: dict[str, str] = {}  # by module name; only modules outside installed distributions
+# Digests of the sources of modules by name, as they were imported; "" where a source cannot be read.
+_DIGEST_AT_IMPORT: dict[str, str] = {}
 
 
 def content_digest(content: bytes) -> str:
@@ -92,27 +107,88 @@ def remember() -> None:
     Python imports a module once per process: after a later edit the old code goes on running, and its results must not
     be taken for those of the new code.
     """
-    for name, file in _loaded_files():
-        if name not in _DIGEST_AT_IMPORT:
-            try:
-                _DIGEST_AT_IMPORT[name] = content_digest(Path(file).read_bytes())
-            except OSError:
-                _DIGEST_AT_IMPORT[name] = ""
+    for name, _ in _loaded_files():
+        _source_of(name)
+
+
+def record_import(name: str, content: bytes) -> None:
+    """Record the digest of a module that was imported from `content`."""
+    _DIGEST_AT_IMPORT[name] = content_digest(content)
+
+
+def _source_of(name: str) -> str:
+    """Return the digest of the source of an imported module; empty for a module without a source.
+
+    The source is read once per process.
+    """
+    if name not in _DIGEST_AT_IMPORT:
+        file = getattr(sys.modules.get(name), "__file__", None)
+        try:
+            _DIGEST_AT_IMPORT[name] = content_digest(Path(file or "").read_bytes())
+        except OSError:
+            _DIGEST_AT_IMPORT[name] = ""
+    return _DIGEST_AT_IMPORT[name]
+
+
+def function_digest(function: types.FunctionType) -> tuple[str, bool]:
+    """Return the digest of a function without the values that it reads, and whether the function has a source.
+
+    The source alone is not enough: the source of a module does not tell which of its functions this is, nor whether
+    the function is still that of the source. A function made by ``exec`` or at a prompt has no source.
+
+    Parameters
+    ----------
+    function
+        The function; the digest does not depend on the place of its file.
+    """
+    name = function.__globals__.get("__name__", "")
+    module = sys.modules.get(name)
+    source = ""
+    if module is not None and vars(module) is function.__globals__:
+        source = _source_of(name) if function.__code__.co_filename == getattr(module, "__file__", None) else ""
+    return f"{source} {_code_digest(function.__code__)}", bool(source)
+
+
+@functools.lru_cache(maxsize=4096)
+def _code_digest(code: types.CodeType) -> str:
+    """Return the digest of bytecode, its constants, and the names and kinds of its arguments.
+
+    The flags of the code do not count: numba changes them when it calls a compiled function under a profiler.
+    """
+    arguments = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount
+    names = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
+    constants = [
+        _code_digest(constant) if isinstance(constant, types.CodeType) else f"{type(constant).__name__}:{constant!r}"
+        for constant in code.co_consts
+    ]
+    return content_digest(repr((code.co_code, code.co_exceptiontable, arguments, names, constants)).encode())
+
+
+@functools.cache
+def _installed_prefixes() -> tuple[str, ...]:
+    """Return the beginnings of the paths of installed files, with symbolic links resolved and as configured."""
+    paths = {*sysconfig.get_paths().values(), *site.getsitepackages(), site.getusersitepackages()} - {sys.prefix}
+    spellings = {spelling for path in paths for spelling in (Path(path).absolute(), Path(path).resolve())}
+    return tuple(f"{folder}{os.sep}" for folder in spellings)
+
+
+def _installed(file: str) -> bool:
+    """Return whether a file belongs to Python or to an installed distribution, editable ones excluded."""
+    return file.startswith(_installed_prefixes())
 
 
 def _loaded_files() -> Iterator[tuple[str, str]]:
-    """Yield name and file of each imported module that is neither installed nor imported again after an edit."""
+    """Yield name and file of each imported module that is not installed."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        reimported = name.startswith("percuss_file_") or name in managed_modules() or name == "__main__"
-        if isinstance(file, str) and file.endswith(".py") and not reimported and not installed(file):
+        if isinstance(file, str) and file.endswith(".py") and name != "__main__" and not _installed(file):
             yield name, file
 
 
 def _refuse_edited(name: str, path: Path, content: bytes) -> None:
     """Raise InputError if the source of an imported module has changed since the import."""
     imported_digest = _DIGEST_AT_IMPORT.get(name)
-    if imported_digest is None or name in managed_modules() or imported_digest == content_digest(content):
+    if imported_digest is None or imported_digest == content_digest(content):
         return
     message = "was edited after this process imported it, so that its numbers are those of the code before"
     raise InputError([Problem(str(path), "", message, "Start Python anew, and the workers of a scheduler too.")])
@@ -131,6 +207,24 @@ def _version(distribution: str) -> str:
 def _distributions() -> dict[str, list[str]]:
     """Return the names of the distributions that provide each top-level package."""
     return {package: sorted(set(names)) for package, names in metadata.packages_distributions().items()}
+
+
+class ImportStatement(NamedTuple):
+    """An import in a source.
+
+    Attributes
+    ----------
+    line
+        Its line.
+    module
+        Full name of the module that it names.
+    parts
+        Names that it takes from that module, which may be modules themselves.
+    """
+
+    line: int
+    module: str
+    parts: tuple[str, ...] = ()
 
 
 class _Import(NamedTuple):
@@ -172,14 +266,10 @@ class SourceDigests:
     def _sources(self, source: Provenance) -> dict[str, str]:
         """Return the digest of each source of a component, by names that do not depend on the place of the files."""
         single = not source.distribution
-        start = Path(source.file)
-        folder = start.parent if single else None
-        top = "" if single else source.module.partition(".")[0]
+        name, top = ("", "") if single else (source.module, source.module.partition(".")[0])
         digests: dict[str, str] = {}
-        waiting: list[tuple[_Import, Path]] = [(_Import("" if single else source.module, whole=True), start)]
-        if not single:
-            parents = [_Import(name, whole=False) for name in _parents(source.module)]
-            waiting += self._files_to_follow(parents, None, top, digests)
+        waiting: list[tuple[_Import, Path]] = [(_Import(name, whole=True), Path(source.file))]
+        waiting += self._files_to_follow([_Import(parent, whole=False) for parent in _parents(name)], top, digests)
         visited: set[_Import] = set()
         while waiting:
             module, path = waiting.pop()
@@ -199,11 +289,11 @@ class SourceDigests:
             imports, texts = _imports_and_texts(content, package)
             for data in _data_files(path, texts, in_package=path.name == "__init__.py" or bool(package)):
                 digests[f"{module.name}: {data.name}"] = _data_digest(data)
-            waiting += self._files_to_follow(imports, folder, top, digests)
+            waiting += self._files_to_follow(_modules(imports), top, digests)
         return digests
 
     def _files_to_follow(
-        self, imports: list[_Import], folder: Path | None, top: str, digests: dict[str, str]
+        self, imports: Iterable[_Import], top: str, digests: dict[str, str]
     ) -> list[tuple[_Import, Path]]:
         """Return the files of imported modules that are digested in turn; add the versions of others to `digests`."""
         out = []
@@ -211,8 +301,8 @@ class SourceDigests:
             first = module.name.partition(".")[0]
             if first in sys.stdlib_module_names or first == "percuss" or first in COMPUTING_PACKAGES:
                 continue
-            path = _located(module.name, folder)
-            if path is not None and (first == top or not installed(str(path)) or (folder and path.parent == folder)):
+            path = file_of_module(module.name)
+            if path is not None and (first == top or not _installed(str(path))):
                 out.append((module, path))
             elif path is not None:
                 names = _distributions().get(first, [])
@@ -226,33 +316,47 @@ def _parents(name: str) -> list[str]:
     return [".".join(parts[:n]) for n in range(1, len(parts))]
 
 
-def _imports_and_texts(content: bytes, package: str) -> tuple[list[_Import], list[str]]:
+def _modules(imports: Iterable[ImportStatement]) -> list[_Import]:
+    """Return the modules that import statements may load, each once, with their parent packages."""
+    modules: dict[_Import, None] = {}
+    for statement in imports:
+        parts = [f"{statement.module}.{part}" for part in statement.parts]
+        submodules = [part for part in parts if file_of_module(part) is not None]
+        # A part that is not a module is a name defined in the package, so the package itself counts.
+        names = submodules if submodules and len(submodules) == len(parts) else [statement.module, *parts]
+        for name in filter(None, names):
+            modules[_Import(name, whole=True)] = None
+            modules |= dict.fromkeys(_Import(parent, whole=False) for parent in _parents(name))
+    return list(modules)
+
+
+def imports_of(content: bytes) -> tuple[ImportStatement, ...]:
+    """Return the imports of a Python source outside any package; none if it is not valid Python."""
+    return _imports_and_texts(content, "")[0]
+
+
+@functools.lru_cache(maxsize=256)
+def _imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
     """Return the imports of a source and the short texts in it; both are empty if it is not valid Python."""
     try:
         tree = ast.parse(content)
     except (SyntaxError, ValueError, RecursionError):
-        return [], []
-    imports: dict[_Import, None] = {}
+        return (), ()
+    imports: list[ImportStatement] = []
     texts: dict[str, None] = {}
     for node in ast.walk(tree):
-        names: list[str] = []
         if isinstance(node, ast.Import):
             names = [name for alias in node.names for name in (alias.name, *_parents(alias.name))]
+            imports += [ImportStatement(node.lineno, name) for name in names]
         elif isinstance(node, ast.ImportFrom):
             base = _absolute("." * node.level + (node.module or ""), package)
-            parts = [f"{base}.{alias.name}" for alias in node.names]
-            modules = [part for part in parts if _located(part, None) is not None]
-            # A part that is not a module is a name defined in the package, so the package itself counts.
-            names = modules if modules and len(modules) == len(parts) else [base, *parts]
+            imports.append(ImportStatement(node.lineno, base, tuple(alias.name for alias in node.names)))
         elif isinstance(node, ast.Call) and _is_import(node.func):
             arguments = [arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)]
-            names = [_absolute(argument, package) for argument in arguments[:1]]
+            imports += [ImportStatement(node.lineno, _absolute(name, package)) for name in arguments[:1]]
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and 0 < len(node.value) < 200:
             texts[node.value] = None
-        for name in filter(None, names):
-            imports[_Import(name, whole=True)] = None
-            imports |= dict.fromkeys(_Import(parent, whole=False) for parent in _parents(name))
-    return list(imports), list(texts)
+    return tuple(imports), tuple(texts)
 
 
 def _is_import(function: ast.expr) -> bool:
@@ -271,17 +375,10 @@ def _absolute(name: str, package: str) -> str:
     return ".".join(filter(None, [*above, name[level:]]))
 
 
-def _located(name: str, folder: Path | None) -> Path | None:
-    """Return the file of a module: beside a single-file plug-in, as imported, or as Python would find it; else None."""
-    if folder is not None:
-        base = folder.joinpath(*name.split("."))
-        for path in (base / "__init__.py", base.with_name(f"{base.name}.py")):
-            if path.is_file():
-                return path
+def file_of_module(name: str) -> Path | None:
+    """Return the file of a module as imported, or else where Python would find it; None if there is none."""
     module = sys.modules.get(name)
-    file = getattr(module, "__file__", None)
-    if module is None:
-        file = _file_on_path(name)
+    file = _file_on_path(name) if module is None else getattr(module, "__file__", None)
     return Path(file) if isinstance(file, str) and Path(file).is_file() else None
 
 
@@ -293,7 +390,7 @@ def _file_on_path(name: str) -> str | None:
         package = sys.modules.get(parent)
         search = list(getattr(package, "__path__", [])) if package is not None else None
         if search is None:
-            parent_file = _located(parent, None)
+            parent_file = file_of_module(parent)
             if parent_file is None or parent_file.name != "__init__.py":
                 return None
             search = [str(parent_file.parent)]
@@ -313,7 +410,7 @@ def data_named(path: Path, content: bytes) -> list[Path]:
     return _data_files(path, _imports_and_texts(content, "")[1], in_package=False)
 
 
-def _data_files(path: Path, texts: list[str], *, in_package: bool) -> list[Path]:
+def _data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[Path]:
     """Return the data files that a source may read: those named in its texts and, in a package, all in its folder."""
     folder = path.parent
     data_files: dict[Path, None] = {}

@@ -18,9 +18,9 @@ import percuss
 from percuss.case.case import Case, load
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
-from percuss.methods.local_modules import companions
 from percuss.methods.registry import Registry
-from percuss.methods.source_digest import SourceDigests, data_named, own_digest, surroundings
+from percuss.methods.single_file import SingleFile
+from percuss.methods.source_digest import SourceDigests, own_digest, surroundings
 from percuss.studies.stored_run import Record, record
 from percuss.studies.tasks import LOST, Task, perform_timed
 
@@ -60,7 +60,7 @@ class Bench:
     files
         Contents of the data files that each case names, by label and by the path written in the case.
     plugins
-        Single-file plug-ins of each case, by label: path, and contents of the file and of helpers in its folder.
+        Single-file plug-ins of each case, by label: path, and contents of the file and of its data files.
     columns, nudge, histories, repeats
         Measured columns; whether a nudged twin is run; points kept of each history; number of marches.
     components, surroundings
@@ -172,7 +172,8 @@ def packed(
 ) -> Bench:
     """Return the bench of a study; `keys` must have made the keys of all its tasks."""
     plugins = {
-        label: tuple((str(file), _with_helpers(file)) for file in case.registry.files) for label, case in cases.items()
+        label: tuple((str(file), SingleFile.read(file).files) for file in case.registry.files)
+        for label, case in cases.items()
     }
     origins = {label: _without_plugins(case.origin) for label, case in cases.items()}
     files = {label: keys.files.get(label, {}) for label in cases}
@@ -183,16 +184,6 @@ def packed(
 def _without_plugins(origin: Source) -> Source:
     """Return the contents of a case without the plug-ins that it names, which travel as text."""
     return origin.replaced(("plugins",), ()) if "plugins" in origin.data else origin
-
-
-def _with_helpers(file: Path) -> dict[str, bytes]:
-    """Return the contents of a single-file plug-in and of the helpers and data in its folder that it names."""
-    content = file.read_bytes()
-    helpers = {path: text for path, (_, text) in companions(file, content).items()}
-    data_paths = {path for source, text in {file: content, **helpers}.items() for path in data_named(source, text)}
-    data = {path: path.read_bytes() for path in sorted(data_paths)}
-    in_folder = {path: text for path, text in {**helpers, **data}.items() if path.is_relative_to(file.parent)}
-    return {file.name: content} | {str(path.relative_to(file.parent)): text for path, text in in_folder.items()}
 
 
 def _plugin(path: Path, files: Mapping[str, bytes]) -> Path:

@@ -1,34 +1,43 @@
-"""Digests of all the code that a kernel can reach: equal digests promise equal machine code.
+"""Digests of the values that a kernel reads: with the digest of its code they promise equal machine code.
 
-Numba's own cache checks the file of the compiled function, but nothing that this function calls or reads. A digest
-contains the code, defaults and closure of a function, the value of a constant and, of a module, the attributes that
-the code names, and the same for everything that these refer to in turn.
+Numba's own cache checks the file of the compiled function, but nothing that this function calls or reads. A fingerprint
+contains the value of a constant and, of a module, the attributes that the code names. Functions are not values here:
+those that a kernel calls are bound and have a digest of their own (`percuss.methods.source_digest.function_digest`).
 """
 
 from __future__ import annotations
 
 import enum
+import functools
 import hashlib
 import sys
 import types
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Fingerprint", "contents", "is_foreign", "is_overloaded", "layout", "named_in", "plain_function"]
+__all__ = [
+    "Fingerprint",
+    "contents",
+    "is_foreign",
+    "is_overloaded",
+    "layout",
+    "named_in",
+    "plain_function",
+    "refresh_overloads",
+]
 
-# Functions of these packages are compiled by numba itself; a digest contains their names only.
+# Functions of these packages are compiled by numba itself; a fingerprint contains their names only.
 FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
 
 _BY_REPR = (bool, int, float, complex, str, bytes, type(None), type(...), range, slice, np.dtype)
 _NOTHING = object()
-# Objects that a digest identifies by their address: kept alive, so that no other object can take that address.
+# Objects that a fingerprint identifies by their address: kept alive, so that no other object can take that address.
 _KEPT_ALIVE: dict[int, object] = {}
 
 
 def is_foreign(name: str | None) -> bool:
-    """Return whether a module belongs to a package whose functions a digest identifies by name, not by content."""
+    """Return whether a module belongs to a package whose functions are identified by their names."""
     return (name or "").split(".")[0] in FOREIGN
 
 
@@ -41,7 +50,8 @@ def plain_function(value: object) -> types.FunctionType | None:
     return None
 
 
-def named_in(code: types.CodeType) -> set[str]:
+@functools.lru_cache(maxsize=4096)
+def named_in(code: types.CodeType) -> frozenset[str]:
     """Return the names that a code object, with those nested in it, refers to.
 
     String constants that are identifiers are included, as they may be arguments of `getattr`.
@@ -52,7 +62,7 @@ def named_in(code: types.CodeType) -> set[str]:
             names |= named_in(constant)
         elif isinstance(constant, str) and constant.isidentifier():
             names.add(constant)
-    return names
+    return frozenset(names)
 
 
 def layout(value: object) -> str:
@@ -92,36 +102,8 @@ class Fingerprint:
         """Add a text, followed by a separator."""
         self._digest.update(text.encode() + b"\0")
 
-    def code(self, code: types.CodeType) -> None:
-        """Add bytecode, its constants, and the names and kinds of its arguments."""
-        self._digest.update(code.co_code + code.co_exceptiontable)
-        shape = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
-        self.text(repr((shape, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)))
-        for constant in code.co_consts:
-            if isinstance(constant, types.CodeType):
-                self.code(constant)
-            else:
-                self.text(f"{type(constant).__name__}:{constant!r}")
-
-    def function(self, function: types.FunctionType) -> None:
-        """Add a function: its code, the defaults of its arguments, and all globals and closure cells that it reads."""
-        names = named_in(function.__code__)
-        self.code(function.__code__)
-        self.defaults(function)
-        for name in sorted(names & set(function.__globals__)):
-            self.text(name)
-            self.value(function.__globals__[name], names)
-        for cell in function.__closure__ or ():
-            self.value(contents(cell), names)
-
-    def defaults(self, function: types.FunctionType) -> None:
-        """Add the default values of the arguments of a function."""
-        self.value(function.__defaults__, ())
-        self.value(function.__kwdefaults__, ())
-
-    def value(self, value: Any, names: Iterable[str]) -> None:
+    def value(self, value: Any, names: frozenset[str]) -> None:
         """Add the part of a value that is visible to code that refers to `names`."""
-        names = frozenset(names)
         if (id(value), names) in self._seen:
             self.text("again")
             return
@@ -139,8 +121,15 @@ class Fingerprint:
             self._digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
         elif isinstance(value, np.generic):
             self._digest.update(f"{value.dtype}".encode() + value.tobytes())
+        elif isinstance(value, enum.Enum):
+            self._class(type(value), frozenset())
+            self.text(value.name)
+        elif isinstance(value, np.ufunc) or _is_named_in_module(value):
+            self.text(f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}")
+        elif is_foreign(type(value).__module__) and type(value).__module__.startswith("numba.core.types"):
+            self.text(repr(value))
         else:
-            self._callable(value)
+            self._by_address(value)
 
     def _module(self, value: types.ModuleType, names: frozenset[str]) -> None:
         self.text(f"module {value.__name__} {getattr(value, '__version__', '')}")
@@ -155,6 +144,7 @@ class Fingerprint:
 
     def _class(self, value: type, names: frozenset[str]) -> None:
         self.text(f"{value.__module__}.{value.__qualname__}{getattr(value, '_fields', '')}")
+        self.value(getattr(value, "_field_defaults", None), names)  # of a NamedTuple
         if issubclass(value, enum.Enum):
             for member in value:
                 self.text(member.name)
@@ -169,35 +159,19 @@ class Fingerprint:
         for item in sorted(items, key=repr) if isinstance(value, (set, frozenset)) else items:
             self.value(item, names)
 
-    def _callable(self, value: Any) -> None:
-        """Add a function or a value of any other type; a value without identifiable content counts by its address."""
-        function = plain_function(value)
-        vectorised = getattr(getattr(value, "_dispatcher", None), "py_func", None)  # set by numba's vectorize
-        if function is not None:
-            # A function that numba has compiled already has no tag in its name: loaded from disk, machine code would
-            # call an edited version of it by the same name.
-            if function is not value or is_overloaded(function):
-                self._by_address(value)
-            self.text(repr(sorted(getattr(value, "targetoptions", {}).items(), key=repr)))
-            self.function(function)
-        elif isinstance(vectorised, types.FunctionType):
-            self._by_address(value)
-            self.text(f"{type(value).__name__}{getattr(value, 'types', '')}{getattr(value, 'identity', '')}")
-            self.function(vectorised)
-        elif isinstance(value, enum.Enum):
-            self._class(type(value), frozenset())
-            self.text(value.name)
-        elif isinstance(value, np.ufunc) or _is_named_in_module(value):
-            self.text(f"{type(value).__name__} {getattr(value, '__module__', '')}.{value.__name__}")
-        elif is_foreign(type(value).__module__) and type(value).__module__.startswith("numba.core.types"):
-            self.text(repr(value))
-        else:
-            self._by_address(value)
-
     def _by_address(self, value: object) -> None:
         _KEPT_ALIVE[id(value)] = value
         self.whole = False
         self.text(f"at {id(value)}")
+
+
+def refresh_overloads() -> None:
+    """Let numba notice the overloads of functions that were registered since the last call."""
+    registry = sys.modules.get("numba.core.registry")
+    if registry is not None:
+        # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
+        with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
+            registry.cpu_target.typing_context.refresh()
 
 
 def is_overloaded(function: object) -> bool:
@@ -205,11 +179,7 @@ def is_overloaded(function: object) -> bool:
     registry = sys.modules.get("numba.core.registry")
     if registry is None or not isinstance(function, types.FunctionType):
         return False
-    context = registry.cpu_target.typing_context
-    # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
-    with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
-        context.refresh()
-        return context._lookup_global(function) is not None
+    return registry.cpu_target.typing_context._lookup_global(function) is not None
 
 
 def contents(cell: types.CellType) -> Any:

@@ -1,10 +1,11 @@
 """Bind kernels into templates, compile them, and store the machine code in the user's cache folder.
 
 A template is a function of the loop that calls slots, functions without a body. It is copied with kernels in the place
-of the slots; the name of the copy contains a hash of everything its code can reach: its bytecode and constants,
-helpers, module constants, closures, and the versions of Python, numba, NumPy and percuss
-(`percuss.solver.compiler.fingerprint`). Machine code is therefore never used for an edited kernel, helper or constant.
-Code that cannot be hashed is compiled again by every process that needs it.
+of the slots; the name of the copy contains a tag, a digest of everything its code can reach: the function itself with
+its source (`percuss.methods.source_digest`), the tags of its helpers, the values that it reads
+(`percuss.solver.compiler.fingerprint`), and the versions of Python, numba, NumPy and percuss. Machine code is therefore
+never used for an edited kernel, helper or constant. Code without a source, and code that reads objects without
+identifiable content, is compiled again by every process that needs it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 import percuss
 from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
+from percuss.methods.source_digest import function_digest
 from percuss.solver import compiled
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
@@ -28,6 +30,7 @@ from percuss.solver.compiler.fingerprint import (
     is_overloaded,
     named_in,
     plain_function,
+    refresh_overloads,
 )
 
 Kernel = Callable[..., Any]
@@ -67,7 +70,7 @@ class Specialiser:
         self.about = about
         self.checked = False  # whether kernels of plug-ins check array indices against the size of the array
         self.tags: dict[int, str] = {}
-        self._unhashed: set[str] = set()  # tags of code that reaches an object without a hash
+        self._unkept: set[str] = set()  # tags of code without a source, or that reaches an object without a digest
         self._slotted: set[str] = set()  # tags of code that reaches a slot or belongs to a plug-in
         self._bound: dict[int, Kernel] = {}
         self._in_progress: set[int] = set()
@@ -77,7 +80,7 @@ class Specialiser:
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
         specialiser = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about)
-        specialiser.tags, specialiser._unhashed, specialiser._keep = self.tags, self._unhashed, self._keep
+        specialiser.tags, specialiser._unkept, specialiser._keep = self.tags, self._unkept, self._keep
         specialiser._slotted = self._slotted
         specialiser.checked = self.checked
         return specialiser
@@ -96,9 +99,11 @@ class Specialiser:
             Whether it is a sum whose terms may be added in any order.
         """
         with compiler():
+            if self.jit:
+                refresh_overloads()
             return self._bind(function, entry=entry, reduction=reduction)
 
-    def _bind(self, function: Kernel, *, entry: bool, reduction: bool) -> Kernel:
+    def _bind(self, function: Kernel, *, entry: bool = False, reduction: bool = False) -> Kernel:
         if id(function) in self.tags:
             return function
         cached = self._bound.get(id(function))
@@ -137,11 +142,11 @@ class Specialiser:
     def _compiled(
         self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool, *, kept: bool
     ) -> Kernel:
-        kernel = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=kept and tag not in self._unhashed)
+        kernel = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=kept and tag not in self._unkept)
         _COMPILED[tag, entry] = kernel
         return kernel
 
-    def _replacement(self, value: Any, names: set[str]) -> Any:
+    def _replacement(self, value: Any, names: frozenset[str]) -> Any:
         """Return the replacement for a global variable of a kernel, or None to keep the original.
 
         The replacement is the bound kernel for a slot, a bound copy for a helper function, and for a module a copy
@@ -152,14 +157,14 @@ class Specialiser:
         except TypeError:  # a constant that is not hashable is no slot
             return None
         if slot is not None:
-            return self.bind(slot, reduction=getattr(value, "reduction", False))
+            return self._bind(slot, reduction=getattr(value, "reduction", False))
         if isinstance(value, types.ModuleType):
             return self._module(value, names)
         if plain_function(value) is None or (self.jit and is_overloaded(value)):
             return None
-        return self.bind(value)
+        return self._bind(value)
 
-    def _module(self, module: types.ModuleType, names: set[str]) -> types.ModuleType | None:
+    def _module(self, module: types.ModuleType, names: frozenset[str]) -> types.ModuleType | None:
         """Return a copy of a module in which its functions among `names` are bound, None if there is none to bind."""
         if is_foreign(module.__name__) or id(module) in self._modules:
             return None
@@ -182,24 +187,23 @@ class Specialiser:
         self._keep.append(copy)
         return copy
 
-    def _finish(self, fingerprint: Fingerprint, names: set[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
+    def _finish(self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
         """Return the tag of code that reads `parts`, each with name, replacement in bound code, and original."""
-        whole = True
         for name, replacement, original in parts:
             fingerprint.text(name)
             if id(replacement) in self.tags:
                 fingerprint.text(self.tags[id(replacement)])
-                whole = whole and self.tags[id(replacement)] not in self._unhashed
+                fingerprint.whole = fingerprint.whole and self.tags[id(replacement)] not in self._unkept
             else:
                 fingerprint.value(original, names)
-        if not (whole and fingerprint.whole):
-            self._unhashed.add(fingerprint.tag)
+        if not fingerprint.whole:
+            self._unkept.add(fingerprint.tag)
         return fingerprint.tag
 
     def _tag(
         self,
         source: types.FunctionType,
-        names: set[str],
+        names: frozenset[str],
         bound: Mapping[str, Any],
         closure: tuple[types.CellType, ...],
         options: Mapping[str, Any],
@@ -214,9 +218,11 @@ class Specialiser:
         about = f"{_versions()};{source.__module__};{sorted(options.items(), key=repr)};{self.jit};"
         if reaches_slot:  # only functions behind slots read the tuples of plug-ins
             about += self.about
-        fingerprint = Fingerprint(about)
-        fingerprint.code(source.__code__)
-        fingerprint.defaults(source)
+        digest, has_source = function_digest(source)
+        fingerprint = Fingerprint(about + digest)
+        fingerprint.whole = has_source
+        fingerprint.value(source.__defaults__, frozenset())
+        fingerprint.value(source.__kwdefaults__, frozenset())
         parts = [(name, bound.get(name), source.__globals__[name]) for name in sorted(names & set(source.__globals__))]
         cells = zip(closure, source.__closure__ or (), strict=True)
         parts += [("", cell.cell_contents, contents(original)) for cell, original in cells]
@@ -304,9 +310,30 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, cache:
 
         numba.config.CACHE_DIR = platformdirs.user_cache_dir("percuss", appauthor=False)
     try:
-        return numba.njit(cache=True, **options)(function)  # type: ignore[no-any-return]
+        kernel: Any = numba.njit(cache=True, **options)(function)
     finally:
         numba.config.CACHE_DIR = configured
+    _forgive_lost_modules(kernel._cache)
+    return kernel  # type: ignore[no-any-return]
+
+
+def _forgive_lost_modules(cache: Any) -> None:
+    """Let a cache of machine code that cannot be read begin anew.
+
+    Numba takes union types for equal if their names are, so that in a process that has loaded a single-file plug-in
+    before and after an edit, what it stores for the new version also refers to the module of the old one. Another
+    process does not have that module.
+    """
+    load = cache.load_overload
+
+    def load_or_begin_anew(signature: Any, context: Any) -> Any:
+        try:
+            return load(signature, context)
+        except (ImportError, AttributeError):
+            cache.flush()
+            return None
+
+    cache.load_overload = load_or_begin_anew
 
 
 @functools.cache
