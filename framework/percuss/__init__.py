@@ -17,9 +17,9 @@ _MODULES = {
     "case.case": "Case load",
     "studies.comparison": "compare",
     "methods.interfaces": (
-        "AllowInf BodyMesh ContactLaw ContactPoints ContactState DataFile Doc Element Exact ExactContact Floats Ge Gt "
-        "Integers Integrator Le LeapFrog LinearLaw Load Lt Mass Material Measure Mesh Region Shape Solution Stages "
-        "Trial Unit end_of_step"
+        "AllowInf BodyEnd BodyMesh ContactLaw ContactPoints ContactProblem ContactState DataFile Doc Element Exact "
+        "ExactContact Floats Ge Gt Integers Integrator Le LeapFrog LinearLaw Load Lt Mass Material Measure Mesh "
+        "ProblemBody ProblemContact ProblemLoad Region Shape Solution Stages Trial Unit end_of_step"
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "methods.hookspecs": "hookimpl",
@@ -34,10 +34,12 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 __all__ = [
     "CONTRACT",
     "AllowInf",
+    "BodyEnd",
     "BodyMesh",
     "Case",
     "ContactLaw",
     "ContactPoints",
+    "ContactProblem",
     "ContactState",
     "DataFile",
     "Doc",
@@ -61,6 +63,9 @@ __all__ = [
     "Mesh",
     "PercussError",
     "PluginError",
+    "ProblemBody",
+    "ProblemContact",
+    "ProblemLoad",
     "RefusedPair",
     "Region",
     "Result",
@@ -94,9 +99,11 @@ if TYPE_CHECKING:
     from percuss.methods.hookspecs import hookimpl
     from percuss.methods.interfaces import (
         AllowInf,
+        BodyEnd,
         BodyMesh,
         ContactLaw,
         ContactPoints,
+        ContactProblem,
         ContactState,
         DataFile,
         Doc,
@@ -117,6 +124,9 @@ if TYPE_CHECKING:
         Material,
         Measure,
         Mesh,
+        ProblemBody,
+        ProblemContact,
+        ProblemLoad,
         Region,
         Shape,
         Solution,

@@ -36,7 +36,7 @@ def main() -> None:
     for refine in (1, 34):
         for integrator, law in PAIRS:
             changes = {"refine": refine, "method.integrator": integrator, "method.contact": law}
-            model = settled(percuss.load(HUNEK, {**changes, "time.courant": 0.5}))
+            model = settled(percuss.load(HUNEK, {**changes, "time.courant": 0.5})).model
             March(model).run()
             told = best(lambda model=model: certificate(model))
             march = best(lambda model=model: March(model).run(), 2)

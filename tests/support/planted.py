@@ -1147,11 +1147,11 @@ class Sticky(BarsInARow.__mro__[1]):
     name = "sticky"
     summary = "a solution"
 
-    def covers(self, model):
-        return BarsInARow().covers(model)
+    def covers(self, problem):
+        return BarsInARow().covers(problem)
 
-    def solve(self, model, end):
-        solved = BarsInARow().solve(model, end)
+    def solve(self, problem, end):
+        solved = BarsInARow().solve(problem, end)
         for contact in solved.contacts.values():
             force = contact.force
             object.__setattr__(contact, "force", lambda t, f=force: f(t) - 1e-3)
@@ -1166,11 +1166,11 @@ class Understates(BarsInARow.__mro__[1]):
     name = "understates"
     summary = "a solution"
 
-    def covers(self, model):
-        return BarsInARow().covers(model)
+    def covers(self, problem):
+        return BarsInARow().covers(problem)
 
-    def solve(self, model, end):
-        solved = BarsInARow().solve(model, end)
+    def solve(self, problem, end):
+        solved = BarsInARow().solve(problem, end)
         for contact in solved.contacts.values():
             largest = contact.largest_force
             object.__setattr__(contact, "largest_force", lambda start, stop, f=largest: 0.5 * f(start, stop))

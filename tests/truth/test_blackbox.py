@@ -79,12 +79,12 @@ def test_the_published_critical_courant_numbers(ratio, beta, critical):
 
 @pytest.mark.parametrize(("ratio", "beta", "critical"), ROWS)
 def test_closed_forms_give_the_published_critical_courant_numbers(ratio, beta, critical):
-    assert round(ClosedFormCriterion(model_of(wall(beta, ratio))).critical() * 60, 4) == critical
+    assert round(ClosedFormCriterion(model_of(wall(beta, ratio))).critical_step * 60, 4) == critical
 
 
 def test_the_closed_form_of_the_penalty_method():
     for beta in (0.1, 1.0, 30.0):
-        found = ClosedFormCriterion(model_of(wall(beta, math.inf))).critical() * 60
+        found = ClosedFormCriterion(model_of(wall(beta, math.inf))).critical_step * 60
         assert found == pytest.approx(math.sqrt(2 / (1 + math.sqrt(1 + beta**2))), rel=1e-9)
 
 
@@ -96,7 +96,7 @@ def test_unlike_bars_have_a_closed_form_too(integrator):
     }  # fmt: skip
     case["contacts"] = {"w": {"between": ["c.right", "b.left"]}}
     model = model_of(case)
-    assert ClosedFormCriterion(model).critical() == pytest.approx(PencilCriterion(model).critical(), rel=1e-6)
+    assert ClosedFormCriterion(model).critical_step == pytest.approx(PencilCriterion(model).critical_step, rel=1e-6)
 
 
 def test_no_closed_form_where_none_is_known():
@@ -167,7 +167,7 @@ def test_central_difference_keeps_the_volume(direction):
 def check_the_limit_is_tight(model, judge_class=PencilCriterion):
     """Demand that 1 % below the critical step nothing grows in any combination, and 1 % above it does in the worst."""
     judge = judge_class(model)
-    critical = judge.critical()
+    critical = judge.critical_step
     motions = Motions(model)
     below, above = 0.99 * critical, 1.01 * critical
     for contacts in combinations(len(model.contact_pairs)):
@@ -232,7 +232,7 @@ def test_the_verdict_turns_where_theta_is_one(theta):
 def test_a_large_model_is_judged_by_a_krylov_iteration():
     for law in ({"name": "penalty", "beta_s": 10.0}, {"name": "bipenalty", "beta_s": 10.0, "ratio": 5.0}):
         model = model_of(hunek(n=200, integrator=CD, contact=law))
-        assert BlackBoxCriterion(model).critical() == pytest.approx(PencilCriterion(model).critical(), rel=1e-4)
+        assert BlackBoxCriterion(model).critical_step == pytest.approx(PencilCriterion(model).critical_step, rel=1e-4)
     found = certificate(model_of(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
     assert "Krylov" in found["why"]
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
@@ -282,7 +282,7 @@ def test_a_law_that_is_not_linear_is_unknown_and_says_so(tmp_path):
 @pytest.mark.deep
 def test_a_penalty_written_as_a_kernel_has_the_limit_of_the_penalty(tmp_path):
     case = law_file(tmp_path, "3.0 * bound.stiffness[p] * overlap")
-    expected = PencilCriterion(model_of(wall(3.0, math.inf))).critical()
+    expected = PencilCriterion(model_of(wall(3.0, math.inf))).critical_step
     assert certificate(Model(case))["dt_critical"] == pytest.approx(expected, rel=2e-6)
 
 

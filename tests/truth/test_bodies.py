@@ -374,7 +374,7 @@ def test_why_nothing_is_known_of_a_law_is_said_truly(contact, reason):
     assert reason in known["energy_why"]
     assert ("no line in gap and acceleration" in known["energy_why"]) is (contact["name"] == "nitsche-kernel")
     with pytest.raises(NoClosedFormError, match=reason):
-        ClosedFormCriterion(model).critical()
+        assert ClosedFormCriterion(model).critical_step
 
 
 # ---------------------------------------------------------------------------------------------------- swaps

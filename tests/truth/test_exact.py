@@ -18,6 +18,7 @@ import characteristics
 import percuss
 import places
 from percuss.results.exact_only import run_exact
+from percuss.solver.contact_problem import contact_problem
 from percuss.solver.model import Model
 from strategies import REGISTRY, hunek, number
 
@@ -35,8 +36,9 @@ def solve(case, end=None, overrides=None):
         case = CASES / f"{case}.yaml"
     model = Model(percuss.load(case, overrides))
     engine = REGISTRY.get("solutions", "bars-in-a-row")()
-    assert engine.covers(model) is None
-    solution = engine.solve(model, end or model.dt * model.steps)
+    problem = contact_problem(model)
+    assert engine.covers(problem) is None
+    solution = engine.solve(problem, end or model.dt * model.steps)
     assert solution.reached == (end or model.dt * model.steps)
     return solution
 
@@ -693,7 +695,7 @@ def test_work_and_impulse_are_those_of_the_histories(row, manner, share):
     """Force times velocity at each end, and force, are integrated from one event to the next by a rule of their own."""
     solution = solved(row, **manner)
     end = share * row.end
-    line = 1.0 if solution.chain.flip[list(solution.chain.model.bodies).index("b0")] > 0 else -1.0
+    line = 1.0 if solution.chain.flip[list(solution.chain.problem.bodies).index("b0")] > 0 else -1.0
     line *= -1.0 if 0 in manner["turned"] else 1.0
     marks = [event_times(solution), event_times(solution)[:, None] + solution.chain.transit]
     edges = np.unique(np.clip(np.concatenate([np.ravel(one) for one in [*marks, [0.0, end]]]), 0.0, end))
@@ -989,7 +991,7 @@ def test_displacement_velocity_and_stress_belong_together(row, manner, share):
     waves = solution.chain.waves
     for k, bar in enumerate(row.bars):
         name = f"b{k}"
-        number_ = list(solution.chain.model.bodies).index(name)
+        number_ = list(solution.chain.problem.bodies).index(name)
         wave = bar["length"] / solution.chain.transit[number_]
         sign = solution.chain.flip[number_]
         fronts = [waves.times[h, : waves.count[h]] for h in (2 * number_, 2 * number_ + 1)]
@@ -1042,7 +1044,9 @@ def test_nothing_depends_on_how_a_row_is_written(row, manner, origin):
     one = solved(row)
     other = solved(row, **manner, origin=origin)
     same(row, one, other, row.names, within=1e-11 if not origin else 1e-11 * 40)
-    line = np.sign(other.chain.flip[list(other.chain.model.bodies).index("b0")]) * (-1 if 0 in manner["turned"] else 1)
+    line = np.sign(other.chain.flip[list(other.chain.problem.bodies).index("b0")]) * (
+        -1 if 0 in manner["turned"] else 1
+    )
     for time in (0.3 * row.end, row.end):
         near_to = 1e-11 * 40 * (sum(one.energy(0.0)) + abs(one.work(time)) + row.hardest * row.speed**2 * row.end)
         assert abs(sum(one.energy(time)) - sum(other.energy(time))) <= near_to
@@ -1342,8 +1346,8 @@ def test_no_period_of_a_load_is_overlooked_and_grazing_does_not_stop_it(frequenc
 
 def test_a_load_with_more_pieces_than_fronts_allowed_stops_it_early():
     case = pushed({"harmonic": {"value": 1.0, "mean": 1.0, "frequency": 50.0}}, 20.0)
-    model = Model(percuss.load(case))
-    solution = REGISTRY.get("solutions", "bars-in-a-row")(most_fronts=5000).solve(model, 20.0)
+    problem = contact_problem(Model(percuss.load(case)))
+    solution = REGISTRY.get("solutions", "bars-in-a-row")(most_fronts=5000).solve(problem, 20.0)
     assert 1.0 < solution.reached < 20.0
     assert solution.stopped in {
         "it takes more than 5000 fronts (most_fronts)",
@@ -1443,8 +1447,8 @@ def test_a_sine_is_followed_through_a_row_of_unlike_bars(count, cycles, ratio):
 def test_a_feature_that_no_kink_announces_is_not_overlooked(tmp_path):
     (tmp_path / "bump.py").write_text(BUMP)
     case = long_bars({"bump": {"at": 7.123, "width": 0.02}}, 40.0)
-    model = Model(percuss.load(case, plugins=[tmp_path / "bump.py"]))
-    solution = REGISTRY.get("solutions", "bars-in-a-row")().solve(model, 40.0)
+    problem = contact_problem(Model(percuss.load(case, plugins=[tmp_path / "bump.py"])))
+    solution = REGISTRY.get("solutions", "bars-in-a-row")().solve(problem, 40.0)
     assert solution.reached == 40.0
     assert solution.contacts["ab"].impulse(np.array(40.0)) == pytest.approx(0.02 * math.sqrt(math.pi), rel=1e-10)
     assert solution.contacts["ab"].largest_force(0.0, 40.0) == pytest.approx(1.0, rel=1e-11)
@@ -1536,9 +1540,9 @@ def test_past_the_most_fronts_it_stops_and_says_where(most):
     case = hunek(n=1, end=12.0)
     case["bodies"]["long"]["material"] = {"young": 77.0, "density": 0.013}
     case["bodies"]["short"]["fixed"] = ["left"]
-    model = Model(percuss.load(case))
+    problem = contact_problem(Model(percuss.load(case)))
     engine = REGISTRY.get("solutions", "bars-in-a-row")
-    whole, short = engine().solve(model, 12.0), engine(most_fronts=most).solve(model, 12.0)
+    whole, short = engine().solve(problem, 12.0), engine(most_fronts=most).solve(problem, 12.0)
     assert whole.reached == 12.0
     assert short.reached < 12.0
     assert short.fronts < 4 * max(most, 1000) < whole.fronts

@@ -255,12 +255,12 @@ def test_the_command_line_measures_waves(tmp_path):
 @pytest.mark.parametrize("pair", [(i, {"name": law["name"]}) for i in INTEGRATORS for law in LAWS if len(law) == 1],
                          ids=pair_id)  # fmt: skip
 def test_the_chosen_step_is_certified_on_every_case(case, pair):
-    model = settled(
+    model, criterion = settled(
         percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time.courant": "auto"})
         if "courant" in percuss.load(case).data["time"]
         else percuss.load(case, {"method.integrator": pair[0], "method.contact": pair[1], "time": AUTO})
     )
-    found = certificate(model)
+    found = certificate(model, criterion)
     if pair[0] == "noh-bathe" and pair[1]["name"] in {"lagrange", "tied"}:  # asked of the step itself
         assert found["by"] == "black-box"
         if found["stable"] == "unknown":
@@ -280,11 +280,11 @@ def test_the_chosen_step_is_certified(pair, case):
     case = with_pair(case, pair)
     case["time"]["courant"] = "auto"
     try:
-        model = settled(percuss.load(case))
+        model, criterion = settled(percuss.load(case))
     except (percuss.InputError, percuss.RefusedPair) as error:
         event(str(error)[:60])
         assume(False)
-    found = certificate(model)
+    found = certificate(model, criterion)
     if found["by"] == "black-box" and found["stable"] == "unknown":
         assert "other combinations" in found["why"]
         return

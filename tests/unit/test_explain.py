@@ -23,7 +23,7 @@ REGISTRY = Registry.load()
 
 
 def told(case, overrides=None):
-    return explanation(settled(percuss.load(case, overrides)))
+    return explanation(*settled(percuss.load(case, overrides)))
 
 
 # ------------------------------------------------------------------------------------------------- cases

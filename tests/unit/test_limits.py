@@ -59,7 +59,7 @@ def test_the_command_line_says_so_without_a_traceback(command, change):
 
 
 def test_what_is_proposed_instead_fits(machine):
-    model = settled(percuss.load(HUNEK, {"time.end": 1e8, "record.every": 10_000}))
+    model = settled(percuss.load(HUNEK, {"time.end": 1e8, "record.every": 10_000})).model
     assert recordable(model) is model
 
 

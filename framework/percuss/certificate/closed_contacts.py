@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods.interfaces import LinearLaw
-from percuss.solver.contact_rows import broadcast
 from percuss.solver.integrator_check import scheme
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import ContactState, Floats
+    from percuss.methods.interfaces import ContactState, Floats, LinearLaw
     from percuss.solver.model import Model
 
 
@@ -88,39 +86,34 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
-    for entry in model.laws:
-        law, indices = entry["law"], entry["where"]
-        points = model.points(indices, dt)
-        bound = law.bind(points, dt)
-        if not isinstance(bound, LinearLaw):
+    for bound_law in model.laws_at(dt):
+        law, linear, indices = bound_law.law, bound_law.linear, list(bound_law.where)
+        if linear is None:
             add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
-        coefficients = broadcast(bound, points, law.name)
-        if reason := _reason_unknown(coefficients, law.name, multistage=stages is not None):
+        if reason := _reason_unknown(linear, law.name, multistage=stages is not None):
             add_unknown(law.name, reason)
             continue
-        if coefficients["at"] == "explicit" and not _determined(table.explicit, coefficients):
+        if linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
             add_unknown(
                 f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times"
             )
             continue
-        if coefficients["at"] == "explicit":
-            stiffness[indices] = coefficients["gap"] / coefficients["sigma"]
+        if linear.at == "explicit":
+            stiffness[indices] = linear.gap / linear.sigma
             by_gap, _, by_acceleration = table.explicit.response
-            inertia[indices] = (
-                coefficients["gap"] * by_gap + coefficients["acceleration"] * by_acceleration
-            ) / coefficients["sigma"]
+            inertia[indices] = (linear.gap * by_gap + linear.acceleration * by_acceleration) / linear.sigma
             predicted[indices] = table.explicit.gap == "predicted"
             if table.explicit.gap == "predicted":
                 surplus[indices] = inertia[indices] / stiffness[indices] - table.end.response[0]
         else:
             surplus[indices] = 0.0
-        if coefficients["rate"].any():
+        if np.any(linear.rate):
             tied += indices
         else:
-            compliance[indices] = coefficients["sigma"] / coefficients["gap"]
-        guarantees.append(_energy_guarantee(model, indices, coefficients, inert=bool(inertia[indices].any())))
+            compliance[indices] = linear.sigma / linear.gap
+        guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
     if unknown and stages is None:
         guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     inactive = list(model.inactive_points(0.5 * model.dt))
@@ -141,38 +134,36 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     )
 
 
-def _reason_unknown(coefficients: dict[str, Any], law: str, *, multistage: bool) -> str:
+def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:
     """Return why neither stiffness and inertia nor a constraint follow from a linear law; empty if either does.
 
     Parameters
     ----------
-    coefficients
-        Coefficients of the linear law with one value a point, as `broadcast` returns them.
+    linear
+        The linear law.
     law
         Name of the law.
     multistage
         Whether the integrator is a multi-stage scheme.
     """
-    end = coefficients["at"] == "end"
-    tie = end and bool(coefficients["rate"].all()) and not coefficients["gap"].any() and not coefficients["sigma"].any()
+    end = linear.at == "end"
+    tie = end and bool(np.all(linear.rate)) and not np.any(linear.gap) and not np.any(linear.sigma)
     reasons = {
         f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and multistage,
-        f"{law} weighs the gap rate, which damps or drives": coefficients["rate"].any() and not tie,
+        f"{law} weighs the gap rate, which damps or drives": np.any(linear.rate) and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
-            tie and (coefficients["active"] != "all" or coefficients["sign"] != "free")
+            tie and (linear.active != "all" or linear.sign != "free")
         ),
-        f"{law} does not weigh the gap": not coefficients["gap"].all() and not tie,
-        f"{law} weighs the gap acceleration at the end of the step": end and coefficients["acceleration"].any(),
+        f"{law} does not weigh the gap": not np.all(linear.gap) and not tie,
+        f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),
         f"{law} is judged at the current or predicted gap without a compliance (sigma = 0)": (
-            not end and (coefficients["sigma"] <= 0).any()
+            not end and np.any(np.asarray(linear.sigma) <= 0)
         ),
     }
     return next((reason for reason, holds in reasons.items() if holds), "")
 
 
-def _energy_guarantee(
-    model: Model, indices: list[int], coefficients: dict[str, Any], *, inert: bool
-) -> tuple[str, str]:
+def _energy_guarantee(model: Model, indices: list[int], linear: LinearLaw, *, inert: bool) -> tuple[str, str]:
     """Return the energy guarantee of one linear law at its points, and the reason for it in words.
 
     Parameters
@@ -181,31 +172,31 @@ def _energy_guarantee(
         The case as arrays.
     indices
         Numbers of the contacts under the law.
-    coefficients
-        Coefficients of the linear law, as `broadcast` returns them.
+    linear
+        The linear law.
     inert
         Whether a closed contact of the law has inertia.
     """
     table = model.tables[-1]
-    if coefficients["during"] is not None:
+    if linear.during is not None:
         return NOT_GUARANTEED, INTERVALS
-    if coefficients["at"] == "end":
-        if coefficients["rate"].any():
+    if linear.at == "end":
+        if np.any(linear.rate):
             return NOT_GUARANTEED, TIES
-        if coefficients["active"] == "gap < 0" and _share_an_end(model, indices):
+        if linear.active == "gap < 0" and _share_an_end(model, indices):
             return NOT_GUARANTEED, SHARED
-        bilateral = coefficients["active"] == "all" and coefficients["sign"] == "free"
+        bilateral = linear.active == "all" and linear.sign == "free"
         return (NOT_GUARANTEED, BILATERAL) if bilateral else (NEVER_GROWS, BY_END)
     if table.explicit.gap == "current":
         return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
 
 
-def _determined(state: ContactState, coefficients: dict[str, Any]) -> bool:
+def _determined(state: ContactState, linear: LinearLaw) -> bool:
     """Return whether stiffness and inertia of a closed contact follow from a linear law evaluated at this state."""
     if state.gap == "current":
         return state.response[0] == 0.0 and state.acceleration == "bulk" and state.response[2] == 1.0
-    return state.acceleration == "none" or not coefficients["acceleration"].any()
+    return state.acceleration == "none" or not np.any(linear.acceleration)
 
 
 def _share_an_end(model: Model, indices: list[int]) -> bool:

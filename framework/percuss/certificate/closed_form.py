@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.pencil import Pencil, critical_step
+from percuss.certificate.pencil import Pencil, largest_step_below
 
 if TYPE_CHECKING:
     from percuss.solver.model import Model
@@ -83,6 +83,7 @@ class ClosedFormCriterion:
                 return False
         return True
 
-    def critical(self) -> float:
-        """Return the critical step, which is 2/omega where contact does not lower it."""
-        return critical_step(self._stable, self.free)
+    @property
+    def critical_step(self) -> float:
+        """Largest stable step, which is 2/omega where contact does not lower it."""
+        return largest_step_below(self._stable, self.free)

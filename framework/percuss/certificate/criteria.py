@@ -18,10 +18,9 @@ import numpy as np
 
 from percuss.certificate.black_box import DENSE, MOST_TOGETHER, Motions, combinations, examine
 from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
-from percuss.certificate.pencil import EDGE, FEW, Pencil, critical_step, largest_step
+from percuss.certificate.pencil import EDGE, FEW, Pencil, largest_step, largest_step_below
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, unequal_sets
-from percuss.methods.interfaces import LinearLaw
 from percuss.methods.kernel_trial import changes_with_time
 from percuss.solver.contact_rows import delassus_rows
 
@@ -231,8 +230,9 @@ class PencilCriterion:
         """Largest step that is stable without contact."""
         return free_step(self.pencil) * self.limit_ratio
 
-    def critical(self) -> float:
-        """Return the largest stable step, with laws bound anew for each step tried; nan where it is not known."""
+    @cached_property
+    def critical_step(self) -> float:
+        """Largest stable step, with laws bound anew for each step tried; nan where it is not known."""
         if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
             return self.free
 
@@ -240,7 +240,7 @@ class PencilCriterion:
             assessment = self._assess_by_pencil(dt, closed_contacts(self.model, dt))
             return assessment.stable and assessment.conclusive
 
-        bound = critical_step(is_stable, self.free)
+        bound = largest_step_below(is_stable, self.free)
         if not 0.0 < bound < np.inf or not self._unequal_groups(closed_contacts(self.model, bound)):
             return bound
         # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
@@ -256,22 +256,39 @@ class RunCriterion:
         The model of the whole run.
     kind
         `PencilCriterion` or `BlackBoxCriterion`.
+    other_step
+        The criterion of the same run with another step. A stretch with the same supports, drives and laws has the same
+        critical step, so that its criterion is taken over with what it has searched already.
     """
 
-    def __init__(self, model: Model, kind: type[PencilCriterion | BlackBoxCriterion]) -> None:
+    def __init__(
+        self,
+        model: Model,
+        kind: type[PencilCriterion | BlackBoxCriterion],
+        other_step: RunCriterion | None = None,
+    ) -> None:
         self.model = model
         self.by = kind.by
         self.stretches = model.stretches()
-        self.criteria = [kind(stretch.model) for stretch in self.stretches]
+        examined: dict[Any, PencilCriterion | BlackBoxCriterion] = {}
+        if other_step is not None and other_step.by == kind.by:
+            examined = {
+                (stretch.constraints, stretch.inactive): criterion
+                for stretch, criterion in zip(other_step.stretches, other_step.criteria, strict=True)
+            }
+        self.criteria: list[PencilCriterion | BlackBoxCriterion] = [
+            examined.get((stretch.constraints, stretch.inactive)) or kind(stretch.model) for stretch in self.stretches
+        ]
 
     @property
     def free(self) -> float:
         """Largest step that is stable without contact."""
         return min(criterion.free for criterion in self.criteria)
 
-    def critical(self) -> float:
-        """Return the largest stable step, nan where it is not known."""
-        limits = [criterion.critical() for criterion in self.criteria]
+    @property
+    def critical_step(self) -> float:
+        """Largest stable step, nan where it is not known."""
+        limits = [criterion.critical_step for criterion in self.criteria]
         return float(np.nan if np.isnan(limits).any() else min(limits))
 
     def assess_step(self, dt: float) -> StepAssessment:
@@ -309,7 +326,7 @@ class BlackBoxCriterion:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.motions = Motions(model)
-        # Combinations that are unstable at the free step; None until `critical` has tried them.
+        # Combinations that are unstable at the free step; None until `critical_step` has tried them.
         self._unstable_combinations: list[tuple[int, ...]] | None = None
 
     @cached_property
@@ -380,14 +397,15 @@ class BlackBoxCriterion:
         """Names of the laws with a kernel whose force changes with time."""
         end = self.model.whole.steps * self.model.whole.dt
         return [
-            entry["law"].name
-            for entry in self.model.laws
-            if not isinstance(entry["bound"], LinearLaw)
-            and changes_with_time(entry["law"], entry["bound"], entry["points"], self.model.dt, end)
+            bound_law.law.name
+            for bound_law in self.model.laws
+            if bound_law.linear is None
+            and changes_with_time(bound_law.law, bound_law.kernel_data, bound_law.points, self.model.dt, end)
         ]
 
-    def critical(self) -> float:
-        """Return the largest stable step within the relative tolerance `LOOSE`, or nan where the step is not linear.
+    @cached_property
+    def critical_step(self) -> float:
+        """Largest stable step within the relative tolerance `LOOSE`, or nan where the step is not linear.
 
         A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
         """

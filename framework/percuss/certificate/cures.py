@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.certificate.criteria import PencilCriterion, RunCriterion
-from percuss.solver.model import Model
+
+if TYPE_CHECKING:
+    from percuss.solver.model import Model
 
 
 def no_step(model: Model, free: float) -> str:
@@ -27,8 +29,7 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
         cures.append(
             f"lower the step to {round_down(critical)} (Courant number {round_down(0.5 * critical * model.omega)})"
         )
-    for entry in model.laws:
-        law = entry["law"]
+    for law in (bound_law.law for bound_law in model.laws):
         for option in law.stiffening:
             value = getattr(law, option, None)
             if isinstance(value, float) and criterion.by == PencilCriterion.by:
@@ -54,18 +55,11 @@ def largest_stable_value(criterion: RunCriterion, law: Any, option: str, value: 
 
     None if the step is unstable with a thousand-millionth of the present value, too.
     """
-    models = [stretch.model for stretch in criterion.stretches]
-    present_laws = [model.laws for model in models]
+    model = criterion.model
 
     def is_stable(candidate: float) -> bool:
-        changed = dataclasses.replace(law, **{option: candidate})
-        for model, laws in zip(models, present_laws, strict=True):
-            model.laws = [{**entry, "law": changed} if entry["law"] is law else entry for entry in laws]
-        try:
-            return criterion.assess_step(criterion.model.dt).stable
-        finally:
-            for model, laws in zip(models, present_laws, strict=True):
-                model.laws = laws
+        changed = model.with_laws({law: dataclasses.replace(law, **{option: candidate})})
+        return RunCriterion(changed, PencilCriterion).assess_step(model.dt).stable
 
     if not is_stable(value * 1e-9):
         return None

@@ -73,7 +73,7 @@ def stability(
     for done, values in enumerate(combinations):
         varied = dict(zip(axes, values, strict=True))
         try:
-            model = settled(case.with_overrides(varied) if varied else case)
+            model = settled(case.with_overrides(varied) if varied else case).model
         except InputError as error:
             errors.append(error)
             rows += [_row(varied, way, None, str(error.problems[0].message)) for way in ways]
@@ -129,7 +129,7 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
             "black-box": BlackBoxCriterion,
         }
         criterion: Any = RunCriterion(model, kinds[way]) if way in kinds else ClosedFormCriterion(model)
-        critical = criterion.critical()
+        critical = criterion.critical_step
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))
     doubt = ""

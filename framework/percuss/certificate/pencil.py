@@ -167,7 +167,7 @@ def _limiting_rows(matrix: Floats) -> list[int]:
     return sorted(kept)
 
 
-def critical_step(stable: Callable[[float], bool], free: float) -> float:
+def largest_step_below(stable: Callable[[float], bool], free: float) -> float:
     """Return the largest step up to which `stable` is true, which is `free` where contact does not lower it."""
     return free if stable(free * (1.0 - 0.1 * EDGE)) else largest_step(stable, free)
 

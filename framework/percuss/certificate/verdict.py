@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,14 @@ ABOVE = 1e-6
 SAFETY = 0.9
 
 
-def settled(case: Case) -> Model:
+class SettledRun(NamedTuple):
+    """The model of a run with its step, and the criterion that found the critical step where that chose the step."""
+
+    model: Model
+    criterion: RunCriterion | None
+
+
+def settled(case: Case) -> SettledRun:
     """Return the model of a case; where the case leaves the step open, choose `SAFETY` times the critical step.
 
     Raises
@@ -42,17 +49,17 @@ def settled(case: Case) -> Model:
     """
     model = Model(case)
     if case.time.courant != "auto":
-        return model
+        return SettledRun(model, None)
     if model.why_not_linear:
         message = f"expected linear bodies, found that {model.why_not_linear}"
         advice = "The highest frequency changes with the strain, so that no step is known to be stable: give one."
         raise InputError([case.problem(("time", "courant"), message, advice)])
-    limit = np.inf
+    limit, criterion = np.inf, None
     # With a given number of steps, a shorter step ends the run earlier, so other drives may act during the run, and the
     # critical step may change with them. The loop ends when the critical step does not fall any more.
     while True:
-        criterion = criterion_of(model)
-        critical = criterion.critical()
+        criterion = criterion_of(model, criterion)
+        critical = criterion.critical_step
         chosen = (
             criterion.assess_step(SAFETY * critical)
             if 0.0 < critical < np.inf
@@ -64,17 +71,26 @@ def settled(case: Case) -> Model:
             advice = f"{capitalised(no_step(model, criterion.free))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - EDGE):
-            return model
+            return SettledRun(model, criterion)
         limit = critical
-        model = Model(case, SAFETY * critical)
+        model = model.with_step(SAFETY * critical)
 
 
-def criterion_of(model: Model) -> RunCriterion:
-    """Return the criterion of a run: the pencil where it covers all of its laws, else the black box."""
-    return RunCriterion(model, BlackBoxCriterion if closed_contacts(model, model.dt).unknown else PencilCriterion)
+def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
+    """Return the criterion of a run: the pencil where it covers all of its laws, else the black box.
+
+    Parameters
+    ----------
+    model
+        The model of the run.
+    other_step
+        The criterion of the same run with another step, if there is one.
+    """
+    kind = BlackBoxCriterion if closed_contacts(model, model.dt).unknown else PencilCriterion
+    return RunCriterion(model, kind, other_step)
 
 
-def certificate(model: Model) -> dict[str, Any]:
+def certificate(model: Model, criterion: RunCriterion | None = None) -> dict[str, Any]:
     """Return the certificate of a run.
 
     Each stretch of the run with its own supports, drives and acting laws is assessed, and the worst of them decides.
@@ -83,6 +99,8 @@ def certificate(model: Model) -> dict[str, Any]:
     ----------
     model
         The case as arrays.
+    criterion
+        The criterion of this run, if `settled` has searched the critical step already.
 
     Returns
     -------
@@ -97,8 +115,8 @@ def certificate(model: Model) -> dict[str, Any]:
     """
     if model.why_not_linear:
         return _certificate_of_nonlinear_bodies(model)
-    criterion = criterion_of(model)
-    free, critical = criterion.free, criterion.critical()
+    criterion = criterion or criterion_of(model)
+    free, critical = criterion.free, criterion.critical_step
     assessment = criterion.assess_step(model.dt)
     if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
         assessment = dataclasses.replace(
@@ -156,7 +174,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> dict[str, Any]:
     if laws.unknown or not tangent_as_declared(model):
         return out
     criterion = criterion_of(model)
-    assessment, critical = criterion.assess_step(model.dt), criterion.critical()
+    assessment, critical = criterion.assess_step(model.dt), criterion.critical_step
     about_rest, why = _verdict(criterion, assessment, criterion.free, critical)
     if about_rest == "no":
         lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"

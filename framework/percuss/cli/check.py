@@ -11,7 +11,7 @@ def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: As
         from percuss.certificate.verdict import settled
         from percuss.reporting.explanation import explanation
 
-        explained = explanation(settled(load_case(case, set_, plugin)))
+        explained = explanation(*settled(load_case(case, set_, plugin)))
         if as_json:
             print_json(explained.data)
         else:

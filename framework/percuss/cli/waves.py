@@ -35,7 +35,7 @@ def waves(
 
         loaded = load_to_write(case, set_, plugin, plot)
         print_notes(loaded)
-        wave_data = measure(settled(loaded), contact)
+        wave_data = measure(settled(loaded).model, contact)
         if plot is not None:
             from percuss.reporting.stability_figure import plot_waves
 

@@ -12,14 +12,15 @@ import numpy as np
 from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SAFETY, certificate
-from percuss.methods.interfaces import Component, LinearLaw
+from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
-from percuss.solver.contact_rows import broadcast, law_records
+from percuss.solver.contact_rows import law_records
 from percuss.solver.recording import recordable
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
+    from percuss.certificate.criteria import RunCriterion
     from percuss.solver.entities import ContactPair
     from percuss.solver.model import Model
 
@@ -34,11 +35,19 @@ class Explanation:
     data: dict[str, Any]
 
 
-def explanation(model: Model) -> Explanation:
-    """Return the explanation of a model's run: bodies, contacts, loads, step, stability, exact solution and methods."""
+def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanation:
+    """Return the explanation of a model's run: bodies, contacts, loads, step, stability, exact solution and methods.
+
+    Parameters
+    ----------
+    model
+        The case as arrays.
+    criterion
+        The criterion with which its step was chosen, if it was (`percuss.certificate.verdict.settled`).
+    """
     from percuss.jsonable import plain
 
-    verdict = certificate(recordable(model))
+    verdict = certificate(recordable(model), criterion)
     measured = _measured_energy(model, verdict["energy"])
     contacts = [_contact_data(model, p, contact_pair) for p, contact_pair in enumerate(model.contact_pairs)]
     loads = [_load_data(spec) for spec in model.case.loads.values()]
@@ -204,7 +213,7 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
     if energy == "never grows" or model.why_not_linear:
         return {}
     integrator = model.case.method.integrator.name
-    laws = [entry["law"] for entry in model.laws]
+    laws = [bound_law.law for bound_law in model.laws]
     return {law.name: law.measured[integrator] for law in laws if integrator in law.measured}
 
 
@@ -250,23 +259,23 @@ def _contact_data(model: Model, number: int, contact_pair: ContactPair) -> dict[
 
 def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | None:
     """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
-    entry = next(law for law in model.laws if number in law["where"])
-    if not isinstance(entry["bound"], LinearLaw):
+    bound_law = next(bound_law for bound_law in model.laws if number in bound_law.where)
+    linear = bound_law.linear
+    if linear is None:
         return None
-    rows = broadcast(entry["bound"], entry["points"], entry["law"].name)
-    delassus = entry["points"].delassus
-    record = law_records(rows, model.tables[-1], delassus, entry["law"].name)[entry["where"].index(number)]
+    records = law_records(bound_law, model.tables[-1], bound_law.points.delassus)
+    record = records[bound_law.where.index(number)]
     w = float(record["response"])
     return {
-        "at": rows["at"],
+        "at": linear.at,
         "judged": "predicted" if record["sees_predicted_gap"] else "current",
         "sees_acceleration": bool(record["sees_acceleration"]),
         "sigma": float(record["sigma"]),
         "gap": float(record["weight_gap"]),
         "rate": float(record["weight_rate"]),
         "acceleration": float(record["weight_acceleration"]),
-        "active": rows["active"],
-        "sign": rows["sign"],
+        "active": linear.active,
+        "sign": linear.sign,
         "w": w,
         "stiffness": 1.0 / (float(record["sigma"]) + w * s),
     }
@@ -278,7 +287,7 @@ def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set
     The law is added to `explained_laws`.
     """
     gap = "touching" if contact["gap"] == 0 else f"gap {contact['gap']:.9g}"
-    law = next(entry["law"] for entry in model.laws if entry["law"].name == contact["law"])
+    law = next(bound_law.law for bound_law in model.laws if bound_law.law.name == contact["law"])
     lines = [f"  {contact['name']}: {' and '.join(contact['sides'])}, {gap}; {law.name}: {law.summary}"]
     if law.name not in explained_laws:
         lines += [f"    {line}" for line in docs(type(law)).formula.splitlines()]

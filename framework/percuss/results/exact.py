@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.solver.contact_problem import contact_problem
+
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Exact, Floats, Solution
     from percuss.solver.model import Model
@@ -40,7 +42,7 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
         if uncovered_reason is not None:
             reasons.append(f"{name}: {uncovered_reason}")
             continue
-        solution = engine.solve(model, end)
+        solution = engine.solve(contact_problem(model), end)
         if solution.reached >= end * (1.0 - ROUND_OFF):
             return solution, name, ""
         stop_reason = solution.stopped or "it does not say why"
@@ -52,7 +54,7 @@ def why_not_covered(solution: Solution, model: Model) -> str | None:
     """Return the reason why an exact solution does not cover a case, or None if it does."""
     if solution.linear_bodies_only and model.why_not_linear:
         return model.why_not_linear
-    return solution.covers(model)
+    return solution.covers(contact_problem(model))
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:

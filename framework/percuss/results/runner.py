@@ -100,10 +100,11 @@ def _run(
     repeats: int | None = 1,
     timed: bool = False,
 ) -> Result:
-    march = March(recordable(verdict.settled(case)), compiled=compiled)
+    model, criterion = verdict.settled(case)
+    march = March(recordable(model), compiled=compiled)
     seconds = march.seconds
     seconds["build"] = watch.lap()
-    certificate = verdict.certificate(march.model)
+    certificate = verdict.certificate(model, criterion)
     seconds["certificate"] = watch.lap()
     if certificate["stable"] == "no" and case.time.on_unstable == "stop":
         outcome = march.refuse(cause.not_started(march.model, certificate))
@@ -120,7 +121,7 @@ def _run(
     if nudge and result.summary["exact"] is not None and outcome.status != "unstable":
         try:
             with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
-                twin = run(true_error.nudged(case, march.model.courant), compiled=compiled)
+                twin = run(true_error.nudged(case, model.courant), compiled=compiled)
         except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
         result.summary["exact"]["fragile"] = true_error.is_fragile(

@@ -17,6 +17,7 @@ from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_erro
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integrator
+    from percuss.solver.bound_law import BoundLaw
 
 SWITCHED_OFF = "compilation was switched off for this run"
 DISABLED = "compilation is switched off by NUMBA_DISABLE_JIT"
@@ -46,7 +47,7 @@ class LoopParts:
 
     kinds: Sequence[tuple[Any, Any]]
     groups: Sequence[Any]
-    laws: list[dict[str, Any]]
+    laws: Sequence[BoundLaw]
     integrator: Integrator | None
     dim: int
     constrained: bool
@@ -103,10 +104,10 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
             maker.bind(bulk.elastic_group, entry=True)(group, u, v, parts.dim, 1.0)
         except compile_error() as failure:
             reasons[f"element {element.name} with material {material.name}"] = failure
-    for entry in parts.laws:
-        law_failure = custom_laws.compile_failure(entry)
+    for bound_law in parts.laws:
+        law_failure = custom_laws.compile_failure(bound_law)
         if law_failure is not None:
-            reasons[f"contact law {entry['law'].name}"] = law_failure
+            reasons[f"contact law {bound_law.law.name}"] = law_failure
     if parts.integrator is not None:
         integrator_failure = _integrator_failure(parts.integrator, u, v, dt)
         if integrator_failure is not None:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import PluginError
-from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw
+from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
 from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ENTRY, LAW, NOTHING, OTHER, POINT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.methods.interfaces import Floats
+    from percuss.solver.bound_law import BoundLaw
 
 SUMMED = ("multiplier", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
 
@@ -28,125 +29,63 @@ class Side:
     response: Floats  # (dim,)
 
 
-def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> dict[str, Any]:
-    """Return the coefficients of a linear law with one value for each point, or refuse invalid ones.
+def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
+    """Return the (P,) `LAW` records of a bound law with an integrator.
 
-    Raises
-    ------
-    PluginError
-        If a coefficient is out of bounds or has the wrong shape, or an option is unknown.
-    """
-    count = len(points.names)
-    coefficients: dict[str, Any] = {}
-    for field in ("sigma", "gap", "rate", "acceleration"):
-        value = np.asarray(getattr(linear_law, field), dtype=float)
-        if value.shape not in {(), (count,)}:
-            raise PluginError(
-                f"contact law {law}: rows.{field} has shape {value.shape}, expected ({count},) or a number"
-            )
-        if not np.isfinite(value).all():
-            raise PluginError(f"contact law {law}: rows.{field} is not finite")
-        coefficients[field] = np.broadcast_to(value, (count,))
-    if (coefficients["sigma"] < 0).any():
-        raise PluginError(f"contact law {law}: rows.sigma is negative, expected a compliance of at least 0")
-    for field, allowed in (
-        ("at", ("explicit", "end")),
-        ("active", ("gap < 0", "all")),
-        ("sign", ("free", ">= 0")),
-    ):
-        if getattr(linear_law, field) not in allowed:
-            raise PluginError(
-                f"contact law {law}: rows.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
-            )
-        coefficients[field] = getattr(linear_law, field)
-    coefficients["during"] = intervals(linear_law, law)
-    return coefficients
-
-
-def intervals(linear_law: LinearLaw, law: str) -> Floats | None:
-    """Return the (K, 2) intervals of time in which a linear law is active, None if it always is.
-
-    Raises
-    ------
-    PluginError
-        If they are not pairs (start, stop) with stop not before start.
-    """
-    if linear_law.during is None:
-        return None
-    during = np.asarray(linear_law.during, dtype=float)
-    if during.size == 0:
-        return np.zeros((0, 2))
-    if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
-        raise PluginError(
-            f"contact law {law}: rows.during is {linear_law.during!r}, "
-            "expected pairs (start, stop), stop not before start"
-        )
-    return during
-
-
-def law_records(coefficients: dict[str, Any], table: LeapFrog, delassus: Floats, law: str) -> Any:
-    """Return the (P,) `LAW` records of a linear law with an integrator.
+    The records of a law with a kernel contain nothing but the mark for it.
 
     Parameters
     ----------
-    coefficients
-        The law's coefficients as `broadcast` returns them.
+    bound_law
+        The law.
     table
         The states at which the integrator evaluates explicit laws and laws at the end of the step.
     delassus : (P,) array
-        Diagonal of S [1/mass].
-    law
-        Name of the law.
+        Diagonal of S at the points of the law [1/mass].
 
     Raises
     ------
     PluginError
         If sigma and w are both zero, so that no force follows.
     """
-    state: ContactState = getattr(table, coefficients["at"])
-    response = sum(
-        coefficients[quantity] * unit_response
-        for quantity, unit_response in zip(("gap", "rate", "acceleration"), state.response, strict=True)
-    )
-    if ((coefficients["sigma"] + response * delassus) <= 0).any():
-        raise PluginError(
-            f"contact law {law}: sigma and the response of the judged state are both zero, so no force follows; "
-            "give a compliance, or judge at the end of the step"
-        )
     records = np.zeros(delassus.size, dtype=LAW)
-    for weight in ("gap", "rate", "acceleration"):
-        records[f"weight_{weight}"] = coefficients[weight]
-    records["sigma"], records["response"] = coefficients["sigma"], response
-    with np.errstate(divide="ignore"):
-        records["end_stiffness"] = np.where(
-            (coefficients["sigma"] > 0) & (coefficients["at"] == "explicit"), 1.0 / coefficients["sigma"], np.nan
+    linear = bound_law.linear
+    if linear is None:
+        records["own"], records["end_stiffness"] = 1, np.nan
+        return records
+    state: ContactState = getattr(table, linear.at)
+    sigma = np.asarray(linear.sigma)
+    weights = linear.gap, linear.rate, linear.acceleration
+    response = sum(weight * unit_response for weight, unit_response in zip(weights, state.response, strict=True))
+    if ((sigma + response * delassus) <= 0).any():
+        raise PluginError(
+            f"contact law {bound_law.law.name}: sigma and the response of the judged state are both zero, so no force "
+            "follows; give a compliance, or judge at the end of the step"
         )
+    records["weight_gap"], records["weight_rate"], records["weight_acceleration"] = weights
+    records["sigma"], records["response"] = sigma, response
+    with np.errstate(divide="ignore"):
+        records["end_stiffness"] = np.where((sigma > 0) & (linear.at == "explicit"), 1.0 / sigma, np.nan)
     records["sees_predicted_gap"] = state.gap == "predicted"
     records["sees_predicted_rate"] = state.rate == "predicted"
     records["sees_acceleration"] = state.acceleration == "bulk"
-    records["always"] = coefficients["active"] == "all"
-    records["never_pulls"] = coefficients["sign"] == ">= 0"
+    records["always"] = linear.active == "all"
+    records["never_pulls"] = linear.sign == ">= 0"
     # With every leap-frog scheme a unit multiplier changes the gap at the end of the step by the same amount.
-    records["surplus"] = response - coefficients["gap"] * table.end.response[0]
-    records["stores"] = energy_storage(coefficients, state)
+    records["surplus"] = response - linear.gap * table.end.response[0]
+    records["stores"] = energy_storage(linear, state)
     return records
 
 
-def energy_storage(coefficients: dict[str, Any], state: ContactState) -> Any:
+def energy_storage(linear: LinearLaw, state: ContactState) -> Any:
     """Return how the points of a linear law store energy, (P,): NOTHING, BY_END or BY_CURRENT."""
-    has_inertia = (coefficients["acceleration"] != 0) & (state.acceleration == "bulk")
-    elastic = (coefficients["rate"] == 0) & (coefficients["sigma"] > 0)
+    sigma, rate, acceleration = (np.asarray(value) for value in (linear.sigma, linear.rate, linear.acceleration))
+    has_inertia = (acceleration != 0) & (state.acceleration == "bulk")
+    elastic = (rate == 0) & (sigma > 0)
     if state.gap == "predicted":
         return np.where(elastic & ~has_inertia, BY_END, NOTHING)
-    full_response = (state.acceleration == "bulk" and state.response[2] == 1) | (coefficients["acceleration"] == 0)
+    full_response = (state.acceleration == "bulk" and state.response[2] == 1) | (acceleration == 0)
     return np.where(elastic & full_response & (state.response[0] == 0), BY_CURRENT, NOTHING)
-
-
-def kernel_law_records(count: int) -> Any:
-    """Return (count,) `LAW` records of a law with a kernel, which contain nothing but the mark for it."""
-    records = np.zeros(count, dtype=LAW)
-    records["own"], records["end_stiffness"] = 1, np.nan
-    return records
 
 
 def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[int, float]]]:

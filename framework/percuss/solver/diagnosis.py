@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -20,6 +20,7 @@ from percuss.solver.build import Kernels, LoopParts, bind
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
+    from percuss.solver.bound_law import BoundLaw
     from percuss.solver.model import Model
 
 SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
@@ -29,7 +30,7 @@ class Marching(Protocol):
     """The attributes of a run (`percuss.solver.march.March`) that are needed to repeat one of its steps."""
 
     model: Model
-    kernel_laws: list[dict[str, Any]]
+    kernel_laws: Sequence[BoundLaw]
     parts: LoopParts
     kernels: Kernels
 
@@ -123,8 +124,11 @@ def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseExcepti
         Number of the step.
     """
     laws = [
-        {**entry, "kernel": probing_kernel(kernel_of(entry["law"]), entry["law"].name, entry["points"].names)}
-        for entry in march.kernel_laws
+        dataclasses.replace(
+            bound_law,
+            kernel=probing_kernel(kernel_of(bound_law.law), bound_law.law.name, bound_law.points.names),
+        )
+        for bound_law in march.kernel_laws
     ]
     saved = [array.copy() for array in march.changing_arrays()]
     compiled = march.kernels

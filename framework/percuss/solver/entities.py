@@ -44,6 +44,10 @@ class Body:
         """The number after the body's last node."""
         return self.start + self.mass.size
 
+    def node(self, region: str) -> int:
+        """Return the node of the model at an end of the body."""
+        return self.start + self.mesh.regions[region].nodes[0]
+
     def end_element(self, node: int) -> int:
         """Return the number within the body of the element at an end node."""
         return 0 if node == self.start else self.stiffness.size - 1

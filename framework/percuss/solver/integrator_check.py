@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,11 +10,12 @@ import numpy as np
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import line_in_plugin
-from percuss.methods.interfaces import ContactState, Integrator, LeapFrog, LinearLaw, Stages
+from percuss.methods.interfaces import ContactState, Integrator, LeapFrog, Stages
 from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
+    from percuss.solver.bound_law import BoundLaw
 
 # Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
 STATE_IN_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
@@ -58,7 +59,7 @@ def ends_of(stages: Stages, dt: float) -> Floats:
     return np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times), dtype=float)
 
 
-def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[str, Any]]) -> None:
+def refuse_end(integrator: Integrator, stages: Stages | None, laws: Sequence[BoundLaw]) -> None:
     """Refuse laws at the end of the step with a multi-stage scheme that does not define that state.
 
     Raises
@@ -66,12 +67,12 @@ def refuse_end(integrator: Integrator, stages: Stages | None, laws: list[dict[st
     RefusedPair
         For the first such law.
     """
-    for entry in laws if stages is not None and not stages.end else ():
-        if isinstance(entry["bound"], LinearLaw) and entry["bound"].at == "end":
-            raise RefusedPair(integrator.name, entry["law"].name, NO_END, integrator.name)
+    for bound_law in laws if stages is not None and not stages.end else ():
+        if bound_law.linear is not None and bound_law.linear.at == "end":
+            raise RefusedPair(integrator.name, bound_law.law.name, NO_END, integrator.name)
 
 
-def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: list[dict[str, Any]]) -> None:
+def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: Sequence[BoundLaw]) -> None:
     """Refuse linear laws with a weight on the gap acceleration where the integrator does not provide it.
 
     Otherwise that weight would have no effect, and no message would say so. A law may declare that it needs the
@@ -82,12 +83,12 @@ def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: li
     RefusedPair
         For the first such law.
     """
-    for entry in laws:
-        law, bound = entry["law"], entry["bound"]
-        if not isinstance(bound, LinearLaw) or not np.any(bound.acceleration):
+    for bound_law in laws:
+        law, linear = bound_law.law, bound_law.linear
+        if linear is None or not np.any(linear.acceleration):
             continue
         for table in tables:
-            state: ContactState = getattr(table, bound.at)
+            state: ContactState = getattr(table, linear.at)
             if state.acceleration != "none":
                 continue
             reason_start = f"{integrator.name} shows {law.name} no acceleration of the gap"

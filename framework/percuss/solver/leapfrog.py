@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.solver.compiled.leapfrog_loop import LoadAmplitudes
+from percuss.solver.loads import amplitude
+from percuss.solver.starting_state import starting_velocity
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -31,7 +33,7 @@ class LeapFrogStepper:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.v: Floats = model.starting_velocity().ravel()
+        self.v: Floats = starting_velocity(model).ravel()
         self.u: Floats = np.zeros_like(self.v)
         self.loop: Loop
         self._no_loads = self._zeros(0)
@@ -68,9 +70,9 @@ class LeapFrogStepper:
         amplitudes = self._zeros(count)
         for column, spec in enumerate(loads, start=1):
             if spec.acts_as == "velocity":
-                amplitudes.velocity[:, column] = model.amplitude(spec, t + 0.5 * model.dt, average=False)
+                amplitudes.velocity[:, column] = amplitude(spec, t + 0.5 * model.dt, model.dt, average=False)
             else:
-                amplitudes.force[:, column] = model.amplitude(spec, t, average=True)
+                amplitudes.force[:, column] = amplitude(spec, t, model.dt, average=True)
         for body_force in model.body_forces:
             column = loads.index(body_force.load) + 1
             amplitudes.body_acceleration[:, body_force.body * dim : (body_force.body + 1) * dim] += (

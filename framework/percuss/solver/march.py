@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,6 @@ import numpy as np
 from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
-from percuss.methods.interfaces import LinearLaw
 from percuss.solver import diagnosis, recording
 from percuss.solver.build import Kernels, LoopParts, bind, bind_plain
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
@@ -22,11 +21,13 @@ from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, point_records
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
+from percuss.solver.starting_state import initial_velocity
 from percuss.solver.stepper import Loop, Stepper
 from percuss.solver.stop import Kind, Stop
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
+    from percuss.solver.bound_law import BoundLaw
     from percuss.solver.model import Model
 
 CHUNK_SECONDS = 0.5
@@ -101,7 +102,7 @@ class March:
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, kinds = self._groups()
         count = len(model.contact_pairs)
-        self.kernel_laws = [entry for entry in model.laws if not isinstance(entry["bound"], LinearLaw)]
+        self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.parts = LoopParts(
             kinds,
             self.groups,
@@ -409,7 +410,7 @@ class March:
 
     def initial_energy(self) -> float:
         """Return the kinetic energy at t = 0."""
-        return self._kinetic(self.model.initial_velocity.ravel())
+        return self._kinetic(initial_velocity(self.model).ravel())
 
     def _kinetic(self, v: Floats) -> float:
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.

@@ -2,53 +2,88 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import itertools
 import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, LinearLaw
-from percuss.methods.kernel_trial import bound_of
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Stages
 from percuss.solver import size_limits
-from percuss.solver.compiled.contact_equation import NOTHING
-from percuss.solver.contact_rows import Side, broadcast, delassus_rows, intervals, kernel_law_records, law_records
+from percuss.solver.bound_law import BoundLaw, bind_law
+from percuss.solver.compiled.contact_equation import LAW, NOTHING
+from percuss.solver.contact_pairs import contact_pair_of
+from percuss.solver.contact_rows import Side, delassus_rows, law_records
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, NodalForce, end_reserves
 from percuss.solver.integrator_check import refuse_end, refuse_unseen, scheme
+from percuss.solver.loads import supports_and_loads
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from percuss.case.case import Address, Case, ContactSpec, LoadSpec
+    from percuss.case.case import Address, Case
 
 # Contact stiffness limits are computed for at most this Courant number of a body: above it central difference leaves
 # almost no stiffness for a penalty without mass.
 LARGEST_COURANT = 0.99
-TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
 
 
 class Stretch(NamedTuple):
-    """A part of a run during which the set of active supports and drives and the set of active laws do not change."""
+    """A part of a run during which the set of active supports and drives and the set of active laws do not change.
+
+    Attributes
+    ----------
+    start, stop
+        Times between which it lasts.
+    constraints
+        Numbers of the active supports and drives.
+    inactive
+        Numbers of the contact points whose law is not active.
+    model
+        The same model without loads, its supports and drives at rest.
+    """
 
     start: float
     stop: float
-    model: Model  # the same model without loads, its supports and drives at rest
+    constraints: tuple[int, ...]
+    inactive: tuple[int, ...]
+    model: Model
 
 
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Model:
-    """The arrays of a case.
+    """The arrays of a case; a model never changes, and models derived from it share its arrays.
 
     Parameters
     ----------
     case
         A checked case.
-    dt
-        Time step; by default that of the case, or that of Courant number 1 where the case gives none.
+
+    Attributes
+    ----------
+    dt, steps
+        Time step and number of steps; Courant number 1 where the case gives no step.
+    bodies
+        The bodies by name, in the order of the case.
+    mass, nodes
+        Masses and positions of all nodes, (nodes,) and (nodes, dim).
+    omega
+        Largest frequency of an element [1/time].
+    contact_pairs
+        The contact points, in the order of the case.
+    constraints, nodal_forces, body_forces
+        Supports, drives and loads.
+    stages
+        Stages of a multi-stage scheme; None for a leap-frog scheme.
+    tables
+        The states at which contact laws are evaluated, one table for each stage, or one for a leap-frog scheme.
+    laws
+        The bound laws, linear laws before laws with a kernel. The loop solves linear laws with the contact equation;
+        the other laws fill their part of the multipliers last in this order, by kernels of their own.
 
     Raises
     ------
@@ -58,61 +93,116 @@ class Model:
         If the integrator and a contact law do not work together.
     """
 
-    def __init__(self, case: Case, dt: float | None = None) -> None:
-        self.case = case
-        self.dim = case.dimension
-        self.whole = self  # the model of the whole run, also in the model of a stretch
-        self._problems: list[Problem] = []
-        self.bodies = size_limits.checked_bodies(case, self._make_bodies)
-        self.n_nodes = sum(body.mass.size for body in self.bodies.values())
-        self.mass = np.concatenate([body.mass for body in self.bodies.values()])
-        self.nodes = np.concatenate([body.mesh.nodes for body in self.bodies.values()])
-        self.omega = max(float(body.frequency.max()) for body in self.bodies.values())
-        self.dt, self.steps = self._time_step(dt)
-        self.contact_pairs = [
-            contact_pair for spec in case.contacts.values() if (contact_pair := self._contact_pair(spec)) is not None
-        ]
-        self.constraints, self.nodal_forces, self.body_forces = self._loads()
-        self._raise_problems()
-        self._refuse_pairs()
-        self.stages, self.tables = scheme(case.method.integrator, self.dt)
-        self._inactive: tuple[int, ...] = ()
-        self._check_movable()
-        self.laws = self._laws()
-        self._raise_problems()
-        refuse_end(case.method.integrator, self.stages, self.laws)
-        refuse_unseen(case.method.integrator, self.tables, self.laws)
+    case: Case
+    dt: float
+    steps: int
+    bodies: Mapping[str, Body]
+    mass: Floats
+    nodes: Floats
+    omega: float
+    contact_pairs: tuple[ContactPair, ...]
+    constraints: tuple[Constraint, ...]
+    nodal_forces: tuple[NodalForce, ...]
+    body_forces: tuple[BodyForce, ...]
+    stages: Stages | None
+    tables: tuple[LeapFrog, ...]
+    laws: tuple[BoundLaw, ...]
+    _never_active: tuple[int, ...]  # contact points whose law is not active at any time
+    _whole: Model | None  # the model of the whole run, in the model of a stretch
 
-    # -- bodies ------------------------------------------------------------------------------------------
+    def __init__(self, case: Case) -> None:
+        bodies = size_limits.checked_bodies(case, lambda: _bodies_of(case))
+        mass = np.concatenate([body.mass for body in bodies.values()])
+        nodes = np.concatenate([body.mesh.nodes for body in bodies.values()])
+        mass.flags.writeable = nodes.flags.writeable = False
+        self._set(case=case, bodies=bodies, mass=mass, nodes=nodes, _never_active=(), _whole=None)
+        self._set(omega=max(float(body.frequency.max()) for body in bodies.values()))
+        courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
+        self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / self.omega)
+        problems: list[Problem] = []
+        pairs = [contact_pair_of(case, spec, bodies, problems) for spec in case.contacts.values()]
+        loads = supports_and_loads(case, bodies, problems)
+        _raise(problems)
+        self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
+        self._bind()
 
-    def _make_bodies(self) -> dict[str, Body]:
-        bodies: dict[str, Body] = {}
-        start = 0
-        for number, (name, spec) in enumerate(self.case.bodies.items()):
-            mesh = size_limits.mesh_of_body(self.case, spec)
-            view = BodyMesh(mesh, spec.area)
-            velocity = np.asarray(spec.velocity, dtype=float)
-            bodies[name] = Body(
-                name=name,
-                number=number,
-                spec=spec,
-                mesh=mesh,
-                start=start,
-                mass=self.case.method.mass.nodal(spec.material.rho * spec.area * mesh.lengths),
-                stiffness=spec.element.axial_stiffness(view, spec.material.modulus),
-                frequency=spec.element.highest_frequency(view, math.sqrt(spec.material.modulus / spec.material.rho)),
-                velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
-            )
-            start = bodies[name].stop
-        return bodies
+    # -- construction and derived models -----------------------------------------------------------------
 
-    def _time_step(self, dt: float | None) -> tuple[float, int]:
-        time = self.case.time
-        if dt is None:
-            courant = 1.0 if time.courant is None or time.courant == "auto" else time.courant
-            dt = time.step if time.step is not None else courant * 2.0 / self.omega
+    def _set(self, **values: Any) -> None:
+        """Set attributes of a model that is still under construction."""
+        vars(self).update(values)
+
+    def _derived(self, **changes: Any) -> Model:
+        """Return a copy with some attributes replaced; nothing that was computed from them is carried over."""
+        model = object.__new__(Model)
+        model._set(**{field.name: getattr(self, field.name) for field in dataclasses.fields(self)} | changes)
+        return model
+
+    def _set_step(self, dt: float) -> None:
         size_limits.check_step(self.case, dt)
-        return dt, time.steps if time.steps is not None else size_limits.step_count(self.case, dt)
+        steps = self.case.time.steps
+        self._set(dt=dt, steps=steps if steps is not None else size_limits.step_count(self.case, dt))
+
+    def _bind(self) -> None:
+        """Bind the integrator and the laws for the step, and refuse methods that do not work together."""
+        self._refuse_pairs()
+        integrator = self.case.method.integrator
+        stages, tables = scheme(integrator, self.dt)
+        self._set(stages=stages, tables=tables)
+        self._check_movable()
+        self._set(laws=self._bound_laws(self.dt))
+        refuse_end(integrator, self.stages, self.laws)
+        refuse_unseen(integrator, self.tables, self.laws)
+
+    def with_step(self, dt: float) -> Model:
+        """Return the model of the same case with another time step."""
+        model = self._derived()
+        model._set_step(dt)
+        model._bind()
+        return model
+
+    def with_laws(self, replaced: Mapping[ContactLaw, ContactLaw]) -> Model:
+        """Return the model of the same case with other contact laws.
+
+        Parameters
+        ----------
+        replaced
+            The new law for each law that is replaced.
+        """
+        model = self._derived(
+            contact_pairs=tuple(
+                dataclasses.replace(contact_pair, law=replaced.get(contact_pair.law, contact_pair.law))
+                for contact_pair in self.contact_pairs
+            )
+        )
+        model._bind()
+        return model
+
+    def without_loads(self, dt: float, constraints: Sequence[Constraint], inactive: Sequence[int] = ()) -> Model:
+        """Return the model of one stretch: no loads, `constraints` as given, laws bound again for the time step `dt`.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+        constraints
+            The supports and drives of the stretch.
+        inactive
+            Contact points whose law is never active; all other laws are always active.
+        """
+        stages, tables = scheme(self.case.method.integrator, dt)
+        return self._derived(
+            dt=dt,
+            steps=1,
+            constraints=tuple(constraints),
+            nodal_forces=(),
+            body_forces=(),
+            stages=stages,
+            tables=tables,
+            laws=tuple(dataclasses.replace(bound_law, during=None) for bound_law in self.laws_at(dt)),
+            _never_active=tuple(inactive),
+            _whole=self.whole,
+        )
 
     def stretches(self) -> list[Stretch]:
         """Return the stretches of the run that differ in their active supports and drives, or in their active laws.
@@ -130,39 +220,25 @@ class Model:
                 at_rest = [dataclasses.replace(self.constraints[index], load=None, column=0) for index in constraints]
                 model = self.without_loads(self.dt, at_rest, inactive)
                 start, stop = first * self.dt, min(last, self.steps) * self.dt
-                listed[constraints, inactive] = Stretch(start, max(stop, start), model)
+                listed[constraints, inactive] = Stretch(start, max(stop, start), constraints, inactive, model)
         return list(listed.values())
 
-    def inactive_points(self, midpoint: float) -> tuple[int, ...]:
-        """Return the contact points whose law is not active in the step around `midpoint`."""
-        inactive = list(self._inactive)
-        for entry in self.laws:
-            during = entry["during"]
-            if during is not None and not ((during[:, 0] < midpoint) & (midpoint < during[:, 1])).any():
-                inactive += entry["where"]
-        return tuple(sorted(set(inactive)))
+    # -- bodies and time ---------------------------------------------------------------------------------
 
-    def without_loads(self, dt: float, constraints: Sequence[Constraint], inactive: Sequence[int] = ()) -> Model:
-        """Return the model of one stretch: no loads, `constraints` as given, laws bound again for the time step `dt`.
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return self.case.dimension
 
-        Parameters
-        ----------
-        dt
-            Time step.
-        constraints
-            The supports and drives of the stretch.
-        inactive
-            Contact points whose law is never active; all other laws are always active.
-        """
-        model = copy.copy(self)
-        model.__dict__.pop("initial_velocity", None)
-        model.dt, model.steps, model.nodal_forces, model.body_forces = dt, 1, [], []
-        model.constraints = list(constraints)
-        model._inactive = tuple(inactive)
-        model.stages, model.tables = scheme(self.case.method.integrator, dt)
-        model.laws = [{**entry, "during": None} for entry in model._laws()]
-        model._raise_problems()
-        return model
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return self.mass.size
+
+    @property
+    def whole(self) -> Model:
+        """The model of the whole run, also for the model of a stretch."""
+        return self._whole or self
 
     @property
     def multistage(self) -> bool:
@@ -181,79 +257,51 @@ class Model:
 
     def node(self, address: Address) -> int:
         """Return the node at an end of a body."""
-        body = self.bodies[address.body]
-        return body.start + body.mesh.regions[address.region].nodes[0]
+        return self.bodies[address.body].node(address.region)
 
     def body_of(self, node: int) -> Body:
         """Return the body that contains a node."""
         return next(body for body in self.bodies.values() if body.start <= node < body.stop)
 
+    def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
+        """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
+
+        The trial step after the last step is included. Without `laws`, the intervals of time in which laws are active
+        do not split the run.
+        """
+        total = self.steps + 1
+        instants = [
+            instant
+            for constraint in self.constraints
+            if constraint.load is not None
+            for instant in (constraint.load.start, constraint.load.stop)
+        ]
+        if laws:
+            instants += [
+                instant
+                for bound_law in self.laws
+                if bound_law.during is not None
+                for instant in bound_law.during.ravel()
+            ]
+        cuts = {0, total}
+        for instant in instants:
+            if math.isfinite(instant):
+                # The change takes effect in the first step whose midpoint lies after the instant.
+                step = math.floor(instant / self.dt - 0.5) + 1
+                cuts.add(min(max(step, 0), total))
+        edges = sorted(cuts)
+        return list(itertools.pairwise(edges))
+
+    def inactive_points(self, midpoint: float) -> tuple[int, ...]:
+        """Return the contact points whose law is not active in the step around `midpoint`."""
+        inactive = set(self._never_active)
+        for bound_law in self.laws:
+            during = bound_law.during
+            if during is not None and not ((during[:, 0] < midpoint) & (midpoint < during[:, 1])).any():
+                inactive.update(bound_law.where)
+        return tuple(sorted(inactive))
+
     # -- contacts ----------------------------------------------------------------------------------------
-
-    def _contact_pair(self, spec: ContactSpec) -> ContactPair | None:
-        path = ("contacts", spec.name)
-        first = self.bodies[spec.sides[0].body]
-        normal = first.mesh.regions[spec.sides[0].region].outward
-        nodes = tuple(self.node(side) for side in spec.sides)
-        position = self.nodes[nodes[0]]
-        if len(nodes) == 1:
-            gap = self._wall_gap(spec, position, normal, first.mesh.direction)
-        else:
-            opposite = self.bodies[spec.sides[1].body].mesh.regions[spec.sides[1].region].outward
-            if float(normal @ opposite) > -1.0 + 1e-9:
-                angle = math.degrees(math.acos(max(-1.0, min(1.0, -float(normal @ opposite)))))
-                self._add_problem(
-                    (*path, "between"),
-                    f"expected two ends that face each other, found {spec.sides[0]} and {spec.sides[1]} "
-                    f"turned by {angle:.6g} degrees",
-                    "Contact is between bars along one line: a right end meets a left end.",
-                )
-                return None
-            gap = float(normal @ (self.nodes[nodes[1]] - position))
-            offset = float(np.linalg.norm(self.nodes[nodes[1]] - position - gap * normal))
-            if offset > 1e-6 * min(float(self.bodies[side.body].mesh.lengths.sum()) for side in spec.sides):
-                self._add_problem(
-                    (*path, "between"),
-                    f"expected two ends on one line, found {spec.sides[1]} {offset:.6g} beside {spec.sides[0].body}",
-                    "Move one of the bodies (`at`) or turn it (`direction`).",
-                )
-                return None
-        elements = [self.body_of(node).end_element(node) for node in nodes]
-        bodies = [self.body_of(node) for node in nodes]
-        size = min(float(body.mesh.lengths[element]) for body, element in zip(bodies, elements, strict=True))
-        if gap < -TOUCHING * size:
-            self._add_problem(
-                path,
-                f"expected bodies apart or touching, found an overlap of {-gap:.6g}",
-                f"Move them apart by {-gap:.17g}, or drop the contact.",
-            )
-            return None
-        stiffness = [float(body.stiffness[element]) for body, element in zip(bodies, elements, strict=True)]
-        frequency = [float(body.frequency[element]) for body, element in zip(bodies, elements, strict=True)]
-        softer = int(np.argmin(stiffness))
-        return ContactPair(
-            name=spec.name,
-            nodes=nodes,
-            normal=normal,
-            gap=0.0 if gap <= TOUCHING * size else gap,
-            law=spec.law,
-            stiffness=stiffness[softer],
-            frequency=min(frequency),
-            # rho A h / 2 = 2 (EA/h) / omega^2
-            mass=2.0 * stiffness[softer] / frequency[softer] ** 2,
-            equal_sides=bool(
-                np.ptp(stiffness) <= 1e-12 * max(stiffness) and np.ptp(frequency) <= 1e-12 * max(frequency)
-            ),
-        )
-
-    def _wall_gap(self, spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:
-        wall = np.asarray(spec.wall, dtype=float)
-        if wall.ndim == 1:
-            return float(normal @ (wall - position))
-        # A wall given as a number is a coordinate along the bar; for a bar on the x axis it is x, whichever way the bar
-        # points.
-        axis = np.abs(direction) if abs(direction[0]) == 1.0 else direction
-        return float((wall - position @ axis) * (axis @ normal))
 
     def points(self, where: Sequence[int], dt: float) -> ContactPoints:
         """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
@@ -271,10 +319,10 @@ class Model:
             frequency=column([contact_pair.frequency for contact_pair in contact_pairs]),
             mass=column([contact_pair.mass for contact_pair in contact_pairs]),
             equal_sides=column([contact_pair.equal_sides for contact_pair in contact_pairs], bool),
-            delassus=column(delassus[where]),
-            coupling=column(coupling[where]),
+            delassus=column(delassus[list(where)]),
+            coupling=column(coupling[list(where)]),
             weight=column([1.0] * len(contact_pairs)),
-            limits=lambda: column(self.whole._stiffness_limits(dt)[where]),
+            limits=lambda: column(self.whole._stiffness_limits(dt)[list(where)]),
         )
 
     @cached_property
@@ -328,18 +376,15 @@ class Model:
         return sides
 
     def _check_movable(self) -> None:
+        problems: list[Problem] = []
         for start, _ in self.segments(laws=False):
             diagonal = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
             for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
                 if delassus * min(self.mass[node] for node in contact_pair.nodes) < 1e-12:
-                    self._add_problem(
-                        ("contacts", contact_pair.name),
-                        "expected a contact that can move, found every side fixed or driven",
-                        "Free one of the ends, or drop the contact.",
-                    )
-            if self._problems:
-                break
-        self._raise_problems()
+                    message = "expected a contact that can move, found every side fixed or driven"
+                    advice = "Free one of the ends, or drop the contact."
+                    problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
+            _raise(problems)
 
     def _refuse_pairs(self) -> None:
         integrator = self.case.method.integrator
@@ -351,29 +396,23 @@ class Model:
                 if reason:
                     raise RefusedPair(integrator.name, contact_pair.law.name, reason, refusing)
 
-    def _laws(self) -> list[dict[str, Any]]:
-        """Return the bound laws, one entry for each law, linear laws before laws with a kernel.
+    def laws_at(self, dt: float) -> tuple[BoundLaw, ...]:
+        """Return the laws bound for a time step `dt`, in the order of `laws`."""
+        return self.whole.laws if dt == self.whole.dt else self._bound_laws(dt)
 
-        The loop solves linear laws with the contact equation; the other laws fill their part of the multipliers last
-        in this order, by kernels of their own.
-        """
+    def _bound_laws(self, dt: float) -> tuple[BoundLaw, ...]:
         groups: dict[ContactLaw, list[int]] = {}
         for p, contact_pair in enumerate(self.contact_pairs):
             groups.setdefault(contact_pair.law, []).append(p)
+        problems: list[Problem] = []
         laws = []
         for law, where in groups.items():
-            points = self.points(where, self.dt)
             try:
-                bound = bound_of(law, points, self.dt)
-                resolved = law.resolved(points, self.dt)
+                laws.append(bind_law(law, tuple(where), self.points(where, dt), dt))
             except ValueError as error:
-                self._add_problem(("method", "contact"), str(error))
-                continue
-            during = intervals(bound, law.name) if isinstance(bound, LinearLaw) else None
-            laws.append(
-                {"law": law, "where": where, "bound": bound, "resolved": resolved, "points": points, "during": during}
-            )
-        return sorted(laws, key=lambda entry: not isinstance(entry["bound"], LinearLaw))
+                problems.append(self.case.problem(("method", "contact"), str(error)))
+        _raise(problems)
+        return tuple(sorted(laws, key=lambda bound_law: bound_law.linear is None))
 
     def delassus(self, midpoint: float) -> Floats:
         """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
@@ -382,17 +421,9 @@ class Model:
     def law_records(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
         table = table or self.tables[-1]
-        order: list[int] = []
-        parts = [kernel_law_records(0)]
-        for entry in self.laws:
-            law, where = entry["law"], entry["where"]
-            order += where
-            if isinstance(entry["bound"], LinearLaw):
-                coefficients = broadcast(entry["bound"], entry["points"], law.name)
-                parts.append(law_records(coefficients, table, delassus[where], law.name))
-            else:
-                parts.append(kernel_law_records(len(where)))
-        records = np.concatenate(parts)
+        order = [point for bound_law in self.laws for point in bound_law.where]
+        parts = [law_records(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
+        records = np.concatenate([np.zeros(0, dtype=LAW), *parts])
         if self.stages is not None:
             records["stores"] = NOTHING
         return order, records
@@ -404,12 +435,12 @@ class Model:
             for node in contact_pair.nodes:
                 at_node.setdefault(node, []).append(p)
         sentences = []
-        for entry in self.laws:
-            law: ContactLaw = entry["law"]
-            if isinstance(entry["bound"], LinearLaw) or law.uses_coupling:
+        for bound_law in self.laws:
+            law = bound_law.law
+            if bound_law.linear is not None or law.uses_coupling:
                 continue
             shared_ends = [
-                contacts for contacts in at_node.values() if len(contacts) > 1 and set(contacts) & set(entry["where"])
+                contacts for contacts in at_node.values() if len(contacts) > 1 and set(contacts) & set(bound_law.where)
             ]
             for contacts in shared_ends:
                 names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)
@@ -425,177 +456,40 @@ class Model:
         parameters: dict[str, dict[str, Any]] = {
             contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
         }
-        for entry in self.laws:
-            for name, value in entry["resolved"].items():
-                for point, number in zip(entry["where"], np.broadcast_to(value, (len(entry["where"]),)), strict=True):
+        for bound_law in self.laws:
+            for name, value in bound_law.resolved.items():
+                numbers = np.broadcast_to(value, (len(bound_law.where),))
+                for point, number in zip(bound_law.where, numbers, strict=True):
                     parameters[self.contact_pairs[point].name][name] = float(number)
         return parameters
 
-    # -- supports and loads ------------------------------------------------------------------------------
 
-    def _loads(self) -> tuple[list[Constraint], list[NodalForce], list[BodyForce]]:
-        constraints: list[Constraint] = []
-        nodal_forces: list[NodalForce] = []
-        body_forces: list[BodyForce] = []
-        for body in self.bodies.values():
-            for region in body.spec.fixed:
-                node = body.start + body.mesh.regions[region].nodes[0]
-                constraints += [Constraint(node, axis, None, 0) for axis in np.eye(self.dim)]
-        for column, spec in enumerate(self.case.loads.values(), start=1):
-            for body, region in self._targets(spec):
-                direction = self._direction(spec, body)
-                if spec.acts_as == "velocity":
-                    self._add_drive(
-                        constraints,
-                        Constraint(body.start + body.mesh.regions[region].nodes[0], direction, spec, column),
-                    )
-                elif region:
-                    node = body.start + body.mesh.regions[region].nodes[0]
-                    share = self.mass[node] if spec.acts_as == "acceleration" else 1.0
-                    nodal_forces.append(NodalForce(node, share * direction, spec, column))
-                else:
-                    share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
-                    body_forces.append(BodyForce(body.number, share * direction, spec))
-        return constraints, nodal_forces, body_forces
+def _bodies_of(case: Case) -> dict[str, Body]:
+    bodies: dict[str, Body] = {}
+    start = 0
+    for number, (name, spec) in enumerate(case.bodies.items()):
+        mesh = size_limits.mesh_of_body(case, spec)
+        view = BodyMesh(mesh, spec.area)
+        velocity = np.asarray(spec.velocity, dtype=float)
+        bodies[name] = Body(
+            name=name,
+            number=number,
+            spec=spec,
+            mesh=mesh,
+            start=start,
+            mass=case.method.mass.nodal(spec.material.rho * spec.area * mesh.lengths),
+            stiffness=spec.element.axial_stiffness(view, spec.material.modulus),
+            frequency=spec.element.highest_frequency(view, math.sqrt(spec.material.modulus / spec.material.rho)),
+            velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
+        )
+        start = bodies[name].stop
+    return bodies
 
-    def _targets(self, spec: LoadSpec) -> list[tuple[Body, str]]:
-        if not spec.on:
-            return [(body, "") for body in self.bodies.values()]
-        return [(self.bodies[address.body], address.region) for address in spec.on]
 
-    def _direction(self, spec: LoadSpec, body: Body) -> Floats:
-        vector = spec.direction if spec.direction is not None else spec.load.vector()
-        if vector is None:
-            return body.mesh.direction
-        direction = np.zeros(self.dim)
-        direction[: len(vector)] = vector
-        return direction / np.linalg.norm(direction)
-
-    def _add_drive(self, constraints: list[Constraint], drive: Constraint) -> None:
-        """Add a drive, or report a problem where the node is already fixed or driven along its direction."""
-        for existing in constraints:
-            if existing.node != drive.node or drive.load is None:
-                continue
-            obstacle = "a fixed end" if existing.load is None else f"the load '{existing.load.name}'"
-            apart = existing.load is not None and (
-                existing.load.stop <= drive.load.start or drive.load.stop <= existing.load.start
-            )
-            if apart or abs(float(existing.direction @ drive.direction)) < 1e-12:
-                continue
-            self._add_problem(
-                ("loads", drive.load.name),
-                f"expected an end free along the direction of the drive, found {obstacle} there",
-                "An end is fixed or driven, once at a time and along perpendicular directions.",
-            )
-            return
-        constraints.append(drive)
-
-    def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
-        """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
-
-        The trial step after the last step is included. Without `laws`, the intervals of time in which laws are active
-        do not split the run.
-        """
-        total = self.steps + 1
-        instants = [
-            instant
-            for constraint in self.constraints
-            if constraint.load is not None
-            for instant in (constraint.load.start, constraint.load.stop)
-        ]
-        if laws:
-            instants += [
-                instant for entry in self.laws if entry["during"] is not None for instant in entry["during"].ravel()
-            ]
-        cuts = {0, total}
-        for instant in instants:
-            if math.isfinite(instant):
-                # The change takes effect in the first step whose midpoint lies after the instant.
-                step = math.floor(instant / self.dt - 0.5) + 1
-                cuts.add(min(max(step, 0), total))
-        edges = sorted(cuts)
-        return list(itertools.pairwise(edges))
-
-    def amplitude(self, spec: LoadSpec, time: Floats, *, average: bool) -> Floats:
-        """Return a load's amplitude at the times of consecutive steps.
-
-        With `average`, the amplitude is multiplied by the fraction of the step around each time during which the load
-        is on, so that a load that is switched on or off between two times, or within round-off of one, has its exact
-        impulse.
-        """
-        start = -math.inf if average and spec.start <= 0 else spec.start
-        clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
-        values = np.asarray(spec.load.amplitude(clock), dtype=float)
-        if values.shape != time.shape:
-            message = f"load {spec.load.name} returned amplitudes of shape {values.shape}, expected {time.shape}"
-            raise ValueError(message)
-        if not average:
-            return values
-        half = 0.5 * self.dt
-        share = np.minimum(time + half, spec.stop) - np.maximum(time - half, start)
-        return values * np.clip(share / self.dt, 0.0, 1.0)
-
-    # -- problems ----------------------------------------------------------------------------------------
-
-    def _add_problem(self, path: tuple[str | int, ...], message: str, advice: str = "") -> None:
-        self._problems.append(self.case.problem(path, message, advice))
-
-    def _raise_problems(self) -> None:
-        if self._problems:
-            raise InputError(self._problems)
-
-    # -- initial state -----------------------------------------------------------------------------------
-
-    @cached_property
-    def initial_velocity(self) -> Floats:
-        """Velocity at t = 0, (nodes, dim): that of the bodies, subject to the active supports and drives."""
-        velocity = np.concatenate([np.tile(body.velocity, (body.mass.size, 1)) for body in self.bodies.values()])
-        self._impose_velocities(velocity, 0.0)
-        return velocity
-
-    def _impose_velocities(self, velocity: Floats, time: float) -> None:
-        """Set the velocities of the supports and drives that are active in the first step.
-
-        A prescribed velocity is extrapolated linearly to a `time` before t = 0.
-        """
-        for constraint in self.constraints:
-            if constraint.active(0.5 * self.dt):
-                prescribed = 0.0
-                if constraint.load is not None:
-                    at_start, at_midpoint = self.amplitude(
-                        constraint.load, np.array([0.0, 0.5 * self.dt]), average=False
-                    )
-                    prescribed = at_start + (at_midpoint - at_start) * time / (0.5 * self.dt)
-                velocity[constraint.node] += (
-                    prescribed - velocity[constraint.node] @ constraint.direction
-                ) * constraint.direction
-
-    def starting_velocity(self) -> Floats:
-        """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim), without contact forces.
-
-        With this starting velocity the scheme is of second order.
-        """
-        velocity = self.initial_velocity.copy()
-        for nodal_force in self.nodal_forces:
-            velocity[nodal_force.node] -= (
-                self._impulse_before_start(nodal_force.load) * nodal_force.force / self.mass[nodal_force.node]
-            )
-        bodies = list(self.bodies.values())
-        for body_force in self.body_forces:
-            body = bodies[body_force.body]
-            velocity[body.start : body.stop] -= self._impulse_before_start(body_force.load) * body_force.acceleration
-        self._impose_velocities(velocity, -0.5 * self.dt)
-        return velocity
-
-    def _impulse_before_start(self, spec: LoadSpec) -> float:
-        """Return the amplitude of a load at t = 0 times its duration within [-dt/2, 0].
-
-        The force of the first step acts over that half step too, so that the starting velocity has to compensate it.
-        """
-        if spec.start > 0:
-            return 0.0
-        amplitude = float(self.amplitude(spec, np.zeros(1), average=False)[0])
-        return amplitude * min(max(0.5 * self.dt + min(spec.stop, 0.0), 0.0), 0.5 * self.dt)
+def _raise(problems: list[Problem]) -> None:
+    """Raise the problems of a case as one error, if there are any."""
+    if problems:
+        raise InputError(problems)
 
 
 def resolved_methods(model: Model) -> Mapping[str, Any]:

@@ -11,6 +11,8 @@ import numpy as np
 
 from percuss.solver.compiled.multistage_loop import BODY_FORCE, StageAmplitudes, System
 from percuss.solver.integrator_check import ends_of
+from percuss.solver.loads import amplitude
+from percuss.solver.starting_state import initial_velocity
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Stages
@@ -54,10 +56,10 @@ class MultistageStepper:
         self.state = State(np.zeros(size), np.zeros(size), np.zeros((kept, size)))
         self.u: Floats = self.state.u[: self.nodal]
         self.v: Floats = self.state.v[: self.nodal]
-        self.v[:] = model.initial_velocity.ravel()
+        self.v[:] = initial_velocity(model).ravel()
         self.amplitude_sums = np.zeros(self.columns)
         self.ends = ends_of(stages, model.dt)
-        order = [point for entry in model.laws for point in entry["where"]]
+        order = [point for bound_law in model.laws for point in bound_law.where]
         delassus = model.delassus(0.5 * model.dt)
         self.responses = np.array([model.law_records(delassus, table)[1]["response"] for table in model.tables])
         self.responses = self.responses.reshape(len(stages.times), len(order))
@@ -110,10 +112,10 @@ class MultistageStepper:
         for column, spec in enumerate(model.case.loads.values(), start=1):
             if spec.acts_as == "velocity":
                 for k in range(2):
-                    amplitudes.speed[:, k, column] = model.amplitude(spec, t + k * model.dt, average=False)
+                    amplitudes.speed[:, k, column] = amplitude(spec, t + k * model.dt, model.dt, average=False)
             else:
                 for k, fraction in enumerate(self.stages.times):
-                    amplitudes.force[:, k, column] = model.amplitude(spec, t + fraction * model.dt, average=True)
+                    amplitudes.force[:, k, column] = amplitude(spec, t + fraction * model.dt, model.dt, average=True)
         return amplitudes
 
     def start(self, kernels: Kernels) -> None:
@@ -121,7 +123,7 @@ class MultistageStepper:
         system, model = self.system, self.model
         for column, spec in enumerate(model.case.loads.values(), start=1):
             if spec.acts_as != "velocity":
-                system.amplitude[-1, column] = model.amplitude(spec, np.zeros(1), average=True)[0]
+                system.amplitude[-1, column] = amplitude(spec, np.zeros(1), model.dt, average=True)[0]
         system.speed[:] = self.amplitudes(0, 1).speed[0]
         # The last stage is evaluated, and its time has to be t = 0.
         system.clock[0] = -system.times[-1] * model.dt

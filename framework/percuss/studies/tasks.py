@@ -314,7 +314,7 @@ def _tying_changes(case: Case) -> dict[str, Any]:
 
     law = tying_law(case.registry)
     tied_contacts = {f"contacts.{name}.method": law.name for name in case.contacts}
-    model = settled(case.with_overrides(tied_contacts) if tied_contacts else case)
+    model = settled(case.with_overrides(tied_contacts) if tied_contacts else case).model
     solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
     if solution is None or reason:
         raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")

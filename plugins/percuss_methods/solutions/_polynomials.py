@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from percuss import ProblemLoad
 
 FIT = 1e-12  # error of the polynomials that approximate a load, relative to its largest value
 COEFFICIENTS = 8  # of each of these polynomials; about 15 of them approximate a cycle of a sine with an error of `FIT`
@@ -169,7 +172,7 @@ class LoadHistory(NamedTuple):
     reason: str
 
 
-def load_history(factor: float, spec: Any, end: float, quantum: float, most_pieces: int) -> LoadHistory:
+def load_history(factor: float, spec: ProblemLoad, end: float, quantum: float, most_pieces: int) -> LoadHistory:
     """Return a load as polynomials that begin at multiples of `quantum`, zero while it is switched off.
 
     Parameters
@@ -177,7 +180,7 @@ def load_history(factor: float, spec: Any, end: float, quantum: float, most_piec
     factor
         Factor of its amplitude.
     spec
-        Load of the case.
+        The load; it knows at which times it is not smooth.
     end, quantum
         Time up to which the load is needed, and unit of the times.
     most_pieces
@@ -188,7 +191,7 @@ def load_history(factor: float, spec: Any, end: float, quantum: float, most_piec
     nothing = np.zeros(1), np.zeros((1, 2))
     if first >= last:
         return LoadHistory(*nothing, end, "")
-    inner = sorted(start + k for k in spec.load.kinks() if first < start + k < last)
+    inner = sorted(start + k for k in spec.load.kinks() or () if first < start + k < last)
     edges = np.array([first, *inner, last]) - start
     begins, stops, pieces, reached = fitted(lambda time: factor * spec.load.amplitude(time), edges, most_pieces)
     # Rounding changes a time by at most half a quantum. Each piece is stretched so that it keeps its values at both

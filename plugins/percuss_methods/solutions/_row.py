@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss import BodyEnd
 from percuss_methods.solutions import _fronts as fronts
 from percuss_methods.solutions._fronts import ABSENT, DRIVEN, FREE, WALL
 from percuss_methods.solutions._polynomials import FIT, PiecewisePolynomial, load_history, padded, summed
+
+if TYPE_CHECKING:
+    from percuss import ContactProblem, ProblemLoad
 
 
 class BarChain:
@@ -18,64 +22,65 @@ class BarChain:
     the common line; `flip` is -1 for a bar that points against it.
     """
 
-    def __init__(self, model: Any) -> None:
-        self.model = model
-        self.bodies = list(model.bodies.values())
-        line = self.bodies[0].mesh.direction
-        self.flip = np.array([1.0 if body.mesh.direction @ line > 0 else -1.0 for body in self.bodies])
-        materials = [body.spec.material for body in self.bodies]
-        self.length = np.array([float(body.mesh.lengths.sum()) for body in self.bodies])
+    def __init__(self, problem: ContactProblem) -> None:
+        self.problem = problem
+        self.bodies = list(problem.bodies.values())
+        self._number = {name: b for b, name in enumerate(problem.bodies)}
+        line = self.bodies[0].direction
+        self.flip = np.array([1.0 if body.direction @ line > 0 else -1.0 for body in self.bodies])
+        materials = [body.material for body in self.bodies]
+        self.length = np.array([body.length for body in self.bodies])
         self.speed = np.array([np.sqrt(m.modulus / m.rho) for m in materials])
         self.transit = self.length / self.speed
         self.impedance = np.array(
-            [b.spec.area * np.sqrt(m.modulus * m.rho) for b, m in zip(self.bodies, materials, strict=True)]
+            [b.area * np.sqrt(m.modulus * m.rho) for b, m in zip(self.bodies, materials, strict=True)]
         )
         self.gravity = np.zeros(len(self.bodies))
-        for force in model.body_forces:
-            amplitude = float(model.amplitude(force.load, np.zeros(1), average=False)[0])
-            axis = self.bodies[force.body].mesh.direction * self.flip[force.body]
-            self.gravity[force.body] += amplitude * float(force.acceleration @ axis)
+        for load in problem.loads:
+            if load.end is None:
+                b = self._number[load.body]
+                amplitude = float(load.load.amplitude(np.zeros(1))[0])  # a covered load on a whole body is steady
+                self.gravity[b] += amplitude * float(load.vector @ self._axis(b))
         self.velocity = np.array(
-            [float(b.velocity @ b.mesh.direction) * f for b, f in zip(self.bodies, self.flip, strict=True)]
+            [float(b.velocity @ b.direction) * f for b, f in zip(self.bodies, self.flip, strict=True)]
         )
         self._set_junctions()
 
-    def end_of(self, node: int) -> tuple[int, int]:
-        """Return the end of a node as (bar, side), with side 1 for the right and 0 for the left end on the line."""
-        for b, body in enumerate(self.bodies):
-            if body.start <= node < body.stop:
-                right = (node != body.start) == (self.flip[b] > 0)
-                return b, int(right)
-        raise AssertionError(node)
+    def _axis(self, b: int) -> Any:
+        """Return the unit vector of a bar that points along the common line."""
+        return self.bodies[b].direction * self.flip[b]
+
+    def _place_of(self, end: BodyEnd) -> tuple[int, int]:
+        """Return an end of a body as (bar, side), with side 1 for the right and 0 for the left end on the line."""
+        b = self._number[end.body]
+        return b, int(end.at_start == (self.flip[b] < 0))
 
     def _ends(self) -> dict[tuple[int, int], tuple[int, int]]:
         """Return the kind of each end of each bar, and the number of its load or velocity history, -1 for none."""
         self.functions: list[list[Any]] = []  # for each history, the pairs (factor, load) whose sum it is
-        constraints = {constraint.node: constraint for constraint in self.model.constraints}
-        nodal_forces: dict[int, list[Any]] = {}
-        for force in self.model.nodal_forces:
-            nodal_forces.setdefault(force.node, []).append(force)
+        loads: dict[tuple[int, int], list[ProblemLoad]] = {}
+        for load in self.problem.loads:
+            if load.end is not None:
+                loads.setdefault(self._place_of(load.end), []).append(load)
+        fixed = {self._place_of(end) for end in self.problem.fixed}
         kinds = {}
         for b, body in enumerate(self.bodies):
-            axis = body.mesh.direction * self.flip[b]
-            for node in (body.start, body.stop - 1):
-                if node in constraints:
-                    constraint = constraints[node]
-                    terms = (
-                        [(float(constraint.direction @ axis), constraint.load)] if constraint.load is not None else []
-                    )
-                else:
-                    terms = [(float(force.force @ axis), force.load) for force in nodal_forces.get(node, [])]
+            for at_start in (True, False):
+                place = self._place_of(BodyEnd(body.name, at_start))
+                acting = loads.get(place, [])
+                drives = [load for load in acting if load.acts_as == "velocity"]
+                held = bool(drives) or place in fixed  # forces on such an end do not move it
+                terms = [(float(load.vector @ self._axis(b)), load) for load in (drives if held else acting)]
                 self.functions += [terms] if terms else []
                 history = len(self.functions) - 1 if terms else -1
-                kinds[self.end_of(node)] = (DRIVEN if node in constraints else FREE, history)
+                kinds[place] = (DRIVEN if held else FREE, history)
         return kinds
 
     def _set_junctions(self) -> None:
         """Set the arrays of the junctions: first all contacts in the order of the case, then all other ends."""
         kinds = self._ends()
         sides: list[list[list[int]]] = []
-        contact, gaps, self.contact_names = [], [], []
+        is_contact, gaps, self.contact_names = [], [], []
         done: set[tuple[int, int]] = set()
 
         def side(end: tuple[int, int]) -> list[int]:
@@ -85,8 +90,8 @@ class BarChain:
             return [2 * b + (0 if right else 1), 2 * b + (1 if right else 0), history, kind, -1, b]
 
         absent = [-1, -1, -1, ABSENT, -1, -1]
-        for contact_pair in self.model.contact_pairs:
-            ends = [self.end_of(node) for node in contact_pair.nodes]
+        for contact in self.problem.contacts:
+            ends = [self._place_of(end) for end in contact.ends]
             done |= set(ends)
             pair = [absent[:], absent[:]]
             for end in ends:
@@ -94,15 +99,15 @@ class BarChain:
             if len(ends) == 1:
                 pair[1 if ends[0][1] else 0][3] = WALL
             sides.append(pair)
-            contact.append(1)
-            gaps.append(contact_pair.gap)
-            self.contact_names.append(contact_pair.name)
+            is_contact.append(1)
+            gaps.append(contact.gap)
+            self.contact_names.append(contact.name)
         for end in sorted(kinds):
             if end not in done:
                 pair = [absent[:], absent[:]]
                 pair[0 if end[1] else 1] = side(end)
                 sides.append(pair)
-                contact.append(0)
+                is_contact.append(0)
                 gaps.append(0.0)
         junction_of = {(s[5], k): j for j, pair in enumerate(sides) for k, s in enumerate(pair) if s[5] >= 0}
         for pair in sides:
@@ -111,7 +116,7 @@ class BarChain:
                     s[4] = junction_of[s[5], 1 - k]
         columns = np.array(sides, dtype=np.int64).reshape(-1, 2, 6)
         self.side, self.bar = np.ascontiguousarray(columns[:, :, :5]), columns[:, :, 5]
-        self.is_contact = np.array(contact, dtype=np.int64)
+        self.is_contact = np.array(is_contact, dtype=np.int64)
         self.is_free, self.is_wall = (self.side[:, :, fronts.KIND] == kind for kind in (FREE, WALL))
         self.gaps = np.array(gaps)
 

@@ -14,7 +14,7 @@ from percuss_methods.solutions._polynomials import PiecewisePolynomial, product
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from percuss import Floats
+    from percuss import ContactProblem, Floats
     from percuss_methods.solutions._row import BarChain
 
 
@@ -43,56 +43,54 @@ class BarsInARow(Solution):
         2_000_000
     )
 
-    def covers(self, model: Any) -> str | None:
-        """Return the reason why a case is not covered, or None if it is."""
-        reasons = [*_reasons_of_bodies(model), *_reasons_of_loads(model)]
-        nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-        if len(nodes) != len(set(nodes)):
+    def covers(self, problem: ContactProblem) -> str | None:
+        """Return the reason why a problem is not covered, or None if it is."""
+        reasons = [*_reasons_of_bodies(problem), *_reasons_of_loads(problem)]
+        ends = [end for contact in problem.contacts for end in contact.ends]
+        if len(ends) != len(set(ends)):
             reasons.append("an end takes part in several contacts")
         return reasons[0] if reasons else None
 
-    def solve(self, model: Any, end: float) -> Exact:
-        """Return the exact solution of a covered case up to `end`, or up to the time that `most_fronts` allows."""
+    def solve(self, problem: ContactProblem, end: float) -> Exact:
+        """Return the exact solution of a covered problem up to `end`, or up to the time that `most_fronts` allows."""
         from percuss_methods.solutions._row import BarChain  # imported here because it imports numba, which takes long
 
-        chain = BarChain(model)
+        chain = BarChain(problem)
         chain.march(end, self.most_fronts)
         return ChainSolution(chain, end)
 
 
-def _reasons_of_bodies(model: Any) -> Iterator[str]:
-    """Yield the reasons why the bodies of a case are not covered."""
-    line = next(iter(model.bodies.values())).mesh.direction
-    for name, body in model.bodies.items():
-        if _has_transverse_part(body.mesh.direction, line):
+def _reasons_of_bodies(problem: ContactProblem) -> Iterator[str]:
+    """Yield the reasons why the bodies of a problem are not covered."""
+    line = next(iter(problem.bodies.values())).direction
+    for name, body in problem.bodies.items():
+        if _has_transverse_part(body.direction, line):
             yield f"body '{name}' lies across the first one"
-        if body.spec.shape.name != "bar":
-            yield f"body '{name}' is a {body.spec.shape.name}, not a bar"
-        if body.velocity.any() and _has_transverse_part(body.velocity, body.mesh.direction):
+        if body.shape.name != "bar":
+            yield f"body '{name}' is a {body.shape.name}, not a bar"
+        if body.velocity.any() and _has_transverse_part(body.velocity, body.direction):
             yield f"body '{name}' moves across its axis"
 
 
-def _reasons_of_loads(model: Any) -> Iterator[str]:
-    """Yield the reasons why the loads of a case are not covered."""
-    bodies = list(model.bodies.values())
-    for nodal_force in model.nodal_forces:
-        if nodal_force.load.acts_as == "acceleration":
-            yield f"load '{nodal_force.load.name}' accelerates an end, which has no mass but that of its mesh"
-    drives = [constraint for constraint in model.constraints if constraint.load is not None]
-    loads = [(force.load, force.force, model.body_of(force.node)) for force in model.nodal_forces]
-    loads += [(drive.load, drive.direction, model.body_of(drive.node)) for drive in drives]
-    loads += [(force.load, force.acceleration, bodies[force.body]) for force in model.body_forces]
-    for spec, vector, body in loads:
-        if _has_transverse_part(vector, body.mesh.direction):
-            yield f"load '{spec.name}' acts across body '{body.name}'"
-        if spec.load.kinks() is None:
-            yield f"load '{spec.name}' ({spec.load.name}) does not say where it is smooth"
-    for drive in drives:
-        if drive.load.start > 0 or drive.load.stop < np.inf:
-            yield f"the drive '{drive.load.name}' is switched on or off in time"
-    for force in model.body_forces:
-        if force.load.start > 0 or force.load.stop < np.inf or force.load.load.name not in {"gravity", "constant"}:
-            yield f"the load '{force.load.name}' on a whole body changes in time"
+def _reasons_of_loads(problem: ContactProblem) -> Iterator[str]:
+    """Yield the reasons why the loads of a problem are not covered."""
+    drives = [load for load in problem.loads if load.acts_as == "velocity"]
+    on_ends = [load for load in problem.loads if load.end is not None and load.acts_as != "velocity"]
+    on_bodies = [load for load in problem.loads if load.end is None]
+    for load in on_ends:
+        if load.acts_as == "acceleration":
+            yield f"load '{load.name}' accelerates an end, which has no mass but that of its mesh"
+    for load in (*on_ends, *drives, *on_bodies):
+        if _has_transverse_part(load.vector, problem.bodies[load.body].direction):
+            yield f"load '{load.name}' acts across body '{load.body}'"
+        if load.load.kinks() is None:
+            yield f"load '{load.name}' ({load.load.name}) does not say where it is smooth"
+    for load in drives:
+        if load.start > 0 or load.stop < np.inf:
+            yield f"the drive '{load.name}' is switched on or off in time"
+    for load in on_bodies:
+        if load.start > 0 or load.stop < np.inf or load.load.name not in {"gravity", "constant"}:
+            yield f"the load '{load.name}' on a whole body changes in time"
 
 
 def _has_transverse_part(vector: Floats, axis: Floats) -> bool:
@@ -206,7 +204,7 @@ class ChainSolution(Exact):
         """Return the stress, tension positive."""
         b, distance, _ = self._line(body, x)
         p, q = self._line_waves(b, *np.broadcast_arrays(distance, np.asarray(time, dtype=float)))
-        return -self.chain.impedance[b] * (p - q) / self.chain.bodies[b].spec.area
+        return -self.chain.impedance[b] * (p - q) / self.chain.bodies[b].area
 
     # -- sums over all bars -------------------------------------------------------------------------------
 

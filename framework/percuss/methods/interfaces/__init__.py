@@ -16,16 +16,19 @@ from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, Linear
 from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import Load
 from percuss.methods.interfaces.measure import Measure
+from percuss.methods.interfaces.problem import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
 
 __all__ = [
     "FAMILIES",
     "NAME_PATTERN",
     "AllowInf",
+    "BodyEnd",
     "BodyMesh",
     "Component",
     "ContactLaw",
     "ContactPoints",
+    "ContactProblem",
     "ContactState",
     "DataFile",
     "Doc",
@@ -46,6 +49,9 @@ __all__ = [
     "Material",
     "Measure",
     "Mesh",
+    "ProblemBody",
+    "ProblemContact",
+    "ProblemLoad",
     "Region",
     "Shape",
     "Solution",

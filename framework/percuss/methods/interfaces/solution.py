@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from percuss.methods.interfaces.base import Component, Floats
+from percuss.methods.interfaces.problem import ContactProblem
 
 
 class ExactContact(ABC):
@@ -94,9 +95,7 @@ class Exact(ABC):
 
 
 class Solution(Component, contract="solutions"):
-    """An exact solution of a class of cases.
-
-    It receives a `percuss.solver.model.Model`, but must not use the mesh of that model except for the ends of bodies.
+    """An exact solution of a class of cases, each of which it receives as a `ContactProblem`.
 
     Attributes
     ----------
@@ -108,9 +107,9 @@ class Solution(Component, contract="solutions"):
     linear_bodies_only: ClassVar[bool] = True
 
     @abstractmethod
-    def covers(self, model: Any) -> str | None:
-        """Return the reason why the solution does not cover the case, or None if it does."""
+    def covers(self, problem: ContactProblem) -> str | None:
+        """Return the reason why the solution does not cover a problem, or None if it does."""
 
     @abstractmethod
-    def solve(self, model: Any, end: float) -> Exact:
+    def solve(self, problem: ContactProblem, end: float) -> Exact:
         """Return the exact solution up to `end`, or up to an earlier time, with the reason in `Exact.stopped`."""

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.methods.interfaces import Trial
-from percuss.methods.kernel_trial import kernel_of
 from percuss.solver.compiled.contact_equation import OTHER, POINT
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.specialise import Specialiser, compile_error
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
+    from percuss.solver.bound_law import BoundLaw
 
 Response = tuple[float, float]
 
@@ -78,12 +78,12 @@ def first_law(law: Any, points: Any, others: Any, dt: float, time: float, respon
     """Apply the first law with a kernel (slot); do nothing where there is none."""
 
 
-def nest(entries: list[dict[str, Any]], points: Any, others: Any) -> Any:
+def nest(laws: Sequence[BoundLaw], points: Any, others: Any) -> Any:
     """Return the nested tuple from which the loop calls the kernels of laws.
 
     Parameters
     ----------
-    entries
+    laws
         The bound laws with a kernel, in the order of their points, which are the last points of the loop.
     points : (P,) POINT
         All contact points of the loop.
@@ -97,15 +97,15 @@ def nest(entries: list[dict[str, Any]], points: Any, others: Any) -> Any:
         (bound arrays, `TrialViews`, multipliers, 1 if other laws act on the ends of its points, next law).
     """
     stop = points.size
-    first = stop - sum(len(entry["where"]) for entry in entries)
+    first = stop - sum(len(bound_law.where) for bound_law in laws)
     nested: Any = (0,)
     in_turn = 0
-    for entry in reversed(entries):
-        first_point = stop - len(entry["where"])
-        coupled = bool(entry["law"].uses_coupling)
+    for bound_law in reversed(laws):
+        first_point = stop - len(bound_law.where)
+        coupled = bool(bound_law.law.uses_coupling)
         views, pushed = _trial_views(points, others, first_point, stop, coupled)
         in_turn = max(in_turn, pushed)
-        nested = (entry["bound"], views, points["multiplier"][first_point:stop], pushed, nested)
+        nested = (bound_law.kernel_data, views, points["multiplier"][first_point:stop], pushed, nested)
         stop = first_point
     return (in_turn, first, nested)
 
@@ -137,27 +137,28 @@ def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool)
     return TrialViews(**views, **rows), pushed
 
 
-def bind(maker: Specialiser, entries: list[dict[str, Any]], *, entry: bool = False) -> Callable[..., None]:
+def bind(maker: Specialiser, laws: Sequence[BoundLaw], *, entry: bool = False) -> Callable[..., None]:
     """Return the function that calls the kernels of all laws in turn; with `entry`, Python can call it."""
     remaining: Any = None
-    for law_entry in reversed(entries):
-        kernel = law_entry.get("kernel") or kernel_of(law_entry["law"])
-        slots = {multipliers: kernel} | ({remaining_laws: remaining} if remaining is not None else {})
-        specialiser = maker.with_slots(slots, about=layout(law_entry["bound"]))
+    for bound_law in reversed(laws):
+        slots: dict[Any, Any] = {multipliers: bound_law.kernel} | (
+            {remaining_laws: remaining} if remaining is not None else {}
+        )
+        specialiser = maker.with_slots(slots, about=layout(bound_law.kernel_data))
         specialiser.checked = True
         remaining = specialiser.bind(apply_law)
     return maker.with_slots({first_law: remaining} if remaining is not None else {}).bind(apply_laws, entry=entry)
 
 
-def compile_failure(entry: dict[str, Any]) -> Exception | None:
+def compile_failure(bound_law: BoundLaw) -> Exception | None:
     """Return the compiler's error for the kernel of a bound law, or None if it can be compiled."""
-    points = np.recarray(len(entry["where"]), dtype=POINT)
+    points = np.recarray(len(bound_law.where), dtype=POINT)
     points[:] = np.ones((), dtype=POINT)
     points["other_start"] = points["other_stop"] = 0
     others = np.recarray(0, dtype=OTHER)
-    bound = nest([entry], points, others)
+    nested = nest([bound_law], points, others)
     try:
-        bind(Specialiser(counting=True), [entry], entry=True)(bound, points, others, 1.0, 0.0, (1.0, 1.0))
+        bind(Specialiser(counting=True), [bound_law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))
     except compile_error() as error:
         return error
     return None

@@ -22,16 +22,18 @@ def _solved(subject: Subject, engine: Any, case: dict[str, Any]) -> tuple[Any, f
     CheckFailed
         If it gives no reason for not covering the case, or for ending early.
     """
+    from percuss.solver.contact_problem import contact_problem
     from percuss.solver.model import Model
 
     model = Model(subject.load(case))
-    reason = engine.covers(model)
+    problem = contact_problem(model)
+    reason = engine.covers(problem)
     if reason is not None:
         if not isinstance(reason, str) or not reason.strip():
             raise CheckFailed(f"`covers` says {reason!r}, expected a reason in words or None")
         raise NotApplicable(f"it covers no drawn case: {reason}")
     end = model.dt * model.steps
-    solution = engine.solve(model, end)
+    solution = engine.solve(problem, end)
     if solution.reached < end * (1.0 - CLOSE) and not (isinstance(solution.stopped, str) and solution.stopped.strip()):
         raise CheckFailed(f"it holds up to {solution.reached:.6g} of {end:.6g} only, and `stopped` does not say why")
     return solution, min(end, solution.reached)

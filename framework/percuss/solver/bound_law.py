@@ -1,0 +1,124 @@
+"""A contact law bound to its contact points: its linear law with one value for each point, or its kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from percuss.errors import PluginError
+from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
+from percuss.methods.kernel_trial import bound_of, kernel_of
+
+
+@dataclass(frozen=True, eq=False)
+class BoundLaw:
+    """A contact law bound to its contact points for one time step.
+
+    Attributes
+    ----------
+    law
+        The law with its options.
+    where
+        Numbers of its contact points, in the order of the case.
+    points
+        Properties of these points.
+    linear
+        Its linear law, with coefficients checked and of one value for each point; None for a law with a kernel.
+    during
+        Intervals of time, (K, 2), in which the law acts; None if it always acts.
+    kernel, kernel_data
+        The kernel of a law that is not linear, and the data that its `bind` returned for the kernel.
+    resolved
+        Its parameters with the values used: one number, or one for each point.
+    """
+
+    law: ContactLaw
+    where: tuple[int, ...]
+    points: ContactPoints
+    linear: LinearLaw | None
+    during: Floats | None
+    kernel: Callable[..., None] | None
+    kernel_data: Any
+    resolved: Mapping[str, Floats | float]
+
+
+def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt: float) -> BoundLaw:
+    """Return a law bound to the contact points `where` for a time step.
+
+    Raises
+    ------
+    PluginError
+        If `bind` of the law returned an invalid linear law, or neither that nor the data of a kernel, or if the kernel
+        fails its trial calls.
+    ValueError
+        If the options of the law do not fit together or do not fit its points.
+    """
+    bound = bound_of(law, points, dt)
+    linear = broadcast(bound, points, law.name) if isinstance(bound, LinearLaw) else None
+    return BoundLaw(
+        law=law,
+        where=where,
+        points=points,
+        linear=linear,
+        during=linear.during if linear is not None else None,
+        kernel=kernel_of(law) if linear is None else None,
+        kernel_data=bound if linear is None else None,
+        resolved=law.resolved(points, dt),
+    )
+
+
+def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> LinearLaw:
+    """Return a linear law with one value of each coefficient for each point, or refuse invalid ones.
+
+    Raises
+    ------
+    PluginError
+        If a coefficient is out of bounds or has the wrong shape, or an option is unknown.
+    """
+    count = len(points.names)
+    coefficients: dict[str, Any] = {}
+    for field in ("sigma", "gap", "rate", "acceleration"):
+        value = np.asarray(getattr(linear_law, field), dtype=float)
+        if value.shape not in {(), (count,)}:
+            raise PluginError(
+                f"contact law {law}: rows.{field} has shape {value.shape}, expected ({count},) or a number"
+            )
+        if not np.isfinite(value).all():
+            raise PluginError(f"contact law {law}: rows.{field} is not finite")
+        coefficients[field] = np.broadcast_to(value, (count,))
+    if (coefficients["sigma"] < 0).any():
+        raise PluginError(f"contact law {law}: rows.sigma is negative, expected a compliance of at least 0")
+    for field, allowed in (
+        ("at", ("explicit", "end")),
+        ("active", ("gap < 0", "all")),
+        ("sign", ("free", ">= 0")),
+    ):
+        if getattr(linear_law, field) not in allowed:
+            raise PluginError(
+                f"contact law {law}: rows.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
+            )
+    return linear_law._replace(during=_intervals(linear_law, law), **coefficients)
+
+
+def _intervals(linear_law: LinearLaw, law: str) -> Floats | None:
+    """Return the (K, 2) intervals of time in which a linear law is active, None if it always is.
+
+    Raises
+    ------
+    PluginError
+        If they are not pairs (start, stop) with stop not before start.
+    """
+    if linear_law.during is None:
+        return None
+    during = np.asarray(linear_law.during, dtype=float)
+    if during.size == 0:
+        return np.zeros((0, 2))
+    if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
+        raise PluginError(
+            f"contact law {law}: rows.during is {linear_law.during!r}, "
+            "expected pairs (start, stop), stop not before start"
+        )
+    return during

@@ -1,0 +1,92 @@
+"""Contact pairs of a model: two ends that face each other, or an end and a rigid wall."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.solver.entities import ContactPair
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from percuss.case.case import Case, ContactSpec
+    from percuss.errors import Problem
+    from percuss.methods.interfaces import Floats
+    from percuss.solver.entities import Body
+
+TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
+
+
+def contact_pair_of(
+    case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
+) -> ContactPair | None:
+    """Return the contact pair of a contact of a case; None if its geometry is wrong, with the reason in `problems`."""
+    path = ("contacts", spec.name)
+
+    def add_problem(at: tuple[str, ...], message: str, advice: str) -> None:
+        problems.append(case.problem(at, message, advice))
+
+    sides = [bodies[side.body] for side in spec.sides]
+    normal = sides[0].mesh.regions[spec.sides[0].region].outward
+    nodes = tuple(body.node(side.region) for body, side in zip(sides, spec.sides, strict=True))
+    positions = [body.mesh.nodes[node - body.start] for body, node in zip(sides, nodes, strict=True)]
+    position = positions[0]
+    if len(nodes) == 1:
+        gap = _wall_gap(spec, position, normal, sides[0].mesh.direction)
+    else:
+        opposite = sides[1].mesh.regions[spec.sides[1].region].outward
+        if float(normal @ opposite) > -1.0 + 1e-9:
+            angle = math.degrees(math.acos(max(-1.0, min(1.0, -float(normal @ opposite)))))
+            add_problem(
+                (*path, "between"),
+                f"expected two ends that face each other, found {spec.sides[0]} and {spec.sides[1]} "
+                f"turned by {angle:.6g} degrees",
+                "Contact is between bars along one line: a right end meets a left end.",
+            )
+            return None
+        gap = float(normal @ (positions[1] - position))
+        offset = float(np.linalg.norm(positions[1] - position - gap * normal))
+        if offset > 1e-6 * min(float(body.mesh.lengths.sum()) for body in sides):
+            add_problem(
+                (*path, "between"),
+                f"expected two ends on one line, found {spec.sides[1]} {offset:.6g} beside {spec.sides[0].body}",
+                "Move one of the bodies (`at`) or turn it (`direction`).",
+            )
+            return None
+    elements = [body.end_element(node) for body, node in zip(sides, nodes, strict=True)]
+    size = min(float(body.mesh.lengths[element]) for body, element in zip(sides, elements, strict=True))
+    if gap < -TOUCHING * size:
+        add_problem(
+            path,
+            f"expected bodies apart or touching, found an overlap of {-gap:.6g}",
+            f"Move them apart by {-gap:.17g}, or drop the contact.",
+        )
+        return None
+    stiffness = [float(body.stiffness[element]) for body, element in zip(sides, elements, strict=True)]
+    frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
+    softer = int(np.argmin(stiffness))
+    return ContactPair(
+        name=spec.name,
+        nodes=nodes,
+        normal=normal,
+        gap=0.0 if gap <= TOUCHING * size else gap,
+        law=spec.law,
+        stiffness=stiffness[softer],
+        frequency=min(frequency),
+        # rho A h / 2 = 2 (EA/h) / omega^2
+        mass=2.0 * stiffness[softer] / frequency[softer] ** 2,
+        equal_sides=bool(np.ptp(stiffness) <= 1e-12 * max(stiffness) and np.ptp(frequency) <= 1e-12 * max(frequency)),
+    )
+
+
+def _wall_gap(spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:
+    wall = np.asarray(spec.wall, dtype=float)
+    if wall.ndim == 1:
+        return float(normal @ (wall - position))
+    # A wall given as a number is a coordinate along the bar; for a bar on the x axis it is x, whichever way the bar
+    # points.
+    axis = np.abs(direction) if abs(direction[0]) == 1.0 else direction
+    return float((wall - position @ axis) * (axis @ normal))

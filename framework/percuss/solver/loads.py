@@ -1,0 +1,106 @@
+"""Supports, drives and loads of a model, and the amplitudes of its loads at the times of its steps."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from percuss.solver.entities import BodyForce, Constraint, NodalForce
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from percuss.case.case import Case, LoadSpec
+    from percuss.errors import Problem
+    from percuss.methods.interfaces import Floats
+    from percuss.solver.entities import Body
+
+
+class SupportsAndLoads(NamedTuple):
+    """The supports and loads of a case as they act on nodes and bodies."""
+
+    constraints: tuple[Constraint, ...]
+    nodal_forces: tuple[NodalForce, ...]
+    body_forces: tuple[BodyForce, ...]
+
+
+def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Problem]) -> SupportsAndLoads:
+    """Return the supports and loads of a case; drives that do not fit together are added to `problems`."""
+    constraints: list[Constraint] = []
+    nodal_forces: list[NodalForce] = []
+    body_forces: list[BodyForce] = []
+    for body in bodies.values():
+        for region in body.spec.fixed:
+            constraints += [Constraint(body.node(region), axis, None, 0) for axis in np.eye(case.dimension)]
+    for column, spec in enumerate(case.loads.values(), start=1):
+        for body, region in _targets(spec, bodies):
+            direction = _direction(spec, body)
+            if spec.acts_as == "velocity":
+                drive = Constraint(body.node(region), direction, spec, column)
+                obstacle = _obstacle_to(drive, constraints)
+                if not obstacle:
+                    constraints.append(drive)
+                    continue
+                message = f"expected an end free along the direction of the drive, found {obstacle} there"
+                advice = "An end is fixed or driven, once at a time and along perpendicular directions."
+                problems.append(case.problem(("loads", spec.name), message, advice))
+            elif region:
+                node = body.node(region)
+                share = body.mass[node - body.start] if spec.acts_as == "acceleration" else 1.0
+                nodal_forces.append(NodalForce(node, share * direction, spec, column))
+            else:
+                share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
+                body_forces.append(BodyForce(body.number, share * direction, spec))
+    return SupportsAndLoads(tuple(constraints), tuple(nodal_forces), tuple(body_forces))
+
+
+def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str]]:
+    """Return the bodies on which a load acts, each with the end at which it acts, empty for the whole body."""
+    if not spec.on:
+        return [(body, "") for body in bodies.values()]
+    return [(bodies[address.body], address.region) for address in spec.on]
+
+
+def _direction(spec: LoadSpec, body: Body) -> Floats:
+    """Return the unit vector along which a load acts on a body."""
+    vector = spec.direction if spec.direction is not None else spec.load.vector()
+    if vector is None:
+        return body.mesh.direction
+    direction = np.zeros(body.mesh.direction.size)
+    direction[: len(vector)] = vector
+    return direction / np.linalg.norm(direction)
+
+
+def _obstacle_to(drive: Constraint, constraints: Sequence[Constraint]) -> str:
+    """Return the support or drive that already prescribes the motion of a drive, in words; empty if there is none."""
+    for existing in constraints:
+        if existing.node != drive.node or drive.load is None:
+            continue
+        apart = existing.load is not None and (
+            existing.load.stop <= drive.load.start or drive.load.stop <= existing.load.start
+        )
+        if not apart and abs(float(existing.direction @ drive.direction)) >= 1e-12:
+            return "a fixed end" if existing.load is None else f"the load '{existing.load.name}'"
+    return ""
+
+
+def amplitude(spec: LoadSpec, time: Floats, dt: float, *, average: bool) -> Floats:
+    """Return a load's amplitude at the times of consecutive steps of length `dt`.
+
+    With `average`, the amplitude is multiplied by the fraction of the step around each time during which the load
+    is on, so that a load that is switched on or off between two times, or within round-off of one, has its exact
+    impulse.
+    """
+    start = -math.inf if average and spec.start <= 0 else spec.start
+    clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
+    values = np.asarray(spec.load.amplitude(clock), dtype=float)
+    if values.shape != time.shape:
+        message = f"load {spec.load.name} returned amplitudes of shape {values.shape}, expected {time.shape}"
+        raise ValueError(message)
+    if not average:
+        return values
+    half = 0.5 * dt
+    share = np.minimum(time + half, spec.stop) - np.maximum(time - half, start)
+    return values * np.clip(share / dt, 0.0, 1.0)

@@ -1,0 +1,67 @@
+"""The starting state of a run: velocities at t = 0, and half a step before for leap-frog schemes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.solver.loads import amplitude
+
+if TYPE_CHECKING:
+    from percuss.case.case import LoadSpec
+    from percuss.methods.interfaces import Floats
+    from percuss.solver.model import Model
+
+
+def initial_velocity(model: Model) -> Floats:
+    """Return the velocity at t = 0, (nodes, dim): that of the bodies, subject to the active supports and drives."""
+    velocity = np.concatenate([np.tile(body.velocity, (body.mass.size, 1)) for body in model.bodies.values()])
+    _impose_velocities(model, velocity, 0.0)
+    return velocity
+
+
+def starting_velocity(model: Model) -> Floats:
+    """Return v_{-1/2} = v_0 - dt/2 M^-1 f_ext(0), (nodes, dim), without contact forces.
+
+    With this starting velocity the scheme is of second order.
+    """
+    velocity = initial_velocity(model)
+    for nodal_force in model.nodal_forces:
+        velocity[nodal_force.node] -= (
+            _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force / model.mass[nodal_force.node]
+        )
+    bodies = list(model.bodies.values())
+    for body_force in model.body_forces:
+        body = bodies[body_force.body]
+        velocity[body.start : body.stop] -= _impulse_before_start(body_force.load, model.dt) * body_force.acceleration
+    _impose_velocities(model, velocity, -0.5 * model.dt)
+    return velocity
+
+
+def _impose_velocities(model: Model, velocity: Floats, time: float) -> None:
+    """Set the velocities of the supports and drives that are active in the first step.
+
+    A prescribed velocity is extrapolated linearly to a `time` before t = 0.
+    """
+    for constraint in model.constraints:
+        if constraint.active(0.5 * model.dt):
+            prescribed = 0.0
+            if constraint.load is not None:
+                times = np.array([0.0, 0.5 * model.dt])
+                at_start, at_midpoint = amplitude(constraint.load, times, model.dt, average=False)
+                prescribed = at_start + (at_midpoint - at_start) * time / (0.5 * model.dt)
+            velocity[constraint.node] += (
+                prescribed - velocity[constraint.node] @ constraint.direction
+            ) * constraint.direction
+
+
+def _impulse_before_start(spec: LoadSpec, dt: float) -> float:
+    """Return the amplitude of a load at t = 0 times its duration within [-dt/2, 0].
+
+    The force of the first step acts over that half step too, so that the starting velocity has to compensate it.
+    """
+    if spec.start > 0:
+        return 0.0
+    value = float(amplitude(spec, np.zeros(1), dt, average=False)[0])
+    return value * min(max(0.5 * dt + min(spec.stop, 0.0), 0.0), 0.5 * dt)
