@@ -77,7 +77,8 @@ METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and not 
 ROOMS = ("methods", "case", "solver", "certificate", "results", "studies", "reporting", "testing", "cli")
 GROUND = {"compiling", "errors", "filelock", "files", "interrupt", "jsonable"}
 DOORS = {"percuss", "percuss.__main__"}
-DECLARED = {("percuss.results.result", "percuss.reporting.report")}  # a result shows its picture in a notebook
+# a result shows its picture in a notebook
+DECLARED = {(f"percuss.results.{result}", "percuss.reporting.report") for result in ("result", "exact_result")}
 NOT_THERE = {"percuss.laws"}  # a name that a test asks for in vain
 
 
