@@ -149,3 +149,8 @@ class Expectation:
     relative: bool
     source: str
     path: KeyPath
+
+    @property
+    def allowed(self) -> float:
+        """Largest difference from the value that is allowed, in the unit of the quantity."""
+        return self.within * abs(self.value) if self.relative else self.within

@@ -164,22 +164,16 @@ def draw_references(axes: Axes, result: Drawn, names: Sequence[str]) -> dict[str
             words = "exact" if covered.all() or not covered.any() else f"exact, up to {time[covered][-1]:.4g}"
             time, force = time[covered], force[covered]
             (entries[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
-    for item in result.provenance["case"].get("expect") or ():
-        contact = item.get("contact") or (result.coordinates["contact"] or [""])[0]
-        if item.get("quantity") != "contact_force" or contact not in names:
+    marks = {"mean": "|", "max": "v", "min": "^"}
+    # A result of an earlier version has no expected forces of its own.
+    for expected in result.provenance.get("expected_forces", ()):
+        statistic, value, allowed = (expected[key] for key in ("statistic", "value", "allowed"))
+        if expected["contact"] not in names or statistic not in marks:
             continue
-        for statistic, mark in {"mean": "|", "max": "v", "min": "^"}.items():
-            if item.get(statistic) is None:
-                continue
-            value, within = float(item[statistic]), item.get("within", 0.0)
-            share = isinstance(within, str) and within.endswith("%")
-            tolerance = abs(value) * float(within[:-1]) / 100.0 if share else float(within)
-            interval = list(item.get("during") or (0.0, stopped_at(result)))
-            axes.fill_between(
-                interval, value - tolerance, value + tolerance, color=INK, alpha=0.22, linewidth=0, zorder=2.5
-            )
-            line = axes.plot(interval, [value, value], color=INK, linewidth=0.9, marker=mark, zorder=3)
-            entries[f"expected {statistic}"] = line[0]
+        interval = expected["during"] or (0.0, stopped_at(result))
+        axes.fill_between(interval, value - allowed, value + allowed, color=INK, alpha=0.22, linewidth=0, zorder=2.5)
+        line = axes.plot(interval, [value, value], color=INK, linewidth=0.9, marker=marks[statistic], zorder=3)
+        entries[f"expected {statistic}"] = line[0]
     return entries
 
 

@@ -15,7 +15,7 @@ from percuss.jsonable import plain
 from percuss.results import true_error
 from percuss.results.exact import exact_solution
 from percuss.results.exact_result import ExactSolutionResult
-from percuss.results.provenance import geometry, machine, plugins_used
+from percuss.results.provenance import expected_forces, geometry, machine, plugins_used
 from percuss.solver.model import Model
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def run_exact(case: Case) -> ExactSolutionResult:
         **machine(),
         "case": case.data,
         "geometry": geometry(model),
+        "expected_forces": expected_forces(case),
         "plugins": plugins_used(case, solution=name),
     }
     coordinates = {"contact": names, "probe": probes}

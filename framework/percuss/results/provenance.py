@@ -74,6 +74,28 @@ def geometry(model: Model) -> dict[str, Any]:
     }
 
 
+def expected_forces(case: Case) -> list[dict[str, Any]]:
+    """Return the expected contact forces of a case as plain data, which a picture of its result shows.
+
+    Returns
+    -------
+    list of dict
+        ``contact``, ``statistic``, ``value``, ``allowed`` (the largest difference from it) and ``during``, the times
+        over which the statistic is taken, None for the whole run.
+    """
+    return [
+        {
+            "contact": expectation.contact,
+            "statistic": expectation.statistic,
+            "value": expectation.value,
+            "allowed": expectation.allowed,
+            "during": expectation.during,
+        }
+        for expectation in case.expect
+        if expectation.quantity == "contact_force"
+    ]
+
+
 def plugins_used(case: Case, *, solution: str | None = None) -> dict[str, dict[str, str]]:
     """Return distribution, version and file of every component of a case, by family and name.
 
