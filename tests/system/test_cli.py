@@ -68,6 +68,22 @@ def test_run_saves_and_draws(tmp_path: Path) -> None:
     assert result.fields["stress"].shape[0] > 100
 
 
+@pytest.mark.slow
+def test_the_exact_solution_alone_is_printed_saved_and_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    done = percuss_command("run", HUNEK, "--exact-only", "-o", "a.nc", "--plot", "a.svg", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for words in ("done", "bars-in-a-row", "0.02", "ledger closed to", "momentum and impulses balance"):
+        assert words in done.stdout
+    from percuss import open_result
+
+    result = open_result(tmp_path / "a.nc")
+    assert result.fields["stress"].shape[0] == 400
+    assert set(result.histories.coords) == {"time", "contact", "probe", "component"}
+    told = json.loads(percuss_command("run", HUNEK, "--exact-only", "--json").stdout)
+    assert {**told, "seconds": 0} == {"title": result.title, **result.summary, "seconds": 0, "error": None}
+
+
 def test_overrides_pass_the_same_checks() -> None:
     done = percuss_command("run", HUNEK, "--set", "method.contact.beta_s=-1", "--set", "time.ende=3")
     assert done.returncode == 2

@@ -727,14 +727,31 @@ def test_work_and_impulse_are_those_of_the_histories(row, manner, share):
 
 
 def test_an_exact_solution_alone_is_saved_read_again_and_described(tmp_path):
-    made = run_exact(percuss.load(CASES / "hunek.yaml"))
+    made = run_exact(percuss.load(CASES / "hunek.yaml", {"record.fields": 1}))
     made.save(tmp_path / "exact.nc")
     read = percuss.open_result(tmp_path / "exact.nc")
-    assert made.summary["dt"] is None
-    for name, values in made.arrays.items():
-        np.testing.assert_array_equal(read.arrays[name], values)
+    assert type(read) is type(made)
+    for own, other in ((made.arrays, read.arrays), (made.field_arrays, read.field_arrays)):
+        assert set(own) == set(other)
+        for name, values in own.items():
+            np.testing.assert_array_equal(other[name], values)
+    assert (read.summary, read.coordinates) == (made.summary, made.coordinates)
+    assert (read.end, read.solution_name) == (0.8, "bars-in-a-row")
     assert repr(read) == repr(made)
-    assert "exact solution alone, tip: impulse 0.02" in repr(made)
+    assert "exact solution" in repr(made)
+    assert "tip: impulse 0.02" in repr(made)
+    assert "bars-in-a-row" in made._repr_html_()
+
+
+def test_an_exact_solution_alone_has_nothing_of_a_run():
+    """It made no step, needed no certificate, kept no ledger of contact work and was not compiled."""
+    made = run_exact(percuss.load(CASES / "hunek.yaml"))
+    of_a_run = {"steps", "nodes", "dt", "courant", "certificate", "stop", "energy_growth", "compiled", "compiled_why"}
+    assert not of_a_run & set(made.summary)
+    assert not {"time_half", "contact_work", "contact_energy", "energy_growth"} & set(made.arrays)
+    assert "resolved" not in made.provenance
+    assert "solutions/bars-in-a-row" in made.provenance["plugins"]
+    assert not any(name.startswith(("integrators", "contacts")) for name in made.provenance["plugins"])
 
 
 def run_exact_of(case):

@@ -9,10 +9,11 @@ from matplotlib.text import Text
 import percuss
 import places
 from percuss.methods.interfaces import ExactContact
-from percuss.reporting import run_figure
-from percuss.reporting.terminal import tell_result
+from percuss.reporting import exact_figure, run_figure
+from percuss.reporting.terminal import tell_exact, tell_result
 from percuss.results import true_error
 from percuss.results.exact import exact_solution
+from percuss.results.exact_only import run_exact
 from percuss.results.verify import verify
 from percuss.solver.model import Model
 from percuss.studies.columns import column_by_name
@@ -287,6 +288,20 @@ def test_a_run_of_which_a_part_is_known_has_no_true_error_but_that_of_the_part(s
     assert all(start < stop <= until for start, stop in closed)
     assert closed[-1][1] > 0.5 * until
     assert result.exact.reached == until
+
+
+def test_an_exact_solution_that_ends_early_says_where_and_why(short_of_breath, capsys):
+    result = run_exact(percuss.load(many_fronts()))
+    assert result.status == "interrupted"
+    assert result.end == result.solution.reached == result.summary["exact_covered"]["until"]
+    assert result.arrays["time"][-1] == result.end
+    reason = result.summary["exact_reason"]
+    tell_exact(result)
+    assert f"exact solution: {reason}" in " ".join(capsys.readouterr().out.split())
+    words = " ".join(text.get_text() for text in exact_figure.exact_figure(result).findobj(Text))
+    assert f"INTERRUPTED at time {result.end:.4g}" in words
+    assert "most_fronts" in words
+    assert "most_fronts" in result._repr_html_()
 
 
 def test_nothing_ranks_a_run_by_the_part_that_is_known(short_of_breath, tmp_path, capsys):

@@ -15,6 +15,7 @@ import pytest
 import percuss
 import percuss_methods
 import places
+from percuss.case.options import options_of
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.registry import Registry
 
@@ -78,7 +79,8 @@ METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and not 
 ROOMS = ("methods", "case", "solver", "certificate", "results", "studies", "reporting", "testing", "cli")
 GROUND = {"compiling", "errors", "filelock", "files", "interrupt", "jsonable"}
 DOORS = {"percuss", "percuss.__main__"}
-DECLARED = {("percuss.results.result", "percuss.reporting.report")}  # a result shows its picture in a notebook
+# a result shows its picture in a notebook
+DECLARED = {(f"percuss.results.{result}", "percuss.reporting.report") for result in ("result", "exact_result")}
 NOT_THERE = {"percuss.laws"}  # a name that a test asks for in vain
 
 
@@ -177,30 +179,48 @@ def resolves(parts):
     return True
 
 
-# the kit draws bars of its own, a case has defaults, and rows of tied twins are called so
-MAY_NAME_METHODS = {"percuss.case.defaults", "percuss.studies.tasks"}
-OF_ONE_METHOD = {"beta_s", "beta_m", "epsilon_s", "epsilon_m", "ratio", "from-step", "grading"}
+# Where a method may be named: the defaults of a case, and the name of a tied twin in a table.
+MAY_NAME_METHODS = {"percuss.case.defaults": None, "percuss.studies.tasks": {"TIED"}}
+# Names of methods and options that are words of the framework too.
+COMMON = {
+    *("constant", "direction", "during", "elastic", "elements", "file", "frequency", "length", "mean", "p", "peak"),
+    *("ramp", "scale", "stiffness", "table", "time", "value"),
+}
+VALUES_OF_ONE_OPTION = {"from-step", "matched"}
+
+
+def constants_outside(tree, exempt):
+    """Yield the string constants of a module, but for docstrings and the values of the exempted global names."""
+    exempted = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr)
+        or (isinstance(node, ast.Assign) and any(getattr(name, "id", None) in exempt for name in node.targets))
+        for inner in ([node.value] if isinstance(node, ast.Expr) else ast.walk(node))
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in exempted:
+            yield node
 
 
 def test_framework_knows_no_method_by_its_name():
-    """No name of a method, and no option of one method alone, stands as a string outside the defaults of a case."""
+    """No name of a method, of an option, or of an option in a dotted path, is a string of the framework.
+
+    The kit, which draws bars of its own, is not asked.
+    """
     registry = Registry.load()
-    known = {
-        name
-        for family in ("integrators", "contacts", "loads", "solutions", "measures")
-        for name in registry.names(family)
-    }
-    known -= {"constant", "table", "ramp"}  # words of their own: that of an interpolation, of a sequence of numbers
+    names = {name for family in FAMILIES for name in registry.names(family)} | VALUES_OF_ONE_OPTION
+    names |= {option for component in registry.components.values() for option in options_of(component)}
+    names -= COMMON
     wrong = []
     for module, path in MODULES.items():
-        if module in MAY_NAME_METHODS or module.startswith("percuss.testing"):
+        exempt = MAY_NAME_METHODS.get(module, set())
+        if exempt is None or module.startswith("percuss.testing"):
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
         wrong += [
             f"{path.relative_to(ROOT)}:{node.lineno}: {node.value!r}"
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Constant) and id(node) not in prose and node.value in known | OF_ONE_METHOD
+            for node in constants_outside(ast.parse(path.read_text(encoding="utf-8")), exempt)
+            if names & {node.value, *node.value.split(".")}
         ]
     assert not wrong, "\n".join(wrong)
 

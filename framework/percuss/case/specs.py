@@ -379,6 +379,11 @@ class Expectation(Section):
         """Tolerance, as a share of the value where `relative`."""
         return float(self.tolerance.removesuffix("%")) / 100.0 if isinstance(self.tolerance, str) else self.tolerance
 
+    @property
+    def allowed(self) -> float:
+        """Largest difference from the value that is allowed, in the unit of the quantity."""
+        return self.within * abs(self.value) if self.relative else self.within
+
 
 @dataclass(frozen=True)
 class CaseSection(Section):

@@ -24,6 +24,7 @@ from percuss.cli.common import (
 from percuss.errors import RunError
 
 if TYPE_CHECKING:
+    from percuss.case.case import Case
     from percuss.results.result import Result
 
 
@@ -46,9 +47,7 @@ def run(
 ) -> None:
     """Run a case, and print, save and draw its result."""
     with reporting(as_json):
-        from percuss.results.exact_only import load_for_exact, run_exact
-        from percuss.results.ledger import open_accounts
-        from percuss.results.runner import run as run_case
+        from percuss.results.exact_only import load_for_exact
 
         if plot is not None:
             expect_drawable(plot)
@@ -60,23 +59,55 @@ def run(
         for path in (out, plot):
             if path is not None:
                 expect_writable(path)
-        failure: RunError | None = None
-        with progress_bar() as progress:
-            try:
-                result = run_exact(loaded) if exact_only else run_case(loaded, nudge=nudge, progress=progress)
-            except RunError as error:
-                failure, result = error, error.result
-        _write_outputs(result, out, plot)
-        if as_json:
-            print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
+        if exact_only:
+            _solve(loaded, out, plot, as_json=as_json)
         else:
-            from percuss.reporting.terminal import tell_result
+            _run(loaded, out, plot, nudge=nudge, as_json=as_json)
 
-            tell_result(result)
-        if failure is not None:
-            print(f"error: {failure}", file=sys.stderr)
-        if result.status != "done" or open_accounts(result.summary):
-            raise typer.Exit(1)
+
+def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) -> None:
+    """Print, save and draw the exact solution of a case."""
+    from percuss.results.exact_only import run_exact
+
+    result = run_exact(case)
+    if out is not None:
+        result.save(out)
+    if plot is not None:
+        from percuss.reporting.exact_figure import plot_exact
+
+        plot_exact(result, plot)
+    if as_json:
+        print_json({"title": result.title, **result.summary, "error": None})
+    else:
+        from percuss.reporting.terminal import tell_exact
+
+        tell_exact(result)
+    if result.status != "done":
+        raise typer.Exit(1)
+
+
+def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_json: bool) -> None:
+    """Run a case, and print, save and draw its result."""
+    from percuss.results.ledger import open_accounts
+    from percuss.results.runner import run as run_case
+
+    failure: RunError | None = None
+    with progress_bar() as progress:
+        try:
+            result = run_case(case, nudge=nudge, progress=progress)
+        except RunError as error:
+            failure, result = error, error.result
+    _write_outputs(result, out, plot)
+    if as_json:
+        print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
+    else:
+        from percuss.reporting.terminal import tell_result
+
+        tell_result(result)
+    if failure is not None:
+        print(f"error: {failure}", file=sys.stderr)
+    if result.status != "done" or open_accounts(result.summary):
+        raise typer.Exit(1)
 
 
 def _write_outputs(result: Result, out: Path | None, plot: Path | None) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
+
+    Drawn: TypeAlias = Result | ExactSolutionResult  # the results that have histories and stress fields to draw
 
 
 INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
@@ -60,11 +63,9 @@ def subtitle_lines(result: Result) -> list[str]:
         laws.setdefault(f"{law} ({values})" if values else law, []).append(contact)
     laws_in_words = [law if len(laws) == 1 else f"{', '.join(contacts)}: {law}" for law, contacts in laws.items()]
     methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *laws_in_words]
-    steps = [result.status, "consistent units"]
-    # An exact solution has no steps.
-    if summary["dt"] is not None:
-        dt = f"Δt = {number(summary['dt'])}"
-        steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", *steps]
+    dt = f"Δt = {number(summary['dt'])}"
+    steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", result.status]
+    steps.append("consistent units")
     return ["  ·  ".join(methods if laws_in_words else [*methods, "no contact"]), "  ·  ".join(steps)]
 
 
@@ -74,10 +75,9 @@ def _symbol(name: str) -> str:
     return GREEK[head] + SMALL.get(tail, underscore + tail) if head in GREEK else name
 
 
-def stopped_at(result: Result) -> float:
-    """Return the time at which a run ended or stopped."""
-    steps, dt = result.summary["steps"], result.summary["dt"]
-    return float(result.summary["end"] if dt is None else steps * dt)
+def stopped_at(result: Drawn) -> float:
+    """Return the time at which a run ended or stopped, or up to which an exact solution holds."""
+    return float(result.summary["end"])
 
 
 def warning_lines(result: Result) -> list[str]:
@@ -276,16 +276,13 @@ def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
 
 def axis_end(result: Result) -> float:
     """Return the end of the time axis: the planned end, or 1.3 times the time of the stop if that is less."""
-    stopped = stopped_at(result)
-    if result.summary["dt"] is None:
-        return stopped
     planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
-    return float(max(min(planned, 1.3 * stopped), result.summary["dt"]))
+    return float(max(min(planned, 1.3 * stopped_at(result)), result.summary["dt"]))
 
 
-def hatch_after_stop(axes: Axes, result: Result, *, word: bool = True, upwards: bool = False) -> None:
-    """Hatch the part of the time axis after the stop of a run that is not done."""
-    stopped, until = stopped_at(result), axis_end(result)
+def hatch_after_stop(axes: Axes, result: Drawn, until: float, *, word: bool = True, upwards: bool = False) -> None:
+    """Hatch the part of the time axis from the stop of a run that is not done up to `until`, the end of the axis."""
+    stopped = stopped_at(result)
     if result.status == "done" or stopped >= until:
         return
     span, line = (axes.axhspan, axes.axhline) if upwards else (axes.axvspan, axes.axvline)

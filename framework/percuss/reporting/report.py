@@ -1,17 +1,19 @@
-"""The HTML representation of a run in a notebook."""
+"""The HTML representation of a run, or of an exact solution, in a notebook."""
 
 from __future__ import annotations
 
 import base64
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from percuss.errors import PercussError
+from percuss.reporting import exact_figure
 from percuss.reporting.figures import (
     ALARM,
     FAINT,
     INK,
     SOFT,
+    axis_end,
     number,
     one_line,
     picture,
@@ -22,6 +24,8 @@ from percuss.reporting.run_figure import force_figure
 from percuss.results.ledger import ledger_words
 
 if TYPE_CHECKING:
+    from percuss.reporting.figures import Drawn
+    from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
 
 
@@ -48,31 +52,44 @@ def notebook_html(result: Result) -> str:
     str
         HTML that looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
+    methods, steps = subtitle_lines(result)
+    facts = {"status": result.status, "methods": methods, "steps": steps}
+    return _card(result, warning_lines(result), facts, axis_end(result))
+
+
+def exact_html(result: ExactSolutionResult) -> str:
+    """Return an exact solution as HTML: its balances, its contacts and a picture of their forces."""
+    facts = {"status": result.status, "solution": exact_figure.solution_line(result)}
+    return _card(result, exact_figure.warning_lines(result), facts, result.end)
+
+
+def _card(result: Drawn, warnings: list[str], facts: dict[str, str], until: float) -> str:
+    """Return the HTML of a result with its warnings, its facts, its contacts and their forces up to `until`."""
     title = escape(one_line(result.title or "Untitled case"))
     head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
-    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warning_lines(result))
-    return f'<div style="{CARD}">{head}{bad}{_facts(result)}{_contacts(result)}{_picture(result)}</div>'
+    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warnings)
+    table = _facts(facts | _balances(result.summary))
+    return f'<div style="{CARD}">{head}{bad}{table}{_contacts(result)}{_picture(result, until)}</div>'
 
 
-def _facts(result: Result) -> str:
-    """Return the HTML table of a run's status, methods, steps, energy ledger and momentum balance."""
-    summary, energy = result.summary, result.summary["energy"]
+def _balances(summary: dict[str, Any]) -> dict[str, str]:
+    """Return the energy ledger and the momentum balance of a summary in words."""
+    energy, momentum = summary["energy"], summary["momentum"]
     share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"
-    methods, steps = subtitle_lines(result)
-    momentum = summary["momentum"]
     unbalanced = momentum.get("balanced") is False
-    rows = {
-        "status": result.status,
-        "methods": methods,
-        "steps": steps,
+    return {
         "energy": f"{share}; {ledger_words(energy, number(energy['ledger_error']))}",
         "momentum": f"{'does NOT balance, off by' if unbalanced else 'closes to'} {number(momentum['error'])}",
     }
+
+
+def _facts(rows: dict[str, str]) -> str:
+    """Return facts by name as an HTML table."""
     body = "".join(f"<tr>{_cell(name, head=True)}{_cell(value)}</tr>" for name, value in rows.items())
     return f'<table style="{TABLE}">{body}</table>'
 
 
-def _contacts(result: Result) -> str:
+def _contacts(result: Drawn) -> str:
     """Return the HTML table of the contacts, or an empty text for a run without contacts."""
     contacts = result.summary["contacts"]
     if not contacts:
@@ -88,10 +105,10 @@ def _contacts(result: Result) -> str:
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
 
 
-def _picture(result: Result) -> str:
+def _picture(result: Drawn, until: float) -> str:
     """Return the picture of the contact forces as an img element, so that it cannot change the styles of the page."""
     try:
-        content = picture(force_figure(result), "png")
+        content = picture(force_figure(result, until), "png")
     except PercussError as error:
         return f'<div style="color:{SOFT}">No picture: {escape(str(error))}</div>'
     code = base64.b64encode(content).decode("ascii")

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from percuss.reporting.figures import Drawn
     from percuss.results.result import Result
 
 
@@ -59,38 +60,57 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
 
 def figure_of(result: Result) -> Figure:
     """Return the figure of a run without a window: contact forces, energies and stress."""
+    energy = result.summary["energy"]
+    closure = ledger_words(energy, number(energy["ledger_error"]))
+    return history_figure(result, axis_end(result), subtitle_lines(result), warning_lines(result), closure)
+
+
+def history_figure(result: Drawn, until: float, small: Sequence[str], loud: Sequence[str], closure: str) -> Figure:
+    """Return a figure of contact forces, energies and stress in space and time.
+
+    Parameters
+    ----------
+    result
+        The result of a run, or an exact solution.
+    until
+        End of the time axis.
+    small, loud
+        Small lines and warnings below the title.
+    closure
+        How well the energies agree with the work, in words.
+    """
     with drawing():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(12.8, 7.4), facecolor="white")
-        header(figure, result.title, subtitle_lines(result), warning_lines(result))
+        header(figure, result.title, small, loud)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0 if result.field_arrays else 0.4))
         force = figure.add_subplot(grid[0, 0])
         energy = figure.add_subplot(grid[1, 0])
         forces(force, result)
         force.set_xlabel("")
-        _energies(energy, result)
+        _energies(energy, result, closure)
         for axes, word in ((force, True), (energy, False)):
-            axes.set_xlim(0, axis_end(result))
-            hatch_after_stop(axes, result, word=word)
-        space_time(figure.add_subplot(grid[:, 1]), result)
+            axes.set_xlim(0, until)
+            hatch_after_stop(axes, result, until, word=word)
+        space_time(figure.add_subplot(grid[:, 1]), result, until)
         return fix_layout(figure)
 
 
-def force_figure(result: Result) -> Figure:
-    """Return the figure of the contact forces of a run, as a notebook shows it."""
+def force_figure(result: Drawn, until: float) -> Figure:
+    """Return the figure of the contact forces up to `until`, as a notebook shows it."""
     with drawing():
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(7.6, 3.0), facecolor="white", layout="constrained")
         axes = figure.add_subplot()
         forces(axes, result)
-        axes.set_xlim(0, axis_end(result))
-        hatch_after_stop(axes, result)
+        axes.set_xlim(0, until)
+        hatch_after_stop(axes, result, until)
         return fix_layout(figure)
 
 
-def forces(axes: Axes, result: Result) -> None:
+def forces(axes: Axes, result: Drawn) -> None:
     """Draw the force of every contact with the values that the case expects and the exact histories."""
     names, time = result.coordinates["contact"], result.arrays["time"]
     axes.set(xlabel="time", ylabel="contact force")
@@ -133,7 +153,7 @@ def _contact_scale(axes: Axes, names: Sequence[str]) -> None:
     bar.ax.set_yticklabels([one_line(names[k])[:24] for k in shown], parse_math=False, size=9)
 
 
-def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> dict[str, Any]:
+def draw_references(axes: Axes, result: Drawn, names: Sequence[str]) -> dict[str, Any]:
     """Draw the exact histories and the expected values of contacts, and return their legend entries."""
     entries: dict[str, Any] = {}
     exact = getattr(result, "exact_histories", None) or {}
@@ -144,46 +164,40 @@ def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> dict[st
             words = "exact" if covered.all() or not covered.any() else f"exact, up to {time[covered][-1]:.4g}"
             time, force = time[covered], force[covered]
             (entries[words],) = axes.plot(*thinned(time, force), color=INK, linewidth=1.0, dashes=(4, 2), zorder=3)
-    for item in result.provenance["case"].get("expect") or ():
-        contact = item.get("contact") or (result.coordinates["contact"] or [""])[0]
-        if item.get("quantity") != "contact_force" or contact not in names:
+    marks = {"mean": "|", "max": "v", "min": "^"}
+    # A result of an earlier version has no expected forces of its own.
+    for expected in result.provenance.get("expected_forces", ()):
+        statistic, value, allowed = (expected[key] for key in ("statistic", "value", "allowed"))
+        if expected["contact"] not in names or statistic not in marks:
             continue
-        for statistic, mark in {"mean": "|", "max": "v", "min": "^"}.items():
-            if item.get(statistic) is None:
-                continue
-            value, within = float(item[statistic]), item.get("within", 0.0)
-            share = isinstance(within, str) and within.endswith("%")
-            tolerance = abs(value) * float(within[:-1]) / 100.0 if share else float(within)
-            interval = list(item.get("during") or (0.0, stopped_at(result)))
-            axes.fill_between(
-                interval, value - tolerance, value + tolerance, color=INK, alpha=0.22, linewidth=0, zorder=2.5
-            )
-            line = axes.plot(interval, [value, value], color=INK, linewidth=0.9, marker=mark, zorder=3)
-            entries[f"expected {statistic}"] = line[0]
+        interval = expected["during"] or (0.0, stopped_at(result))
+        axes.fill_between(interval, value - allowed, value + allowed, color=INK, alpha=0.22, linewidth=0, zorder=2.5)
+        line = axes.plot(interval, [value, value], color=INK, linewidth=0.9, marker=marks[statistic], zorder=3)
+        entries[f"expected {statistic}"] = line[0]
     return entries
 
 
-def _energies(axes: Axes, result: Result) -> None:
-    """Draw the energies and works of a run, and write how well the energy ledger closes."""
-    parts = {k: result.arrays[k] for k in ("kinetic_energy", "elastic_energy", "external_work", "contact_work")}
-    total = parts["kinetic_energy"] + parts["elastic_energy"]
+def _energies(axes: Axes, result: Drawn, closure: str) -> None:
+    """Draw the energies and works of a result, and write how well they agree."""
+    arrays = result.arrays
+    total = arrays["kinetic_energy"] + arrays["elastic_energy"]
     lines: dict[str, tuple[Any, str, Any, float]] = {
-        "kinetic": (parts["kinetic_energy"], "#0072B2", "-", 1.5),
-        "elastic": (parts["elastic_energy"], "#E69F00", "-", 1.5),
+        "kinetic": (arrays["kinetic_energy"], "#0072B2", "-", 1.5),
+        "elastic": (arrays["elastic_energy"], "#E69F00", "-", 1.5),
         "sum": (total, FAINT, "-", 4.0),
-        "sum − external work": (total - parts["external_work"], INK, (0, (4, 2)), 1.2),
-        "contact work": (parts["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
-        "external work": (parts["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
+        "sum − external work": (total - arrays["external_work"], INK, (0, (4, 2)), 1.2),
+        "contact work": (arrays.get("contact_work"), "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
+        "external work": (arrays["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
     }
+    lines = {label: line for label, line in lines.items() if line[0] is not None}  # exact contact does no work
+    time = arrays.get("time_half", arrays["time"])
     handles = []
     for values, colour, dash, width in lines.values():
-        line = axes.plot(*thinned(result.arrays["time_half"], values), color=colour, linestyle=dash, linewidth=width)
+        line = axes.plot(*thinned(time, values), color=colour, linestyle=dash, linewidth=width)
         handles += line
     handles[2].set_zorder(1.9)
     axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
     axes.set(xlabel="time", ylabel="energy")
     powers(axes)
-    ledger = result.summary["energy"]
-    words = ledger_words(ledger, number(ledger["ledger_error"]))
-    axes.text(0.99, 0.975, words, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
+    axes.text(0.99, 0.975, closure, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))

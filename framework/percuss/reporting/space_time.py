@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.reporting.figures import INK, axis_end, hatch_after_stop, legend, powers, stopped_at, write_reason
+from percuss.reporting.figures import INK, hatch_after_stop, legend, powers, stopped_at, write_reason
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from percuss.results.result import Result
+    from percuss.reporting.figures import Drawn
 
 
 class _Strip(NamedTuple):
@@ -67,8 +67,8 @@ def _edges(middle: Any, ends: Any) -> Any:
     return np.stack([ends[0], *(0.5 * (middle[1:] + middle[:-1])), ends[1]])
 
 
-def space_time(axes: Axes, result: Result) -> None:
-    """Draw the stress of each body over position and time, and each contact as a line while it is closed."""
+def space_time(axes: Axes, result: Drawn, until: float) -> None:
+    """Draw the stress of each body over position and time up to `until`, and each contact as a line while closed."""
     fields = result.field_arrays
     if not fields or not np.size(fields["stress"]):
         write_reason(axes, "No stress over space\nand time was recorded.\nAsk for it with\n\nrecord: {fields: 200}")
@@ -82,17 +82,17 @@ def space_time(axes: Axes, result: Result) -> None:
     largest = float(finite.max(initial=0.0))
     limit = float(np.percentile(finite, 99.5)) if finite.size else 0.0
     limit = limit if limit > 1e-3 * largest else largest or 1.0
-    step = time[1] - time[0] if time.size > 1 else result.summary["dt"]
+    step = time[1] - time[0] if time.size > 1 else result.summary.get("dt") or until
     rows = np.concatenate([time - 0.5 * step, [time[-1] + 0.5 * step]]).clip(0, max(stopped_at(result), step))
     style: dict[str, Any] = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "rasterized": True}
     for strip in strips.values():
         mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **style)
         axes.vlines(strip.edges[[0, -1]], 0, rows[-1], colors="#8a8a8a", linewidth=0.6, zorder=2.5)
     _contact_lines(axes, result, strips, up=_body_names(axes, strips))
-    axes.set(xlabel=label, ylabel="time", ylim=(0, axis_end(result)))
+    axes.set(xlabel=label, ylabel="time", ylim=(0, until))
     axes.grid(visible=False)
     powers(axes)
-    hatch_after_stop(axes, result, upwards=True)
+    hatch_after_stop(axes, result, until, upwards=True)
     extend = "both" if largest > 1.001 * limit else "neither"
     bar = axes.figure.colorbar(mesh, ax=axes, aspect=45, pad=0.015, extend=extend)
     powers(bar.ax)
@@ -120,7 +120,7 @@ def _body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
     return 1.02 + 0.0155 * longest if upright else 1.045
 
 
-def _contact_lines(axes: Axes, result: Result, strips: Mapping[str, _Strip], up: float) -> None:
+def _contact_lines(axes: Axes, result: Drawn, strips: Mapping[str, _Strip], up: float) -> None:
     """Mark the times at which each contact is closed, with a thicker line while it carries force.
 
     A white outline keeps both lines visible on the colours of the stress.

@@ -17,6 +17,7 @@ from percuss.studies.comparison import ERRORS, Run, metrics
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
     from percuss.methods.registry import Registry
+    from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
 
 
@@ -38,44 +39,69 @@ def tell_result(result: Result) -> None:
     resolved = result.provenance["resolved"]
     console = _console()
     console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {summary['status']}")
-    step = (
-        ""
-        if summary["dt"] is None
-        else (
-            f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
-            f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
-        )
+    console.print(
+        f"{resolved['integrator']}, "
+        f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
+        f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
     )
-    console.print(f"{resolved['integrator']}{', ' if step else ''}{step}")
     for note in summary["notes"]:
         console.print(f"  note: {escape(note)}")
     for reason in summary["compiled_why"]:
         console.print(f"  not compiled: {escape(reason)}")
     if summary["status"] == "unstable" and summary["steps"] == 0:
         return
-    table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
-    for name, contact in summary["contacts"].items():
-        law = resolved["contacts"][name]
+    laws = {}
+    for name, law in resolved["contacts"].items():
         options = ", ".join(
             f"{key} {_number(law[key], 4)}" for key in resolved.get("headline", {}).get(name, ()) if key in law
         )
+        laws[name] = f"{law['law']}{f' ({options})' if options else ''}"
+    depths = {name: contact["penetration"]["largest"] for name, contact in summary["contacts"].items()}
+    _print_contacts(console, summary["contacts"], laws, depths)
+    _print_errors(console, summary)
+    _print_balances(console, summary, summary["energy"]["contact_work"])
+
+
+def tell_exact(result: ExactSolutionResult) -> None:
+    """Print an exact solution: how far it holds, notes, contacts, and the balances of energy and momentum."""
+    summary, console = result.summary, _console()
+    console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {result.status}")
+    console.print(escape(result.solution_name))
+    for note in summary["notes"]:
+        console.print(f"  note: {escape(note)}")
+    # Exact contacts do not overlap and do no work; the table has the columns of a run, so that both are read alike.
+    contacts = summary["contacts"]
+    _print_contacts(console, contacts, dict.fromkeys(contacts, "exact"), dict.fromkeys(contacts, 0.0))
+    if summary["exact_reason"]:
+        console.print(f"exact solution: {escape(summary['exact_reason'])}")
+    _print_balances(console, summary, 0.0)
+
+
+def _print_contacts(
+    console: Console, contacts: dict[str, Any], laws: dict[str, str], penetrations: dict[str, float]
+) -> None:
+    """Print the table of contacts with their laws and penetrations, which are given by name."""
+    table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
+    for name, contact in contacts.items():
         table.add_row(
             escape(name),
-            f"{law['law']}{f' ({options})' if options else ''}",
+            laws[name],
             *(_number(contact[key]) for key in ("impulse", "peak_force", "first_closed", "last_open", "closed_time")),
-            _number(contact["penetration"]["largest"], 3),
+            _number(penetrations[name], 3),
         )
-    if summary["contacts"]:
+    if contacts:
         console.print(table)
-    _print_errors(console, summary)
-    energy = summary["energy"]
+
+
+def _print_balances(console: Console, summary: dict[str, Any], contact_work: float) -> None:
+    """Print the energies and works, and how well they and the momentum balance."""
+    energy, momentum = summary["energy"], summary["momentum"]
     console.print(
         f"energy {_number(energy['initial'])} at first, {_number(energy['final'])} at last, "
         f"{_number(energy['max'])} at most; "
-        f"external work {_number(energy['external_work'])}, contact work {_number(energy['contact_work'], 4)}; "
+        f"external work {_number(energy['external_work'])}, contact work {_number(contact_work, 4)}; "
         f"{ledger_words(energy, format(energy['ledger_error'], '.1e'), 'closed')}"
     )
-    momentum = summary["momentum"]
     balance = "do NOT balance: off by" if momentum.get("balanced") is False else "balance to"
     console.print(f"momentum and impulses {balance} {momentum['error']:.1e}")
 

@@ -11,7 +11,7 @@ from percuss.compiling import Stopwatch
 from percuss.jsonable import plain
 from percuss.results import energy_growth, ledger, true_error
 from percuss.results.exact import exact_solution, sampled
-from percuss.results.provenance import geometry, machine, plugins_used
+from percuss.results.provenance import expected_forces, geometry, machine, plugins_used
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
 from percuss.solver.march import GROWTH, March, Outcome
@@ -113,6 +113,7 @@ def result_of(march: March, outcome: Outcome, certificate: dict[str, Any]) -> Re
         "case": model.case.data,
         "resolved": resolved_methods(model),
         "geometry": geometry(model),
+        "expected_forces": expected_forces(model.case),
         "plugins": plugins_used(model.case),
     }
     coordinates = {"contact": [contact_pair.name for contact_pair in model.contact_pairs], "probe": probe_names}

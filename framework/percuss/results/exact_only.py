@@ -14,8 +14,8 @@ from percuss.errors import InputError, Problem
 from percuss.jsonable import plain
 from percuss.results import true_error
 from percuss.results.exact import exact_solution
-from percuss.results.provenance import geometry, machine, plugins_used
-from percuss.results.result import Result
+from percuss.results.exact_result import ExactSolutionResult
+from percuss.results.provenance import expected_forces, geometry, machine, plugins_used
 from percuss.solver.model import Model
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ def load_for_exact(
     return load(source, overrides, plugins=plugins)
 
 
-def run_exact(case: Case) -> Result:
-    """Return the exact solution of a case as a `Result` with the same summary entries for contacts and energy as a run.
+def run_exact(case: Case) -> ExactSolutionResult:
+    """Return the exact solution of a case up to its end, or up to the time that the solution reaches.
 
     Raises
     ------
@@ -67,47 +67,34 @@ def run_exact(case: Case) -> Result:
     arrays, probes = _histories(model, solution, names)
     summary = {
         "status": "interrupted" if reason else "done",
-        "stop": None,
-        "steps": None,
-        "nodes": None,
-        "dt": None,
         "end": solution.reached,
-        "courant": None,
-        "certificate": {"stable": "yes", "energy": "conserved", "dt_critical": None, "theta": None, "why": "exact"},
         "contacts": {contact: _contact(solution, contact) for contact in names},
         "energy": _energy(solution, arrays),
         "momentum": _momentum(model, solution),
-        "energy_growth": {
-            "guarantee": "conserved",
-            "quantity": "kinetic + elastic - work",
-            "largest": float(arrays["energy_growth"].max(initial=0.0)),
-            **dict.fromkeys(("step", "time", "between_switchings", "allowed", "kept")),
-        },
         **true_error.summary_entries(
-            {"solution": name, "reached": solution.reached, "fronts": solution.fronts, "contacts": {}}, reason
+            {"solution": name, "reached": solution.reached, "fronts": solution.fronts}, reason
         ),
-        "compiled": True,
-        "compiled_why": [],
         "notes": list(case.notes),
-        "seconds": {"total": time.perf_counter() - started, "march": 0.0, "exact": solved},
+        "seconds": {"total": time.perf_counter() - started, "exact": solved},
     }
-    laws = {contact: {"law": "exact"} for contact in names}
-    resolved = {"integrator": name, "contact": "exact", "mass": "exact", "contacts": laws}
     provenance = {
         **machine(),
         "case": case.data,
-        "resolved": resolved,
         "geometry": geometry(model),
-        "plugins": plugins_used(case),
+        "expected_forces": expected_forces(case),
+        "plugins": plugins_used(case, solution=name),
     }
     coordinates = {"contact": names, "probe": probes}
-    result = Result(arrays, coordinates, _field(model, solution), plain(summary), plain(provenance))
-    result.solution = solution
-    return result
+    return ExactSolutionResult(
+        arrays, coordinates, _field(model, solution), plain(summary), plain(provenance), solution
+    )
 
 
 def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return samples of the exact solution as the histories that a run would record, and the names of the probes."""
+    """Return samples of the exact solution, and the names of the probes.
+
+    Names are those of the histories of a run, so that both are drawn and compared alike.
+    """
     t = np.linspace(0.0, solution.reached, SAMPLES)
     probes = model.case.record.probes
     ends = list(
@@ -138,18 +125,12 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[st
     }
     return {
         "time": t,
-        "time_half": t,
         **{quantity: np.array(columns).reshape(len(names), t.size).T for quantity, columns in contacts.items()},
         **motion,
         "kinetic_energy": energies[:, 0],
         "elastic_energy": energies[:, 1],
         "external_work": work,
-        "contact_work": np.zeros(t.size),
-        "contact_energy": np.zeros(t.size),
-        **dict.fromkeys(
-            ("energy_error", "energy_growth"),
-            np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
-        ),
+        "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
     }, [str(address) for address in ends]
 
 
@@ -162,7 +143,6 @@ def _contact(solution: Exact, name: str) -> dict[str, Any]:
         "first_closed": closed[0][0] if closed else None,
         "last_open": closed[-1][1] if closed else None,
         "closed_time": float(sum(stop - start for start, stop in closed)),
-        "penetration": {"largest": 0.0, "time_mean": 0.0, "energy": 0.0},
         "closed": [list(interval) for interval in closed[:100]],
     }
 
@@ -174,9 +154,6 @@ def _energy(solution: Exact, arrays: dict[str, Any]) -> dict[str, Any]:
         "final": float(total[-1]),
         "max": max(float(solution.largest_energy()), float(total[0]), float(total[-1])),
         "external_work": float(solution.work(solution.reached)),
-        "contact_work": 0.0,
-        "external_work_max": None,
-        "contact_work_max": 0.0,
         "ledger_error": float(np.abs(arrays["energy_error"]).max()),
     }
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.methods.provenance import Provenance
     from percuss.solver.model import Model
 
 
@@ -73,21 +74,51 @@ def geometry(model: Model) -> dict[str, Any]:
     }
 
 
-def plugins_used(case: Case) -> dict[str, dict[str, str]]:
-    """Return distribution, version and file of every component of a case, by family and name."""
-    method = case.method
-    components: list[Any] = [method.integrator, method.contact, method.mass]
+def expected_forces(case: Case) -> list[dict[str, Any]]:
+    """Return the expected contact forces of a case as plain data, which a picture of its result shows.
+
+    Returns
+    -------
+    list of dict
+        ``contact``, ``statistic``, ``value``, ``allowed`` (the largest difference from it) and ``during``, the times
+        over which the statistic is taken, None for the whole run.
+    """
+    return [
+        {
+            "contact": expectation.contact,
+            "statistic": expectation.statistic,
+            "value": expectation.value,
+            "allowed": expectation.allowed,
+            "during": expectation.during,
+        }
+        for expectation in case.expect
+        if expectation.quantity == "contact_force"
+    ]
+
+
+def plugins_used(case: Case, *, solution: str | None = None) -> dict[str, dict[str, str]]:
+    """Return distribution, version and file of every component of a case, by family and name.
+
+    Parameters
+    ----------
+    case
+        The case.
+    solution
+        Name of the exact solution that stands in for the methods of the case; None for a run.
+    """
+    components: list[Any] = [load.load for load in case.loads.values()]
     components += [
         component for body in case.bodies.values() for component in (body.shape, body.material, body.element)
     ]
-    components += [contact.law for contact in case.contacts.values()]
-    components += [load.load for load in case.loads.values()]
-    origins = {}
-    for component in components:
-        source = case.registry.sources[component.family, component.name]
-        origins[f"{component.family}/{component.name}"] = {
-            "distribution": source.distribution,
-            "version": source.version,
-            "file": source.file,
-        }
-    return dict(sorted(origins.items()))
+    used = {(component.family, component.name) for component in components}
+    if solution is None:
+        laws = [contact.law for contact in case.contacts.values()]
+        methods: list[Any] = [case.method.integrator, case.method.contact, case.method.mass, *laws]
+        used |= {(component.family, component.name) for component in methods}
+    else:
+        used.add(("solutions", solution))
+    return {"/".join(key): _origin(case.registry.sources[key]) for key in sorted(used)}
+
+
+def _origin(source: Provenance) -> dict[str, str]:
+    return {"distribution": source.distribution, "version": source.version, "file": source.file}

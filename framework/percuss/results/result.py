@@ -7,8 +7,8 @@ import os
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from percuss.results.datasets import fields_dataset, histories_dataset, plain_arrays
+from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.netcdf import FORMAT, read, write
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ LONG_NAMES = {
     "contact_energy": "energy that closed contacts store at t_n+1/2",
     "energy_error": "closure of the energy ledger over the largest energy so far",
     "energy_growth": "growth of contact work with contact energy since the first step over the largest energy so far",
-    "stress": "stress in the element",
 }
 LONG_NAMES_MULTISTAGE = {  # in place of those above for a multi-stage scheme
     "contact_force": "mean contact force from t_n to t_n+1, compression positive",
@@ -124,66 +123,24 @@ class Result:
 
     def _energies_at_step_end(self) -> bool:
         """Return whether the energies are those at t_{n+1}, as in a multi-stage scheme."""
-        dt = self.summary["dt"]
-        return dt is not None and bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * dt)
+        return bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * self.summary["dt"])
 
     @cached_property
     def histories(self) -> xr.Dataset:
         """Histories on the axis ``time``; energies carry the coordinate ``time_half(time)``."""
-        import xarray as xr
-
-        dims = {
-            **dict.fromkeys(
-                ("contact_force", "gap", "contact_force_end", "contact_force_exact", "gap_exact"), ("time", "contact")
-            ),
-            **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
-        }
         # A multi-stage scheme has its energies, and the force of a step, at other times than a leap-frog scheme.
         multistage_names = (
             LONG_NAMES_MULTISTAGE if self.arrays["time_half"].size and self._energies_at_step_end() else {}
         )
-        data = {
-            name: (dims.get(name, ("time",)), values, {"long_name": multistage_names.get(name, LONG_NAMES[name])})
-            for name, values in self.arrays.items()
-            if name in LONG_NAMES
-        }
-        dim = self.arrays["displacement"].shape[2]
-        out = xr.Dataset(
-            data,
-            coords={
-                "time": self.arrays["time"],
-                "time_half": ("time", self.arrays["time_half"]),
-                "contact": np.array(self.coordinates["contact"], dtype=object),
-                "probe": np.array(self.coordinates["probe"], dtype=object),
-                "component": list(range(dim)),
-            },
-            attrs=self._attributes(),
-        )
-        for name in set(HALF_STEP) & set(data):  # a file of an earlier version may lack some
+        out = histories_dataset(self.arrays, self.coordinates, LONG_NAMES | multistage_names, self._attributes())
+        for name in set(HALF_STEP) & set(out.data_vars):  # a file of an earlier version may lack some
             out[name].attrs["at"] = "time_half"
         return out
 
     @cached_property
     def fields(self) -> xr.Dataset:
         """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
-        import xarray as xr
-
-        if not self.field_arrays:
-            return xr.Dataset()
-        return xr.Dataset(
-            {
-                "stress": (
-                    ("time", "element"),
-                    self.field_arrays["stress"],
-                    {"long_name": LONG_NAMES["stress"]},
-                )
-            },
-            coords={
-                "time": self.field_arrays["time"],
-                "body": ("element", np.array(self.field_arrays["body"], dtype=object)),
-                "position": (("element", "component"), self.field_arrays["position"]),
-            },
-        )
+        return fields_dataset(self.field_arrays)
 
     def _attributes(self) -> dict[str, Any]:
         return {
@@ -213,12 +170,11 @@ class Result:
     def __repr__(self) -> str:
         contacts = ", ".join(f"{k}: impulse {v['impulse']:.6g}" for k, v in self.summary["contacts"].items())
         steps = self.summary["steps"]
-        length = "exact solution alone" if steps is None else f"{steps} steps"
-        return f"<percuss.Result {self.title!r}: {self.status}, {length}, {contacts or 'no contact'}>"
+        return f"<percuss.Result {self.title!r}: {self.status}, {steps} steps, {contacts or 'no contact'}>"
 
 
-def open_result(path: str | os.PathLike[str]) -> Result:
-    """Return a result written by `Result.save`.
+def open_result(path: str | os.PathLike[str]) -> Result | ExactSolutionResult:
+    """Return a result that its method `save` wrote: that of a run, or of ``percuss run --exact-only``.
 
     Raises
     ------
@@ -227,12 +183,6 @@ def open_result(path: str | os.PathLike[str]) -> Result:
         covered by a checksum.
     """
     histories, fields = read(path)
-    arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
-    arrays |= {name: histories[name].to_numpy() for name in ("time", "time_half")}
-    field_arrays: dict[str, Any] = {}
-    if fields is not None:
-        field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
-        field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
-    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
     summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))
-    return Result(arrays, coordinates, field_arrays, summary, provenance)
+    kind = Result if summary.get("steps") is not None else ExactSolutionResult  # an exact solution makes no steps
+    return kind(*plain_arrays(histories, fields), summary, provenance)

@@ -22,21 +22,18 @@ class Check:
         Expected value, with its quantity and tolerance.
     measured
         Measured value; nan if it could not be measured.
-    allowed
-        Largest difference allowed, in the quantity's own unit.
     why
         Why it could not be measured; empty if it could.
     """
 
     expectation: Expectation
     measured: float
-    allowed: float
     why: str = ""
 
     @property
     def passed(self) -> bool:
         """Whether the difference is at most the allowed difference."""
-        return abs(self.measured - self.expectation.value) <= self.allowed
+        return abs(self.measured - self.expectation.value) <= self.expectation.allowed
 
     def as_dict(self) -> dict[str, Any]:
         """Return the check as plain data for JSON."""
@@ -44,7 +41,7 @@ class Check:
         return {
             "what": describe(expectation),
             "expected": expectation.value,
-            "within": self.allowed,
+            "within": expectation.allowed,
             "measured": self.measured if math.isfinite(self.measured) else None,
             "passed": self.passed,
             "source": expectation.source,
@@ -70,7 +67,6 @@ def verify(case: Case, result: Result) -> list[Check]:
     """Return a check of each expected value of a case against the result of its run."""
     checks = []
     for expectation in case.expect:
-        allowed = expectation.within * abs(expectation.value) if expectation.relative else expectation.within
         try:
             measured = measure(
                 result,
@@ -82,7 +78,7 @@ def verify(case: Case, result: Result) -> list[Check]:
                 at=expectation.at,
                 statistic=expectation.statistic,
             )
-            checks.append(Check(expectation, measured, allowed))
+            checks.append(Check(expectation, measured))
         except CannotMeasure as error:
-            checks.append(Check(expectation, math.nan, allowed, str(error)))
+            checks.append(Check(expectation, math.nan, str(error)))
     return checks

@@ -86,7 +86,7 @@ class March:
 
     def _arrays(self) -> None:
         model, dim = self.model, self.dim
-        self.probes = self._probe_nodes()
+        self.probes = recording.probe_nodes(model)
         contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         acted_nodes = [constraint.node for constraint in model.constraints] + [
             nodal_force.node for nodal_force in model.nodal_forces
@@ -101,7 +101,6 @@ class March:
         mass = np.repeat(model.mass, dim)
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, kinds = self._groups()
-        count = len(model.contact_pairs)
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.parts = LoopParts(
             kinds,
@@ -112,7 +111,7 @@ class March:
             constrained=bool(model.constraints),
             loaded=bool(model.nodal_forces or model.body_forces),
         )
-        self.record, self.time = recording.empty_record(model, self.probes, self.place, count)
+        self.record, self.time = recording.empty_record(model, self.probes, self.place)
         self._saved: list[Any] = []
         body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
         dofs = [
@@ -122,12 +121,6 @@ class March:
         ]
         self.boundary = self._boundary_at(0.5 * model.dt, record_array(dofs, leapfrog_loop.BOUNDARY_DOF))
         self._renew_stepper(0.5 * model.dt)
-
-    def _probe_nodes(self) -> list[int]:
-        probes = self.model.case.record.probes
-        if probes is None:
-            return list(dict.fromkeys(node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes))
-        return [self.model.node(address) for address in probes]
 
     def _momenta(self) -> Floats:
         mass = self.model.mass[:, None]

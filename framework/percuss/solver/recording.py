@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,56 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
     from percuss.solver.model import Model
 
+TIMES = 3  # columns of the time axis: the step, and the times of motion and of energy
 COPIES = 2  # of each record array: one in the order of the loop, one in the order of the case
 
 
-def empty_record(
-    model: Model, probes: Sequence[int], place: Mapping[int, int], points: int
-) -> tuple[leapfrog_loop.Record, Floats]:
+class Shapes(NamedTuple):
+    """Shapes of the record arrays of a run.
+
+    Attributes
+    ----------
+    rows
+        Number of records, one in each row of every history.
+    columns
+        Number of columns of each history, by name.
+    field_every
+        Number of steps between two snapshots of the stress; 0 if none are taken.
+    field
+        Number of snapshots, and of degrees of freedom in each.
+    """
+
+    rows: int
+    columns: dict[str, int]
+    field_every: int
+    field: tuple[int, int]
+
+
+def probe_nodes(model: Model) -> list[int]:
+    """Return the nodes whose displacement and velocity are recorded: those of the contacts if the case names none."""
+    probes = model.case.record.probes
+    if probes is None:
+        return list(dict.fromkeys(node for contact_pair in model.contact_pairs for node in contact_pair.nodes))
+    return [model.node(address) for address in probes]
+
+
+def record_shapes(model: Model) -> Shapes:
+    """Return the shapes of the record arrays of a run."""
+    record, steps = model.case.record, model.steps
+    rows = steps // record.every + 1 + (steps % record.every > 0)  # the last step is recorded in any case
+    motion = len(probe_nodes(model)) * model.dim
+    columns = {
+        **dict.fromkeys(("multiplier", "gap", "end_force"), len(model.contact_pairs)),
+        **dict.fromkeys(("displacement", "velocity"), motion),
+        "energy": 5,
+    }
+    if not record.fields:
+        return Shapes(rows, columns, 0, (0, 0))
+    field_every = max(1, steps // record.fields)
+    return Shapes(rows, columns, field_every, (steps // field_every + 1, 2 * field_elements(model).size * model.dim))
+
+
+def empty_record(model: Model, probes: Sequence[int], place: Mapping[int, int]) -> tuple[leapfrog_loop.Record, Floats]:
     """Return the record arrays of a run, filled with nan, and the time of each of their rows.
 
     Parameters
@@ -30,40 +74,25 @@ def empty_record(
     model
         The model of the run.
     probes
-        Nodes whose displacement and velocity are recorded.
+        The `probe_nodes` of the model.
     place
         Map from each boundary node to the index of its first boundary degree of freedom.
-    points
-        Number of contact points.
     """
     dim, every, steps = model.dim, model.case.record.every, model.steps
     n = np.arange(0, steps + 1, every)
     if steps % every:
         n = np.append(n, steps)
-    rows = n.size
-    elements = field_elements(model)
-    snapshots = model.case.record.fields
-    field_every = max(1, steps // snapshots) if snapshots else 0
-    snapshot_count = steps // field_every + 1 if snapshots else 0
+    shapes = record_shapes(model)
+    elements = field_elements(model) if shapes.field_every else np.zeros(0, dtype=np.int64)
     ends = np.stack([elements, elements + 1], axis=1).ravel()
-    field_dof = (ends[:, None] * dim + np.arange(dim)).ravel() if snapshots else np.zeros(0, dtype=np.int64)
-
-    def nan_array(count: int, columns: int) -> Floats:
-        return np.full((count, columns), np.nan)
-
     record = leapfrog_loop.Record(
         every=every,
         last=steps,
-        multiplier=nan_array(rows, points),
-        gap=nan_array(rows, points),
-        end_force=nan_array(rows, points),
-        displacement=nan_array(rows, len(probes) * dim),
-        velocity=nan_array(rows, len(probes) * dim),
+        **{name: np.full((shapes.rows, columns), np.nan) for name, columns in shapes.columns.items()},
         probe=np.array([place[p] + d for p in probes for d in range(dim)], dtype=np.int64),
-        energy=nan_array(rows, 5),
-        field_every=field_every,
-        field=nan_array(snapshot_count, field_dof.size),
-        field_dof=field_dof,
+        field_every=shapes.field_every,
+        field=np.full(shapes.field, np.nan),
+        field_dof=(ends[:, None] * dim + np.arange(dim)).ravel(),
     )
     return record, np.asarray(n * model.dt, dtype=np.float64)
 
@@ -90,10 +119,8 @@ def recordable(model: Model) -> Model:
     """
     case = model.case
     problems: list[Problem] = []
-    probes = case.record.probes
-    ends = len(probes) if probes is not None else sum(len(contact_pair.nodes) for contact_pair in model.contact_pairs)
-    row_bytes = 8.0 * (3 * len(model.contact_pairs) + 2 * ends * model.dim + 8)
-    size_bytes = COPIES * row_bytes * (model.steps / case.record.every)
+    shapes = record_shapes(model)
+    size_bytes = 8.0 * COPIES * shapes.rows * (sum(shapes.columns.values()) + TIMES)
     if not size_limits.fits_in_memory(size_bytes):
         every = case.record.every * 10 ** math.ceil(
             math.log10(size_bytes / (size_limits.MEMORY_SHARE * (size_limits.memory() or 1)))
@@ -104,10 +131,9 @@ def recordable(model: Model) -> Model:
         )
         advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
         problems.append(case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice))
-    snapshots = min(case.record.fields, model.steps) + 1.0
-    elements = sum(min(body.stiffness.size, 400) for body in model.bodies.values())
-    size_bytes = 8.0 * COPIES * snapshots * 2 * elements * model.dim
-    if case.record.fields and not size_limits.fits_in_memory(size_bytes):
+    snapshots, columns = shapes.field
+    size_bytes = 8.0 * COPIES * snapshots * columns
+    if not size_limits.fits_in_memory(size_bytes):
         message = (
             f"expected snapshots that fit into memory, found {snapshots:.4g}, which take "
             f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"

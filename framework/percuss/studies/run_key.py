@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,11 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import percuss
 from percuss.case import overrides
+from percuss.case.case import load
 from percuss.errors import PercussError
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.case.source import Source
     from percuss.studies.columns import Column
     from percuss.studies.tasks import Task
 
@@ -69,37 +72,43 @@ class Keys:
             If a source was edited after this process imported it.
         """
         try:
-            data = overrides.apply(case.origin, task.changes, case.registry)[0].data
+            changed = overrides.apply(case.origin, task.changes, case.registry)[0]
         except PercussError:  # the run will fail and report it
-            data = {**case.origin.data, "changes": task.changes}
+            changed = None
+        data = changed.data if changed is not None else {**case.origin.data, "changes": task.changes}
         relevant = {name: value for name, value in data.items() if name not in SILENT}
-        inputs = self._inputs_of(label, case, task, relevant)
+        inputs = self._inputs_of(label, case, task, changed, relevant)
         files = [[name, content_digest(content)] for name, content in inputs.files.items()]
         inputs_of_run = [self.common, sorted(inputs.components.items()), files, relevant, task.tied]
         return hashlib.sha256(json.dumps(inputs_of_run, sort_keys=True, default=str).encode()).hexdigest()[:32]
 
-    def _inputs_of(self, label: str, case: Case, task: Task, data: Mapping[str, Any]) -> _Inputs:
+    def _inputs_of(
+        self, label: str, case: Case, task: Task, changed: Source | None, data: Mapping[str, Any]
+    ) -> _Inputs:
         """Return the components and files of a task; they do not depend on the values of numbers."""
         words = {path: value for path, value in task.changes.items() if not isinstance(value, int | float)}
         kind = json.dumps([label, words, task.tied], sort_keys=True, default=str)
         if kind not in self._inputs:
-            components = dict(self._components(case, task))
+            components = dict(self._components(case, task, changed))
             files = files_named(data, case.origin.folder)
             self._inputs[kind] = _Inputs(components, files)
             self.components.setdefault(label, {}).update(components)
             self.files.setdefault(label, {}).update(files)
         return self._inputs[kind]
 
-    def _components(self, case: Case, task: Task) -> Iterator[tuple[str, str]]:
-        """Yield name and digest of each component of a run, or of all single-file plug-ins for an unreadable case."""
+    def _components(self, case: Case, task: Task, changed: Source | None) -> Iterator[tuple[str, str]]:
+        """Yield name and digest of each component of a run, or of all single-file plug-ins for an unreadable case.
+
+        `changed` is the text of the case with the changes of the task, or None if they cannot be made.
+        """
         from percuss.results.provenance import plugins_used
         from percuss.studies.tasks import tying_law
 
         sources = case.registry.sources
-        try:
-            used = set(plugins_used(case.with_overrides(task.changes)))
-        except PercussError:
-            used = {f"{family}/{name}" for (family, name), source in sources.items() if not source.distribution}
+        used = {f"{family}/{name}" for (family, name), source in sources.items() if not source.distribution}
+        if changed is not None:
+            with contextlib.suppress(PercussError):
+                used = set(plugins_used(load(changed, registry=case.registry)))
         for (family, name), source in sources.items():
             # Any solution may cover the case: it gives the true error, and the times at which a tied twin is tied.
             wanted = family == "solutions" or (family == "measures" and name in self.measures)

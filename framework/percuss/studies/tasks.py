@@ -255,7 +255,7 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
         return Run(*names, "failed", str(error), unread=True), error
     try:
         if task.tied:
-            changed = case.with_overrides({**task.changes, **_tying_changes(changed)})
+            changed = changed.with_overrides(_tying_changes(changed))
         result = make(changed)
     except RefusedPair as error:
         return Run(*names, "refused", error.reason, error.said_by), None

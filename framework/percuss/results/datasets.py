@@ -1,0 +1,81 @@
+"""Histories and stress fields of a result as xarray datasets, with their names along the axes and descriptions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_AXES = {
+    **dict.fromkeys(
+        ("contact_force", "gap", "contact_force_end", "contact_force_exact", "gap_exact"), ("time", "contact")
+    ),
+    **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
+}
+_TIMES = ("time", "time_half")  # a result without steps has no second one
+
+
+def histories_dataset(
+    arrays: Mapping[str, Any],
+    coordinates: Mapping[str, list[str]],
+    long_names: Mapping[str, str],
+    attributes: Mapping[str, Any],
+) -> xr.Dataset:
+    """Return histories as a dataset.
+
+    Parameters
+    ----------
+    arrays
+        Histories by name, among them ``time`` and, if energies belong to other times, ``time_half``.
+    coordinates
+        Names along the axes ``contact`` and ``probe``.
+    long_names
+        Description of each history; a history without one is left out.
+    attributes
+        Attributes of the dataset.
+    """
+    import xarray as xr
+
+    data = {
+        name: (_AXES.get(name, ("time",)), values, {"long_name": long_names[name]})
+        for name, values in arrays.items()
+        if name in long_names
+    }
+    axes = {axis: np.array(coordinates[axis], dtype=object) for axis in ("contact", "probe")}
+    component = list(range(arrays["displacement"].shape[2]))
+    times = {name: ("time", arrays[name]) for name in _TIMES if name in arrays}
+    return xr.Dataset(data, coords={**times, **axes, "component": component}, attrs=dict(attributes))
+
+
+def fields_dataset(field_arrays: Mapping[str, Any]) -> xr.Dataset:
+    """Return the stress along the bodies over time, (time, element), as a dataset; empty if none was recorded."""
+    import xarray as xr
+
+    if not field_arrays:
+        return xr.Dataset()
+    return xr.Dataset(
+        {"stress": (("time", "element"), field_arrays["stress"], {"long_name": "stress in the element"})},
+        coords={
+            "time": field_arrays["time"],
+            "body": ("element", np.array(field_arrays["body"], dtype=object)),
+            "position": (("element", "component"), field_arrays["position"]),
+        },
+    )
+
+
+def plain_arrays(
+    histories: xr.Dataset, fields: xr.Dataset | None
+) -> tuple[dict[str, Any], dict[str, list[str]], dict[str, Any]]:
+    """Return histories, names along the axes, and fields of datasets as the plain values they were made from."""
+    arrays = {str(name): values.to_numpy() for name, values in histories.data_vars.items()}
+    arrays |= {name: histories[name].to_numpy() for name in _TIMES if name in histories.coords}
+    coordinates = {axis: [str(name) for name in histories[axis].to_numpy()] for axis in ("contact", "probe")}
+    field_arrays: dict[str, Any] = {}
+    if fields is not None:
+        field_arrays = {name: fields[name].to_numpy() for name in ("time", "stress", "position")}
+        field_arrays["body"] = [str(name) for name in fields["body"].to_numpy()]
+    return arrays, coordinates, field_arrays
