@@ -449,10 +449,11 @@ def test_a_median_without_a_lost_run_is_best_and_a_reference_is_none(several):
 
 def test_cost_is_that_of_the_method_alone(small):
     data = data_of(report_html(small))
-    assert data["costs"] == ["node_steps", "seconds.march", "steps"]
+    assert list(data["charts"]["work"]["across"]) == ["node_steps", "seconds.march", "steps"]
     study = copy.deepcopy(small)
     study.table["seconds"] = 1.0
-    assert "seconds" not in data_of(report_html(study))["costs"]  # nobody knows of what: of the whole row
+    # nobody knows of what these seconds are: of the whole row
+    assert "seconds" not in data_of(report_html(study))["charts"]["work"]["across"]
     assert "compiling" in study_data.columns(study).measures["seconds"]
     study.columns = dict.fromkeys(("node_steps", "seconds", "force_error_l1"), "what it is")
     known = study_data.columns(study)
@@ -750,7 +751,7 @@ def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):
         shares = opened.page.evaluate(
             """() => {
               const [x, y] = [column["refine"], column["time.courant"]];
-              const cells = (one, other) => storedMap(one, other).cells(0, null);
+              const cells = (one, other) => storedMap(one, other)(0, null);
               const key = (i, j) => `${i} ${j}`;
               const turned = new Map(cells(y, x).map((cell) => [key(cell.j, cell.i), cell.value]));
               return cells(x, y).every((cell) => turned.get(key(cell.i, cell.j)) === cell.value);

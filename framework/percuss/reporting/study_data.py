@@ -180,7 +180,11 @@ def as_label(text: str) -> str:
 def texts(column: Any) -> list[str]:
     """Return the values of a column as texts, empty for missing values."""
     missing = column.isna().tolist()
-    return ["" if is_missing else as_text(value) for value, is_missing in zip(column.tolist(), missing, strict=True)]
+    # Most values are texts already; the test of their type alone keeps large tables fast.
+    return [
+        "" if is_missing else value if type(value) is str else as_text(value)
+        for value, is_missing in zip(column.tolist(), missing, strict=True)
+    ]
 
 
 def methods(table: Any) -> list[str]:
@@ -215,6 +219,8 @@ class Carried:
     ----------
     table
         The rows, in the order of the study.
+    kept
+        Mask of these rows among all rows of the study.
     drawn
         Mask (rows,) of the random sample of all rows; the other rows are added because no run beats them.
     best
@@ -222,6 +228,7 @@ class Carried:
     """
 
     table: Any
+    kept: Any
     drawn: Any
     best: int
 
@@ -229,12 +236,13 @@ class Carried:
 def carried(table: Any, roles: ColumnRoles) -> Carried:
     """Return all rows, or a seeded random sample and all `best_runs` where there are too many for a page."""
     if len(table) <= MOST_ROWS:
-        return Carried(table.reset_index(drop=True), np.ones(len(table), dtype=bool), 0)
+        every = np.ones(len(table), dtype=bool)
+        return Carried(table.reset_index(drop=True), every, every, 0)
     drawn = np.zeros(len(table), dtype=bool)
     drawn[np.random.default_rng(SEED).choice(len(table), MOST_ROWS, replace=False)] = True
     best = best_runs(table, roles)
     kept = drawn | best
-    return Carried(table[kept].reset_index(drop=True), drawn[kept], int(best.sum()))
+    return Carried(table[kept].reset_index(drop=True), kept, drawn[kept], int(best.sum()))
 
 
 def best_runs(table: Any, roles: ColumnRoles) -> Any:
@@ -320,6 +328,16 @@ def binned(values: Any, most: int = DISTINCT, bins: int = BINS) -> tuple[Any, An
     return (10**middles if log else middles), bin_of
 
 
+def binned_column(column: Any) -> tuple[Any, Any]:
+    """Return `binned` of a column of numbers; of a column of words the place of each word in order, 0, 1, 2, ..."""
+    values = numbers(column)
+    if values is not None:
+        return binned(values)
+    own = texts(column)
+    place_of = {word: place for place, word in enumerate(in_order(own))}
+    return np.arange(len(place_of)), np.array([place_of[word] for word in own], dtype=int)
+
+
 def lacking(table: Any, path: str) -> set[str]:
     """Return the pairs of methods whose runs all lack a varied value, because they have no such option or leave it out.
 
@@ -338,15 +356,16 @@ def bands(table: Any, names: Sequence[str], path: str) -> Iterator[tuple[str, st
     tuple
         Pair of methods, measure, and an array (6, bins): the place of each bin on the axis, the three `QUANTILES` over
         the runs that have the measure, the number of these runs, and the number of runs made. A pair that lacks the
-        value has one bin, whose place is nan.
+        value has one bin, whose place is nan; among words it has the bin of the empty text.
     """
-    made = table[table["status"] != WAITING]
-    values = numbers(made[path])
-    if values is None or not np.isfinite(values).any():
+    is_made = (table["status"] != WAITING).to_numpy()
+    made = table[is_made]
+    places, bin_of = binned_column(table[path])
+    if not places.size:
         return
-    places, bin_of = binned(values)
+    bin_of = bin_of[is_made]
     method_of_row, done = np.array(methods(made)), (made["status"] == "done").to_numpy()
-    without = lacking(made, path)
+    without = lacking(made, path) if numbers(table[path]) is not None else set()
     measured = made[list(names)].astype(float).to_numpy()
     for method in dict.fromkeys(method_of_row.tolist()):
         own = method_of_row == method

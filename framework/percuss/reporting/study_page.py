@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,9 @@ import numpy as np
 
 from percuss.files import PACKAGE, replacing
 from percuss.jsonable import plain
-from percuss.reporting import study_data
-from percuss.reporting.figures import COLOURS, MORE_COLOURS, number, one_line
+from percuss.reporting import study_charts, study_data
+from percuss.reporting.figures import number, one_line
+from percuss.reporting.study_charts import Charts, PairsTable, TableCell, count_of
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
 if TYPE_CHECKING:
@@ -65,15 +67,18 @@ def report_html(study: StudyLike, beside: str = "") -> str:
     beside
         Name of the file that has all rows, for a page that does not; empty otherwise.
     """
+    study = study_charts.snapshot(study)
     roles = study_data.columns(study)
-    data = payload(study, roles)
-    overview = _overview_tables(study, roles)
+    charts = study_charts.study_charts(study.table, roles)
+    data = payload(study, roles, charts)
+    several_cases = study.table["case"].nunique() > 1
     parts = {
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question_html(study, data),
         "sampled": _sampling_notice(data, beside),
-        "stacked": " stacked" if overview else "",
-        "overview": overview,
+        "stacked": " stacked" if several_cases and charts.ranked else "",
+        "overview": _pairs_tables(study.table, charts) if several_cases else "",
+        **{f"{name}_caption": escape(caption) for name, caption in study_charts.CAPTIONS.items()},
         "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
         "lost": _losses_html(study.table),
@@ -95,53 +100,74 @@ def report_html(study: StudyLike, beside: str = "") -> str:
 # ----------------------------------------------------------------------------------------------------- data
 
 
-def payload(study: StudyLike, roles: ColumnRoles) -> dict[str, Any]:
+def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
     """Return the data that the page's scripts draw, in the types of JSON; arrays of numbers are base64 texts."""
     carried = study_data.carried(study.table, roles)
-    table = carried.table
     sampled = len(study.table) > study_data.MOST_ROWS
-    role_of_column = {name: "about" for name in ("case", "integrator", "contact") if name in table}
-    role_of_column |= dict.fromkeys(roles.varied, "varied")
-    role_of_column |= {"status": "about"} | dict.fromkeys(roles.measures, "measure")
-    role_of_column |= {name: "about" for name in ("fragile", "reason", "said_by", "key") if name in table}
-    method_of_row = study_data.methods(study.table)
+    in_order = ("case", "integrator", "contact", *roles.varied, "status", *roles.measures)
+    names = [name for name in (*in_order, "fragile", "reason", "said_by", "key") if name in study.table]
+    several_cases = study.table["case"].nunique() > 1
     return {
         "total": len(study.table),
-        "rows": len(table),
+        "rows": len(carried.table),
         "seed": study_data.SEED if sampled else None,
-        "methods": list(dict.fromkeys(method_of_row)),
-        "colours": [*COLOURS, *MORE_COLOURS],
+        "methods": list(charts.styles),
+        "most_forces": study_charts.MOST_FORCES,
+        "styles": [
+            asdict(study_charts.line_style(k)) for k in range(max(len(charts.styles), study_charts.MOST_FORCES))
+        ],
         "references": study_data.references(study.table),
-        "costs": list(roles.costs),
-        "ranked": study_data.ranking(roles),
         "lacking": {path: sorted(study_data.lacking(study.table, path)) for path in roles.varied},
         "added": np.flatnonzero(~carried.drawn).tolist(),
         "best": carried.best,
-        "columns": [
-            _packed_column(table, name, role, roles.measures.get(name, name)) for name, role in role_of_column.items()
-        ],
+        "columns": [_packed_column(study.table, carried.kept, name, roles, charts) for name in names],
+        "charts": {name: asdict(getattr(charts, name)) for name in ("work", "varied", "map")},
+        "shown": {**{name: roles.measures[name] for name in charts.shown}, "": study_charts.STAYED},
+        "ranked": charts.ranked,
+        "spread": study_charts.SPREAD,
+        "outcomes": [[kind, study_charts.outcome(kind)] for kind in ("done", "unstable", "other")],
         # A page with a sample of the rows cannot compute bands and maps of all rows itself.
         "bands": _packed_bands(study.table, roles) if sampled else {},
         "maps": _packed_maps(study.table, roles) if sampled else {},
-        "profiles": _packed_profiles(study.table, roles) if _several_cases(study.table) else {},
-        "histories": study_data.kept_histories(study, table),
+        "profiles": _packed_profiles(study.table, roles, charts) if several_cases else {},
+        "histories": study_data.kept_histories(study, carried.table),
     }
 
 
-def _packed_column(table: Any, name: str, role: str, words: str) -> dict[str, Any]:
+def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
+    """Return one column of the kept rows, with what its axis and its bins are over all rows."""
+    role = "varied" if name in roles.varied else "measure" if name in roles.measures else "about"
+    column: dict[str, Any] = {"name": name, "role": role, "label": roles.measures.get(name, name)}
     values = study_data.numbers(table[name]) if role != "about" else None
-    column = {"name": name, "label": words.replace("_", " ") if role == "about" else words, "role": role}
+    if name in charts.axes:
+        axis = charts.axes[name]
+        column |= {"ticks": axis.ticks, "no_log": axis.no_log, "edge": None if axis.no_log else axis.edge}
+    if role == "varied" and values is not None:
+        fine = _packed_bins(values, kept, study_data.DISTINCT, study_data.BINS)
+        sampled = len(table) > study_data.MOST_ROWS
+        coarse = (study_data.MAP_DISTINCT, study_data.MAP_BINS)
+        column |= {"bins": fine, "cells": _packed_bins(values, kept, *coarse) if sampled else fine}
     if values is not None:
         # Double precision, so that the csv file saved from the page holds the same numbers as the study.
-        return column | {"kind": "<f8", "data": study_data.packed(values, "<f8"), "log": study_data.is_log(values)}
+        return column | {"kind": "<f8", "data": study_data.packed(values[kept], "<f8")}
     values_as_text = study_data.texts(table[name])
     levels = study_data.in_order(values_as_text)
     codes = {level: k for k, level in enumerate(levels)}
-    return column | {
-        "kind": "text",
-        "levels": levels,
-        "data": study_data.packed([codes[text] for text in values_as_text], "<u2"),
-    }
+    code_of_row = np.array([codes[text] for text in values_as_text], dtype=int)[kept]
+    if role == "about":
+        # Only words on an axis need the places of words that no kept row has.
+        used, code_of_row = np.unique(code_of_row, return_inverse=True)
+        levels = [levels[code] for code in used]
+        column["label"] = name.replace("_", " ")
+    if name == "status":
+        column["outcomes"] = [study_charts.outcome(level) for level in levels]
+    return column | {"kind": "text", "levels": levels, "data": study_data.packed(code_of_row, "<u2")}
+
+
+def _packed_bins(values: Any, kept: Any, most: int, bins: int) -> dict[str, Any]:
+    """Return the places of the bins of all values, and the bins of the kept ones."""
+    places, bin_of = study_data.binned(values, most, bins)
+    return {"places": places.tolist(), "of": study_data.packed(bin_of[kept], "<i2")}
 
 
 def _packed_bands(table: Any, roles: ColumnRoles) -> dict[str, dict[str, str]]:
@@ -153,36 +179,24 @@ def _packed_bands(table: Any, roles: ColumnRoles) -> dict[str, dict[str, str]]:
 
 
 def _packed_maps(table: Any, roles: ColumnRoles) -> dict[str, Any]:
-    def packed_cells(method: dict[str, Any]) -> dict[str, str]:
-        return {name: study_data.packed(values) for name, values in method.items()}
-
+    """Return the maps over each two varied numbers; their cells are those of the columns."""
     return {
         f"{x}|{y}": {
-            "across": study_data.packed(map_of_paths["across"]),
-            "up": study_data.packed(map_of_paths["up"]),
-            "methods": {method: packed_cells(values) for method, values in map_of_paths["methods"].items()},
+            method: {name: study_data.packed(values) for name, values in cells.items()}
+            for method, cells in map_of_paths["methods"].items()
         }
         for x, y, map_of_paths in study_data.maps(table, list(roles.measures), roles.varied)
     }
 
 
-def _several_cases(table: Any) -> bool:
-    return int(table["case"].nunique()) > 1
-
-
-def _packed_profiles(table: Any, roles: ColumnRoles) -> dict[str, Any]:
-    """Return the performance profile of each measure by which runs are ranked, in the types of JSON."""
+def _packed_profiles(table: Any, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
+    """Return the chart of the performance profile of each measure by which runs are ranked, in the types of JSON."""
     problem_set = study_data.problems(table, roles.varied)
     out = {}
-    for name in study_data.ranking(roles):
-        profile = study_data.profile(table, name, problem_set)
-        ratios = {method: study_data.packed(values, "<f8") for method, values in profile.ratios.items()}
-        out[name] = {
-            "counted": profile.counted,
-            "unknown": profile.unknown,
-            "left": problem_set.left_out,
-            "ratios": ratios,
-        }
+    for name in charts.ranked:
+        chart = study_charts.profile_chart(table, roles, name, problem_set)
+        lines = {pair: [study_data.packed(part) for part in line] for pair, line in chart.lines.items()}
+        out[name] = asdict(chart) | {"lines": lines}
     return out
 
 
@@ -208,15 +222,11 @@ def _question_html(study: StudyLike, data: dict[str, Any]) -> str:
     ]
     cases = study.table["case"].nunique()
     words = [
-        _count_of(data["total"], "run"),
-        _count_of(len(data["methods"]), "pair", " of methods"),
-        _count_of(cases, "case"),
+        count_of(data["total"], "run"),
+        count_of(len(data["methods"]), "pair", " of methods"),
+        count_of(cases, "case"),
     ]
     return f'{question_html}<p class="counts">{"  ·  ".join(words)}  ·  <strong>{", ".join(status_counts)}</strong></p>'
-
-
-def _count_of(count: int, noun: str, tail: str = "") -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}{tail}"
 
 
 def _sampling_notice(data: dict[str, Any], beside: str) -> str:
@@ -257,46 +267,29 @@ def _varied_table(study: StudyLike, roles: ColumnRoles) -> str:
 # ----------------------------------------------------------------------------------------- pairs and cases
 
 
-def _overview_tables(study: StudyLike, roles: ColumnRoles) -> str:
-    """Return a coloured table of pairs and cases for each measure that ranks runs; an empty text for a single case."""
-    names = study_data.ranking(roles)
-    if not _several_cases(study.table) or not names:
-        return ""
-    tables = [
+def _pairs_tables(table: Any, charts: Charts) -> str:
+    """Return a coloured table of pairs and cases for each measure that ranks runs; only the first is seen at first."""
+    return "".join(
         f'<div class="scroll overview" data-measure="{escape(name)}"{" hidden" if k else ""}>'
-        f"{_pairs_and_cases(study.table, name)}</div>"
-        for k, name in enumerate(names)
-    ]
-    return "".join(tables)
-
-
-def _pairs_and_cases(table: Any, name: str) -> str:
-    """Return the table of the medians of one measure, one row per pair of methods and one column per case."""
-    cells = study_data.overview(table, name)
-    cases = list(dict.fromkeys(case for row in cells.values() for case in row))
-    best = study_data.least_medians(cells, set(study_data.references(table)))
-    largest = study_data.largest_factor(cells, best)
-    lines = "".join(
-        f"<tr><th>{escape(method)}</th>{''.join(_cell(row.get(case), best.get(case), largest) for case in cases)}</tr>"
-        for method, row in cells.items()
+        f"{_pairs_table(study_charts.pairs_table(table, name))}</div>"
+        for k, name in enumerate(charts.ranked)
     )
-    top = "".join(f"<th>{escape(case)}</th>" for case in cases)
-    scale = f"Colour: from the least median of the case, in bold, to {number(largest, 3)} times that or more."
-    return f'<table class="plain cells"><tr><th></th>{top}</tr>{lines}</table><p class="note">{scale}</p>'
 
 
-def _cell(cell: study_data.Cell | None, best: float | None, largest: float) -> str:
-    if cell is None:
-        return '<td class="soft">no run</td>'
-    words = study_data.counted(cell)
-    small = f'<span class="few">{escape(words)}</span>' if words else ""
-    if not cell.measured:
-        return f"<td>{small}</td>"
-    shade = study_data.shade(cell, best, largest)
-    text = number(cell.median, 3)
-    # A median over a part of the runs, because others were lost, does not compete for the best.
-    strong = f"<b>{text}</b>" if cell.median == best and cell.measured == cell.made else text
-    return f'<td class="cell" style="background:{shade}">{strong}{small}</td>'
+def _pairs_table(shown: PairsTable) -> str:
+    lines = "".join(
+        f"<tr><th>{escape(pair)}</th>{''.join(map(_cell, cells))}</tr>" for pair, cells in shown.rows.items()
+    )
+    top = "".join(f"<th>{escape(case)}</th>" for case in shown.cases)
+    return f'<table class="plain cells"><tr><th></th>{top}</tr>{lines}</table><p class="note">{escape(shown.note)}</p>'
+
+
+def _cell(cell: TableCell) -> str:
+    small = f'<span class="few">{escape(cell.small)}</span>' if cell.small else ""
+    if not cell.text:
+        return f'<td class="soft">{small}</td>'
+    text = f"<b>{cell.text}</b>" if cell.best else cell.text
+    return f'<td class="cell" style="background:{cell.colour}">{text}{small}</td>'
 
 
 # ---------------------------------------------------------------------------------------- further sections
@@ -318,7 +311,7 @@ def _measures_table(study: StudyLike, roles: ColumnRoles) -> str:
 def _losses_html(table: Any) -> str:
     groups = study_data.lost(table)
     waiting = int((table["status"] == study_data.WAITING).sum())
-    still = f"<p>{_count_of(waiting, 'run')} still to be made.</p>" if waiting else ""
+    still = f"<p>{count_of(waiting, 'run')} still to be made.</p>" if waiting else ""
     if not groups:
         return still or "<p>Every run came to its end.</p>"
     lines = [

@@ -3,26 +3,9 @@
 const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
 const CROSS = "path://M-1,-0.7L-0.7,-1L0,-0.3L0.7,-1L1,-0.7L0.3,0L1,0.7L0.7,1L0,0.3L-0.7,1L-1,0.7L-0.3,0Z";
 const BAR = "path://M-1,-0.16h2v0.32h-2z";
-const STAYED = "share of runs that stayed stable";
-const DISTINCT = 40;
-const BINS = 24;
-const [MAP_DISTINCT, MAP_BINS] = [16, 12];
-const ROUND_OFF = 1e-10;
 const PAPER_WIDTH = 680;
 const MOST_PANELS = 12;
 const charts = {};
-
-const varying = columns
-  .filter((one) => one.role === "varied" && distinct(one).length > 1)
-  .sort((a, b) => (a.kind === "text") - (b.kind === "text")); // numbers first: they make lines
-const measures = columns.filter((one) => one.role === "measure");
-const sorts = ["case", "integrator", "contact"].map((name) => column[name]).filter((one) => one && one.levels.length > 1);
-
-function distinct(one, rows) {
-  if (one.kind === "text") return one.levels.map((_, k) => k);
-  const found = new Set(rows ? rows.map((row) => one.values[row]) : one.values);
-  return [...found].filter(Number.isFinite).sort((a, b) => a - b);
-}
 
 const visible = (rows) => rows.filter((row) => !hidden.has(methodOf[row]));
 const whole = () => page.seed !== null && active.length === page.rows;
@@ -33,25 +16,7 @@ function quantile(sorted, share) {
   return sorted[low] + (place - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
 }
 
-/** The places on an axis of the values of a column and the place of each row, as one of them; few values are not binned. */
-function binned(one, rows, log, most = DISTINCT, bins = BINS) {
-  if (one.kind === "text") return { places: distinct(one), labels: one.levels.map((level) => level || "none"), of: (row) => one.codes[row] };
-  const values = distinct(one, rows);
-  if (values.length <= most) {
-    const where = new Map(values.map((value, k) => [value, k]));
-    return { places: values, labels: values.map((value) => told(value, 3)), of: (row) => where.get(one.values[row]) ?? -1 };
-  }
-  const good = log ? values.filter((value) => value > 0) : values;
-  const scale = (value) => (log ? Math.log10(value) : value);
-  const [low, high] = [scale(good[0]), scale(good[good.length - 1])];
-  const middles = Array.from({ length: bins }, (_, k) => low + ((k + 0.5) / bins) * (high - low));
-  const places = middles.map((middle) => (log ? 10 ** middle : middle));
-  const of = (row) => {
-    const value = scale(one.values[row]);
-    return Number.isFinite(value) ? Math.min(bins - 1, Math.max(0, Math.floor(((value - low) / (high - low)) * bins))) : -1;
-  };
-  return { places, labels: places.map((place) => told(place, 2)), of };
-}
+const labelsOf = (side, bins) => (side.kind === "text" ? side.levels.map((level) => level || "none") : bins.places.map((place) => told(place, 3)));
 
 // ---------------------------------------------------------------------------------------------- axes
 
@@ -158,14 +123,19 @@ function say(id, words, { height = null } = {}) {
 
 const grid = { left: 64, right: 18, top: 30, bottom: 52 };
 
+/** The mark of a method as ECharts names it; small and pale among many, an open mark would be a white speck. */
+function symbolOf(k, filled = false) {
+  const { shape, open } = style(k);
+  const name = SHAPES[shape];
+  return open && !filled ? `empty${name[0].toUpperCase()}${name.slice(1)}` : name;
+}
+
 /** Points of one method, with the row behind the coordinates for clicks. */
 function points(k, data, name) {
-  const { colour, symbol } = style(k);
+  const { colour } = style(k);
   const [many, very] = [data.length > 400, data.length > 1500];
-  // small and pale, an open mark would be a white speck
-  const mark = many ? symbol.replace("empty", "").toLowerCase() : symbol;
   return {
-    type: "scatter", name, data, symbol: mark, symbolSize: very ? 4 : many ? 5 : 8, z: 3, cursor: "pointer",
+    type: "scatter", name, data, symbol: symbolOf(k, many), symbolSize: very ? 4 : many ? 5 : 8, z: 3, cursor: "pointer",
     itemStyle: { color: colour, borderColor: colour, opacity: very || page.rows > 3000 ? 0.25 : many ? 0.5 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
   };
 }
@@ -173,7 +143,7 @@ function points(k, data, name) {
 function line(k, data, extra = {}) {
   const { colour, dash } = style(k);
   return {
-    type: "line", data, symbol: "none", silent: true, z: 4, lineStyle: { color: colour, width: 2, type: dash.length ? dash : "solid" },
+    type: "line", data, symbol: "none", silent: true, z: 4, lineStyle: { color: colour, width: 2, type: dashOf(dash, 2) },
     itemStyle: { color: colour }, ...extra,
   };
 }
@@ -190,32 +160,27 @@ const counted = (many, what) => `${many.toLocaleString("en")} ${what}${many === 
 
 const wishes = {}; // for each box and column, what the user chose
 
-/** Set a box to what its axis is, and return it: a logarithmic axis has no place for words, nor for zero or less. */
-function logBox(id, one, values, byDefault) {
-  const finite = values.filter(Number.isFinite);
-  const low = finite.filter((value) => value <= 0).length;
-  const why = one.kind === "text" ? "words have no logarithm" : !finite.length ? "there are no values" : low ? `${low.toLocaleString("en")} of ${counted(finite.length, "value")} ${low === 1 ? "is" : "are"} zero or less` : "";
-  $(id).disabled = why !== "";
-  $(id).checked = !why && (wishes[`${id} ${one.name}`] ?? byDefault);
-  $(id).dataset.column = one.name;
-  $(`${id}-why`).textContent = why ? `(no: ${why})` : "";
+/** Set a box to what its axis is, and return it. */
+function logBox(id, axisOf, byDefault) {
+  $(id).disabled = axisOf.no_log !== "";
+  $(id).checked = !axisOf.no_log && (wishes[`${id} ${axisOf.name}`] ?? byDefault);
+  $(id).dataset.column = axisOf.name;
+  $(`${id}-why`).textContent = axisOf.no_log ? `(no: ${axisOf.no_log})` : "";
   return $(id).checked;
 }
 
-/** Where an axis begins: a logarithmic one no lower than 10⁻¹⁰ of the largest value, as what is lower is round-off. */
-const edgeOf = (values, log) => (log ? ROUND_OFF * extentOf(values.filter(Number.isFinite))[1] : -Infinity);
-
-/** The place of a value on an axis; what is below the edge is drawn at it. */
+/** The place of a value on an axis; what is below the lower end of a logarithmic axis is drawn at it. */
 const onAxisOf = (value, log, edge) => (log ? Math.log10(Math.max(value, edge)) : value);
 
 /** How many values are drawn at the edge of a logarithmic axis. */
-function atEdge(values, edge) {
+function atEdge(values, log, edge) {
+  if (!log) return "";
   const many = values.filter((value) => value < edge).length;
   return many ? `${counted(many, "run")} below 10⁻¹⁰ of the largest ${many === 1 ? "is" : "are"} drawn at the lower edge.` : "";
 }
 
 /** Split rows by method into points with a place on the axes, and tell of the others. */
-function placed(rows, xOf, yOf, logX, logY, edge = -Infinity) {
+function placed(rows, xOf, yOf, logX, logY, edge) {
   let gone = 0;
   const data = page.methods.map(() => []);
   for (const row of rows) {
@@ -244,7 +209,7 @@ function drawWork() {
   }
   const rows = visible(active).filter(isDone);
   const both = rows.filter((row) => Number.isFinite(x.values[row]) && Number.isFinite(y.values[row]));
-  const log = [logBox("work-logx", x, both.map((row) => x.values[row]), true), logBox("work-logy", y, both.map((row) => y.values[row]), true)];
+  const log = [logBox("work-logx", x, page.charts.work.across[x.name]), logBox("work-logy", y, page.charts.work.up[y.name])];
   const cases = [...new Set(both.map((row) => column.case.codes[row]))].sort((a, b) => a - b);
   const { words } = placed(rows, (row) => x.values[row], (row) => y.values[row]);
   if (!cases.length) {
@@ -253,8 +218,7 @@ function drawWork() {
   }
   const ranked = page.ranked.includes(y.name);
   const heights = both.map((row) => y.values[row]);
-  const edge = edgeOf(heights, log[1]);
-  const drawn = cases.slice(0, MOST_PANELS).map((code) => workPanel(both.filter((row) => column.case.codes[row] === code), x, y, log, edge, ranked));
+  const drawn = cases.slice(0, MOST_PANELS).map((code) => workPanel(both.filter((row) => column.case.codes[row] === code), x, y, log, ranked));
   const alone = column.case.levels.length === 1;
   const { panels, across, tall } = gridOfPanels("work", drawn.length);
   const option = drawn.length === 1 ? { grid: { ...grid, top: alone ? grid.top : 40 } } : { grid: panels };
@@ -270,14 +234,14 @@ function drawWork() {
   else chart.off("datazoom");
   const left = cases.length > drawn.length ? `The first ${drawn.length} of ${cases.length} cases are drawn; choose one above. ` : "";
   const unranked = ranked ? "" : `No lines: less ${y.label} is not better. `;
-  $("work-note").textContent = `${left}${unranked}${scopeOfBest()} ${atEdge(heights, edge)} ${words}`;
+  $("work-note").textContent = `${left}${unranked}${scopeOfBest()} ${atEdge(heights, log[1], y.edge)} ${words}`;
 }
 
 /** The points of one case and the lines of the best, of each method and of all that are no references. */
-function workPanel(rows, x, y, log, edge, ranked) {
-  const { data } = placed(rows, (row) => x.values[row], (row) => y.values[row], ...log, edge);
+function workPanel(rows, x, y, log, ranked) {
+  const { data } = placed(rows, (row) => x.values[row], (row) => y.values[row], ...log, y.edge);
   const compete = data.filter((_, k) => !page.references.includes(page.methods[k])).flat();
-  const raw = (points) => frontOf(points.map(([, , row]) => [x.values[row], y.values[row]])).map(([a, b]) => [log[0] ? Math.log10(a) : a, onAxisOf(b, log[1], edge)]);
+  const raw = (points) => frontOf(points.map(([, , row]) => [x.values[row], y.values[row]])).map(([a, b]) => [log[0] ? Math.log10(a) : a, onAxisOf(b, log[1], y.edge)]);
   const best = { type: "line", data: raw(compete), symbol: "none", silent: true, z: 1, lineStyle: { color: looks().exact, width: 8, opacity: 0.35 } };
   const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...(ranked ? [line(k, raw(data[k]))] : [])]);
   return { all: data.flat(), series: ranked ? [best, ...series] : series };
@@ -328,23 +292,22 @@ function drawVaried() {
   const rows = made.filter(isDone);
   const level = page.methods.map((_, k) => !words && lacks(k, x));
   const known = rows.filter((row) => Number.isFinite(y.values[row]));
-  const logX = logBox("vary-logx", x, words ? [] : known.map((row) => x.values[row]), Boolean(x.log || x.name === "refine"));
+  const logX = logBox("vary-logx", x, page.charts.varied.across[x.name]);
   const heights = known.filter((row) => words || level[methodOf[row]] || Number.isFinite(x.values[row])).map((row) => y.values[row]);
-  const logY = logBox("vary-logy", y, heights, Boolean(y.log));
-  const edge = edgeOf(heights, logY);
+  const logY = logBox("vary-logy", y, page.charts.varied.up[y.name]);
   const present = page.methods.map((_, k) => k).filter((k) => !hidden.has(k));
   // methods stand beside each other where the axis holds words
-  const beside = (k) => (words ? (0.64 * (present.indexOf(k) - (present.length - 1) / 2)) / Math.max(present.length, 1) : 0);
+  const beside = (k) => (words ? (page.spread * (present.indexOf(k) - (present.length - 1) / 2)) / Math.max(present.length, 1) : 0);
   const xOf = (row) => (words ? x.codes[row] + beside(methodOf[row]) : x.values[row]);
-  const { data, words: missed } = placed(rows.filter((row) => !level[methodOf[row]]), xOf, (row) => y.values[row], logX, logY, edge);
+  const { data, words: missed } = placed(rows.filter((row) => !level[methodOf[row]]), xOf, (row) => y.values[row], logX, logY, y.edge);
   const stored = whole() && page.bands[`${y.name}|${x.name}`];
   const drawn = made.filter((row) => !added.has(row));
   const bands = page.methods.map((method, k) => {
     if (hidden.has(k)) return [];
-    if (stored) return storedBand(stored[method]);
-    return bandOf(x, y, drawn.filter((row) => methodOf[row] === k), logX, beside(k), level[k]);
+    if (stored) return storedBand(stored[method], beside(k));
+    return bandOf(x, y, drawn.filter((row) => methodOf[row] === k), beside(k), level[k]);
   });
-  const put = ([place, low, middle, high, ...many]) => [logX ? Math.log10(place) : place, ...[low, middle, high].map((v) => onAxisOf(v, logY, edge)), ...many, middle];
+  const put = ([place, low, middle, high, ...many]) => [logX ? Math.log10(place) : place, ...[low, middle, high].map((v) => onAxisOf(v, logY, y.edge)), ...many, middle];
   const full = bands.map((band) => band.filter((one) => one[4] > 0));
   const onAxis = full.map((band) => band.filter(([place]) => Number.isFinite(place)).map(put));
   const levels = full.map((band) => band.filter(([place]) => !Number.isFinite(place)).map(put)[0]);
@@ -356,8 +319,7 @@ function drawVaried() {
     $("vary-note").textContent = missed;
     return say("vary", "No run with both values passes the filters.");
   }
-  const values = words ? [] : distinct(x, rows);
-  const ticks = values.length && values.length <= 8 ? values.map((value) => (logX ? Math.log10(value) : value)).filter(Number.isFinite) : null;
+  const ticks = x.ticks.length ? x.ticks.map((value) => (logX ? Math.log10(value) : value)) : null;
   const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((one) => one[0]));
   const labels = words ? x.levels.map((level) => labelOf(level) || `no ${shortName(x)}`) : null;
   const counts = ([, , , , have, of]) => (have < of ? `median of ${have} of ${of} runs, the others lost` : `median of ${counted(of, "run")}`);
@@ -380,7 +342,7 @@ function drawVaried() {
     scope(Boolean(stored), "Medians and bands"),
     levels.some(Boolean) ? `A method that has no ${shortName(x)} is a level line at its median.` : "",
     cases > 1 ? `Medians are over the runs of ${cases} cases together; choose one above.` : "",
-    lostWords(bands.flat()), atEdge(heights, edge), missed,
+    lostWords(bands.flat()), atEdge(heights, logY, y.edge), missed,
     cases === 1 && x.name === "refine" && logX && logY ? ordersOf(onAxis) : "",
   ];
   $("vary-note").textContent = said.filter(Boolean).join(" ");
@@ -404,19 +366,19 @@ function ordersOf(bands) {
   return known.length ? `Observed orders, fitted to the medians: ${known.join("; ")}.` : "";
 }
 
-function storedBand(text) {
+function storedBand(text, offset) {
   if (!text) return [];
   const all = unpacked(text, "<f4");
   const n = all.length / 6;
-  return Array.from({ length: n }, (_, j) => Array.from({ length: 6 }, (_, part) => all[j + part * n]));
+  return Array.from({ length: n }, (_, j) => Array.from({ length: 6 }, (_, part) => all[j + part * n] + (part ? 0 : offset)));
 }
 
 /** Place, quantiles, number of values and number of runs of each bin; one bin without place for a method that lacks x. */
-function bandOf(x, y, rows, log, offset, level) {
-  const bins = level ? { places: [NaN], of: () => 0 } : binned(x, rows, log);
+function bandOf(x, y, rows, offset, level) {
+  const bins = level ? { places: [NaN] } : x.bins;
   const groups = bins.places.map(() => ({ values: [], of: 0 }));
   for (const row of rows) {
-    const group = groups[bins.of(row)];
+    const group = groups[level ? 0 : bins.of[row]];
     if (!group) continue;
     group.of += 1;
     if (isDone(row) && Number.isFinite(y.values[row])) group.values.push(y.values[row]);
@@ -437,18 +399,18 @@ function rings(k, band, tip) {
 
 /** A level line for a method that has no such option, and what it lacks at one place of it. */
 function levelSeries(k, [, low, middle, high], [from, to], place, words, tip) {
-  const { colour, symbol } = style(k);
+  const { colour } = style(k);
   const mark = { value: [place, middle], tip, label: { show: true, position: "top", formatter: words, color: looks().ink, fontSize: 12 } };
   const edge = (height) => line(k, [[from, height], [to, height]], { lineStyle: { color: colour, width: 1, opacity: 0.5 } });
   return [
     ...(high > low ? [edge(low), edge(high)] : []),
     line(k, [[from, middle], [to, middle]]),
-    { type: "scatter", name: "level", data: [mark], symbol, symbolSize: 9, z: 5, itemStyle: { color: colour } },
+    { type: "scatter", name: "level", data: [mark], symbol: symbolOf(k), symbolSize: 9, z: 5, itemStyle: { color: colour } },
   ];
 }
 
 function bandSeries(k, band, words) {
-  const { colour, symbol } = style(k);
+  const { colour } = style(k);
   if (words) {
     // no line joins words: a bar from the tenth to the ninetieth of a hundred, and the median across it
     return band.flatMap(([x, low, middle, high]) => [
@@ -464,32 +426,24 @@ function bandSeries(k, band, words) {
         line(k, band.map(([x, low, , high]) => [x, high - low]), { ...edges, areaStyle: { color: colour, opacity: 0.16 } }),
       ]
     : [];
-  return [...area, line(k, band.map(([x, , middle]) => [x, middle]), { symbol: band.length > 1 ? "none" : symbol })];
+  return [...area, line(k, band.map(([x, , middle]) => [x, middle]), { symbol: band.length > 1 ? "none" : symbolOf(k) })];
 }
 
 // ---------------------------------------------------------------------------------------------- profile
 
 function drawProfile() {
-  const value = column[$("profile-v").value];
-  const found = value && page.profiles[value.name];
-  if (!found) return;
-  const apart = page.references.length ? " The tied twins take no part: they are references, which need the exact solution." : "";
-  const left = [
-    found.left ? `${counted(found.left, "problem")} that not every pair was set once` : "",
-    found.unknown ? `${counted(found.unknown, "problem")} in which no run is done, or a run is still to be made or has no such number` : "",
-  ].filter(Boolean).join(", and ");
-  $("profile-note").textContent = `${counted(found.counted, "problem")}: a case with one value of all that is varied. ${left ? `Left out: ${left}.` : ""} Of all rows, whatever the filters; the best is that of all pairs.${apart}`;
-  if (!found.counted) return say("profile", "There is no problem that every pair was set and that could be judged.", { height: 120 });
-  const lines = page.methods.flatMap((method, k) => (hidden.has(k) || !found.ratios[method] ? [] : [{ k, method, ratios: unpacked(found.ratios[method], "<f8") }]));
-  const end = Math.max(Math.log10(1.5), ...lines.flatMap(({ ratios }) => [...ratios].filter(Number.isFinite)).map((ratio) => 1.05 * Math.log10(ratio)));
-  const series = lines.map(({ k, method, ratios }) => {
-    const steps = [[0, ratios.filter((ratio) => ratio <= 1).length / ratios.length]];
-    ratios.forEach((ratio, n) => Number.isFinite(ratio) && steps.push([Math.log10(ratio), (n + 1) / ratios.length]));
-    return line(k, [...steps, [end, steps[steps.length - 1][1]]], { name: method, step: "end" });
+  const profile = page.profiles[$("profile-v").value];
+  if (!profile) return;
+  $("profile-note").textContent = profile.note;
+  if (profile.empty) return say("profile", profile.empty, { height: 120 });
+  const series = page.methods.flatMap((method, k) => {
+    if (hidden.has(k) || !profile.lines[method]) return [];
+    const [factors, shares] = profile.lines[method].map((part) => unpacked(part, "<f4"));
+    return [line(k, Array.from(factors, (factor, n) => [Math.log10(factor), shares[n]]), { name: method, step: "end" })];
   });
   show("profile", {
     grid, toolbox: tools("performance-profile", false), series,
-    xAxis: axis(`${value.label} over that of the best pair`, [0, end], { log: true }),
+    xAxis: axis(profile.label, [0, Math.log10(profile.end)], { log: true }),
     yAxis: axis("share of problems", [0, 1], { gap: 48 }),
     tooltip: { ...tooltip(tipOfProfile), trigger: "axis" },
   }, { height: 340 });
@@ -510,22 +464,19 @@ const mixed = (share) => {
   return `rgb(${both.join(",")})`;
 };
 
-const LOST = ["unstable", "refused, failed or lost"];
-
 /** The cells of a map for one method: its runs by what became of them, and the median over those that have the value. */
 function cellsOf(k, rows, x, y, value) {
   const cells = new Map();
   for (const row of rows) {
     if (methodOf[row] !== k) continue;
-    const [i, j] = [x.of(row), y.of(row)];
+    const [i, j] = [x.of ? x.of[row] : 0, y.of ? y.of[row] : 0];
     if (i < 0 || j < 0) continue;
     const key = j * x.places.length + i;
     if (!cells.has(key)) cells.set(key, { i, j, values: [], counts: {}, row });
     const cell = cells.get(key);
-    const status = textAt(column.status, row);
-    const kind = status === "done" || status === "unstable" ? status : LOST[1];
-    cell.counts[kind] = (cell.counts[kind] || 0) + 1;
-    if (status === "done") {
+    const outcome = outcomeOf(row);
+    cell.counts[outcome] = (cell.counts[outcome] || 0) + 1;
+    if (outcome === "done") {
       if (value && Number.isFinite(value.values[row])) cell.values.push(value.values[row]);
       // a click shows a run that is done, and one whose force was kept rather than another
       if (!isDone(cell.row) || (page.histories[row] && !page.histories[cell.row])) cell.row = row;
@@ -547,7 +498,10 @@ function finishCell(cell, value, median, known) {
   return cell;
 }
 
-const NO_OPTION = (one) => ({ places: [0], labels: [`no ${shortName(one)}`], of: () => 0 });
+/** The cells of a map along one side: those of the column, or a single one for a method that has no such value. */
+function sideOf(k, side) {
+  return lacks(k, side) ? { places: [0], labels: [`no ${shortName(side)}`] } : { ...side.cells, labels: labelsOf(side, side.cells) };
+}
 
 function drawMap() {
   const [x, y] = [column[$("map-x").value], column[$("map-y").value]];
@@ -560,20 +514,18 @@ function drawMap() {
     return say("map", x && y && x !== y ? "No run passes the filters." : "A map needs two different varied values.", { height: 120 });
   }
   const stored = whole() ? storedMap(x, y) : null;
-  const few = page.seed === null ? [DISTINCT, BINS] : [MAP_DISTINCT, MAP_BINS];
-  const common = stored ? stored.bins : [x, y].map((one) => binned(one, rows, one.log, ...few));
   const every = shown.map((k) => {
-    const bins = [x, y].map((one, side) => (lacks(k, one) ? NO_OPTION(one) : common[side]));
-    return { k, bins, cells: stored ? stored.cells(k, value) : cellsOf(k, rows, ...bins, value) };
+    const bins = [sideOf(k, x), sideOf(k, y)];
+    return { k, bins, cells: stored ? stored(k, value) : cellsOf(k, rows, ...bins, value) };
   });
   const panels = every.filter(({ cells }) => cells.length);
   if (!panels.length) return say("map", "No run has both values.", { height: 120 });
   const drawn = panels.flatMap(({ cells }) => cells.map((cell) => cell.value)).filter(Number.isFinite);
-  const log = Boolean(value && value.log) && drawn.every((v) => v > 0);
+  const log = Boolean(value && page.charts.varied.up[value.name]);
   const ends = value ? extentOf(drawn) : [0, 1];
   const scale = (v) => (log ? Math.log10(v) : v);
   const share = (v) => (ends[1] > ends[0] ? (scale(v) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
-  const words = value ? `median ${value.label}` : STAYED;
+  const words = value ? `median ${value.label}` : page.shown[""];
   const roomy = drawMapPanels(panels, x, y, share, words, value);
   drawScale(words + (log ? " (logarithmic)" : ""), drawn.length ? ends : null, panels, roomy, value);
   const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
@@ -587,30 +539,27 @@ function drawMap() {
   $("map-note").textContent = lacking + left + partial + together + (page.seed === null ? "" : stored ? `The map is of all ${page.total.toLocaleString("en")} rows.` : "The map is of the sample.");
 }
 
-/** Of a sampled study the map of all its rows over two varied values, whichever of them lies across. */
+/** Of a sampled study the cells of a map of all its rows over two varied values, whichever of them lies across. */
 function storedMap(x, y) {
   const turned = !page.maps[`${x.name}|${y.name}`];
-  const found = page.maps[turned ? `${y.name}|${x.name}` : `${x.name}|${y.name}`];
-  if (!found) return null;
-  const places = [unpacked(found.across, "<f4"), unpacked(found.up, "<f4")];
-  const bins = places.map((one) => ({ places: [...one], labels: Array.from(one, (place) => told(place, 2)) }));
-  const cells = (k, value) => {
-    const method = found.methods[page.methods[k]];
+  const methods = page.maps[turned ? `${y.name}|${x.name}` : `${x.name}|${y.name}`];
+  if (!methods) return null;
+  const across = turned ? y : x;
+  return (k, value) => {
+    const method = methods[page.methods[k]];
     if (!method) return [];
     const part = (name) => (method[name] ? unpacked(method[name], "<f4") : null);
-    const [done, unstable, other] = ["done", "unstable", "other"].map(part);
+    const kinds = page.outcomes.map(([name, outcome]) => [outcome, part(name)]);
     const [medians, known] = value ? [part(value.name), part(`${value.name}|known`)] : [null, null];
-    const wide = lacks(k, turned ? y : x) ? 1 : places[0].length;
-    return Array.from(done, (_, at) => at).flatMap((at) => {
-      const counts = { done: done[at], unstable: unstable[at], [LOST[1]]: other[at] };
-      for (const [kind, many] of Object.entries(counts)) if (!many) delete counts[kind];
+    const wide = lacks(k, across) ? 1 : across.cells.places.length;
+    return Array.from(kinds[0][1], (_, at) => at).flatMap((at) => {
+      const counts = Object.fromEntries(kinds.map(([outcome, many]) => [outcome, many[at]]).filter(([, many]) => many));
       if (!Object.keys(counts).length) return [];
       const [i, j] = [at % wide, Math.floor(at / wide)];
       const cell = { i: turned ? j : i, j: turned ? i : j, counts };
-      return [finishCell(cell, value, medians ? medians[at] : NaN, medians ? (known ? known[at] : done[at]) : 0)];
+      return [finishCell(cell, value, medians ? medians[at] : NaN, medians ? (known ? known[at] : counts.done || 0) : 0)];
     });
   };
-  return { bins: turned ? bins.reverse() : bins, cells };
 }
 
 /** Draw the panels, and return whether there was room for the counts of runs in the cells. */
@@ -716,7 +665,7 @@ function pick(row, from = false) {
   const at = picked.indexOf(row);
   if (at >= 0 && !from) picked.splice(at, 1);
   else if (at < 0) picked.push(row);
-  if (picked.length > MOST_PICKED) reformat(picked.shift());
+  if (picked.length > page.most_forces) reformat(picked.shift());
   reformat(row);
   drawForce();
   if (from) $("force").closest("figure").scrollIntoView({ behavior: "smooth", block: "nearest" });
@@ -760,7 +709,7 @@ function drawForce() {
       const name = history.force.length > 1 ? `${words}, ${history.contacts[contact] ?? `contact ${contact + 1}`}` : words;
       series.push({
         type: "line", name, data: pairs(one), symbol: "none", z: 3, itemStyle: { color: colour },
-        lineStyle: { color: colour, width: contact ? 1 : 2, type: dash.length ? dash : "solid" },
+        lineStyle: { color: colour, width: contact ? 1 : 2, type: dashOf(dash, contact ? 1 : 2) },
       });
     });
     entries.push([{ colour, dash }, words]);
@@ -803,7 +752,7 @@ function markedWords() {
 
 function forceNote() {
   const kept = Object.keys(page.histories).length;
-  return `The page has the histories of ${counted(kept, "run")}; ${firstWords} ${MOST_PICKED} at most are shown.${markedWords()}`;
+  return `The page has the histories of ${counted(kept, "run")}; ${firstWords} ${page.most_forces} at most are shown.${markedWords()}`;
 }
 
 let firstWords = "";
@@ -833,11 +782,10 @@ function drawStudy() {
   drawProfile();
 }
 
-function fill(id, choices, chosen) {
-  const known = choices.filter(Boolean);
-  $(id).replaceChildren(...known.map(([value, words]) => element("option", words, { value })));
-  const wanted = known.find(([value]) => value === chosen) || known[0];
-  if (wanted) $(id).value = wanted[0];
+/** Fill a box with the names of columns, and choose one of them. */
+function fill(id, names, place = 0) {
+  $(id).replaceChildren(...names.map((name) => element("option", page.shown[name] ?? column[name].label, { value: name })));
+  if (names.length) $(id).value = names[place] ?? names[0];
   $(id).addEventListener("change", drawStudy);
 }
 
@@ -847,20 +795,17 @@ function showPairs() {
 }
 
 function start() {
-  const named = (ones) => ones.map((one) => [one.name, one.label]);
-  const results = measures.filter((one) => !page.costs.includes(one.name) && one.name !== "seconds");
-  const ranked = named(page.ranked.map((name) => column[name]));
-  fill("work-y", named(results), "force_error_l1");
-  fill("work-x", page.costs.map((name) => [name, column[name].label]), page.costs[0]);
-  fill("vary-y", named(measures), "force_error_l1");
-  fill("vary-x", named([...varying, ...sorts]));
-  const places = named([...varying, ...sorts.filter((one) => one.name === "case")]);
-  fill("map-v", [...named(measures), ["", STAYED]], "force_error_l1");
-  fill("map-x", places);
-  fill("map-y", places, (places[1] || [""])[0]);
-  $("map").closest("figure").hidden = places.length < 2;
-  fill("pairs-v", ranked, "force_error_l1");
-  fill("profile-v", ranked, "force_error_l1");
+  const { work, varied, map } = page.charts;
+  fill("work-y", Object.keys(work.up));
+  fill("work-x", Object.keys(work.across));
+  fill("vary-y", Object.keys(varied.up));
+  fill("vary-x", Object.keys(varied.across));
+  fill("map-v", Object.keys(page.shown));
+  fill("map-x", Object.keys(map.across));
+  fill("map-y", Object.keys(map.up), 1);
+  $("map").closest("figure").hidden = Object.keys(map.across).length < 2;
+  fill("pairs-v", page.ranked);
+  fill("profile-v", page.ranked);
   $("pairs").hidden = !document.querySelector(".overview");
   $("profiles").hidden = !Object.keys(page.profiles).length;
   $("pairs-v").addEventListener("change", showPairs);

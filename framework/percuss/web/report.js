@@ -3,21 +3,22 @@
 
 const page = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
-const SYMBOLS = ["circle", "rect", "triangle", "diamond", "emptyCircle", "emptyRect", "emptyTriangle", "emptyDiamond"];
-const DASHES = [[], [9, 3], [9, 3, 2, 3], [4, 2], [12, 3, 4, 3, 4, 3], [2, 2], [16, 3], [2, 5]];
-const MOST_PICKED = 6;
 const MOST_PRINTED = 40;
 
 function unpacked(text, kind) {
   const raw = atob(text);
   const bytes = new Uint8Array(raw.length);
   for (let k = 0; k < raw.length; k++) bytes[k] = raw.charCodeAt(k);
-  return new { "<f4": Float32Array, "<f8": Float64Array, "<u2": Uint16Array }[kind](bytes.buffer);
+  return new { "<f4": Float32Array, "<f8": Float64Array, "<u2": Uint16Array, "<i2": Int16Array }[kind](bytes.buffer);
 }
 
+/** Bins of the values of a column: their places on an axis, and the bin of each row, -1 for a row without one. */
+const unpackedBins = (bins) => bins && { places: bins.places, of: unpacked(bins.of, "<i2") };
 const columns = page.columns.map((column) => {
-  if (column.kind !== "text") return { ...column, values: unpacked(column.data, column.kind) };
-  return { ...column, codes: unpacked(column.data, "<u2") };
+  if (column.kind !== "text") return { ...column, values: unpacked(column.data, column.kind), bins: unpackedBins(column.bins), cells: unpackedBins(column.cells) };
+  const codes = unpacked(column.data, "<u2");
+  const bins = { places: column.levels.map((_, k) => k), of: codes };
+  return { ...column, codes, bins, cells: bins };
 });
 const column = Object.fromEntries(columns.map((one) => [one.name, one]));
 const textAt = (one, row) => (one.kind === "text" ? one.levels[one.codes[row]] : told(one.values[row]));
@@ -25,8 +26,10 @@ const methodOf = new Int32Array(page.rows);
 for (let row = 0; row < page.rows; row++) {
   methodOf[row] = page.methods.indexOf(`${textAt(column.integrator, row)} + ${textAt(column.contact, row)}`);
 }
-const isDone = (row) => textAt(column.status, row) === "done";
-const isMade = (row) => textAt(column.status, row) !== "waiting";
+/** What became of a run: done, unstable, or lost in some other way; an empty text for a run that is still to be made. */
+const outcomeOf = (row) => column.status.outcomes[column.status.codes[row]];
+const isDone = (row) => outcomeOf(row) === "done";
+const isMade = (row) => outcomeOf(row) !== "";
 /** Rows that were added to those drawn as nothing beats them: they are in no median, which they would improve. */
 const added = new Set(page.added);
 /** Whether no run of a method has a varied value: its runs are the same at each value of it. */
@@ -89,23 +92,25 @@ const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 let printing = false;
 const looks = () => (prefersDark.matches && !printing ? DARK : LIGHT);
 
-/** The colour, mark and dash of the k-th line; a colour that comes round has another mark and dash. */
+const SHAPES = { circle: "circle", square: "rect", triangle: "triangle", diamond: "diamond" };
+const OUTLINES = {
+  circle: '<circle cx="17" cy="7" r="4.5"/>', square: '<path d="M12.5 2.5h9v9h-9z"/>',
+  triangle: '<path d="M17 2l5 9.5h-10z"/>', diamond: '<path d="M17 1l5 6-5 6-5-6z"/>',
+};
+
+/** The colour, mark and dashes of the k-th line. */
 function style(k) {
-  const colour = page.colours[k % page.colours.length];
-  const turn = (k + Math.floor(k / SYMBOLS.length)) % SYMBOLS.length;
-  return { colour: looks().swap[colour] || colour, symbol: SYMBOLS[turn], dash: DASHES[turn] };
+  const { colour, mark, dash } = page.styles[k];
+  return { colour: looks().swap[colour] || colour, shape: mark.replace("open ", ""), open: mark.startsWith("open"), dash };
 }
 
-function swatch({ colour, symbol, dash, width = 2 }) {
-  const empty = symbol && symbol.startsWith("empty");
-  const shapes = {
-    circle: '<circle cx="17" cy="7" r="4.5"/>', rect: '<path d="M12.5 2.5h9v9h-9z"/>',
-    triangle: '<path d="M17 2l5 9.5h-10z"/>', diamond: '<path d="M17 1l5 6-5 6-5-6z"/>',
-  };
-  const shape = symbol ? shapes[symbol.replace("empty", "").toLowerCase()] : "";
+/** The dashes of a line of some width in pixels. */
+const dashOf = (dash, width) => (dash.length ? dash.map((length) => length * width) : "solid");
+
+function swatch({ colour, shape, open, dash, width = 2 }) {
   const holder = document.createElement("template");
   holder.innerHTML = `<svg width="34" height="14" aria-hidden="true"><path d="M0 7h34" stroke="${colour}" stroke-width="${width}"
-    stroke-dasharray="${dash.join(" ")}"/><g fill="${empty ? "#ffffff" : colour}" stroke="${colour}" stroke-width="1.5">${shape}</g></svg>`;
+    stroke-dasharray="${dash.map((length) => length * width).join(" ")}"/><g fill="${open ? "#ffffff" : colour}" stroke="${colour}" stroke-width="1.5">${OUTLINES[shape] ?? ""}</g></svg>`;
   return holder.content.firstChild;
 }
 

@@ -1,0 +1,374 @@
+"""The charts of a study as data: the one description from which both the page and the files are drawn.
+
+A renderer decides nothing about the data. It takes from here which columns a chart offers, which of its axes are
+logarithmic and where they end, the bins of the medians, the style of each pair of methods, the steps of a profile, the
+cells of the table of pairs and cases, and the captions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from percuss.reporting import study_data
+from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES, number
+from percuss.reporting.study_data import ColumnRoles, StudyLike
+
+CAPTIONS = {
+    "work": (
+        "a line joins the runs of one pair in one case that no other of them beats; the broad grey line those that no "
+        "run of any pair beats in the case"
+    ),
+    "vary": (
+        "the line joins medians, the band holds 8 of 10 runs; a ring is a median over fewer runs than were made; a "
+        "level line is the median of a pair that has no such value"
+    ),
+    "map": "two varied values, one panel a pair of methods",
+    "pairs": "the median over the runs of each pair in each case, over all rows",
+    "profile": (
+        "the share of problems on which a pair comes within a factor of the pair that is best there; a run that is "
+        "not done is within none (Dolan, Moré 2002, doi 10.1007/s101070100263)"
+    ),
+}
+# When the colours repeat, the mark and the dashes of a repeated colour differ from those before.
+MARKS = ("circle", "square", "triangle", "diamond", "open circle", "open square", "open triangle", "open diamond")
+EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
+STAYED = "share of runs that stayed stable"
+OUTCOMES = {"done": "done", "unstable": "unstable", study_data.WAITING: ""}
+OTHER_OUTCOME = "refused, failed or lost"
+MOST_FORCES = 6  # The page shows the contact forces of at most this many runs together.
+MOST_TICKS = 8  # Up to this many distinct values each have their own tick.
+# Of the room between two words on an axis, the pairs of methods, which stand beside each other, take this share.
+SPREAD = 0.64
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A study with its table read once: a study reads and parses all its rows whenever its table is asked for."""
+
+    title: str
+    spec: dict[str, Any]
+    provenance: dict[str, Any]
+    table: Any
+    columns: dict[str, str]
+    registry: Any
+    histories: Callable[[Any], dict[str, Any] | None]
+
+
+def snapshot(study: StudyLike) -> Snapshot:
+    """Return a study with everything read once that a report asks for."""
+    return Snapshot(
+        study.title,
+        study.spec,
+        study.provenance,
+        study.table,
+        study_data.words(study),
+        getattr(study, "registry", None),
+        study.histories,
+    )
+
+
+@dataclass(frozen=True)
+class LineStyle:
+    """The look of a line and its marks: that of one pair of methods in all charts, or of one run among the forces.
+
+    Attributes
+    ----------
+    colour
+        As in HTML.
+    mark
+        One of `MARKS`.
+    dash
+        Lengths of dashes and gaps in widths of the line; empty for a solid line.
+    """
+
+    colour: str
+    mark: str
+    dash: tuple[float, ...]
+
+
+def line_style(k: int) -> LineStyle:
+    """Return the style of the k-th line of a chart, counted from 0."""
+    turn = (k + k // len(MARKS)) % len(MARKS)
+    dash = () if EVERY_DASH[turn] == "-" else EVERY_DASH[turn][1]
+    return LineStyle(EVERY_COLOUR[k % len(MARKS)], MARKS[turn], dash)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A column of the table as an axis of charts.
+
+    Attributes
+    ----------
+    label
+        Words beside the axis.
+    words
+        The texts on an axis of words, in order; empty for an axis of numbers.
+    spread
+        Whether the numbers suit a logarithmic axis, see `percuss.reporting.study_data.is_log`.
+    no_log
+        The reason why the axis cannot be logarithmic; empty where it can.
+    edge
+        Lower end of a logarithmic axis, at which smaller numbers are drawn, as they are round-off.
+    ticks
+        The places of the ticks where there are few distinct values; empty for a renderer's own choice.
+    """
+
+    label: str
+    words: tuple[str, ...]
+    spread: bool
+    no_log: str
+    edge: float
+    ticks: tuple[float, ...]
+
+
+def axis(table: Any, name: str, label: str) -> Axis:
+    """Return one column of a study's table as an axis; a measure counts only where the run is done."""
+    values = study_data.numbers(table[name])
+    if values is None:
+        words = tuple(study_data.in_order(study_data.texts(table[name])))
+        return Axis(label, words, spread=False, no_log="words have no logarithm", edge=np.nan, ticks=())
+    distinct = np.unique(values[np.isfinite(values)])
+    low = int((values <= 0).sum())
+    no_log = "" if distinct.size else "there are no values"
+    if low:
+        count = count_of(int(np.isfinite(values).sum()), "value")
+        no_log = f"{low:,} of {count} {'is' if low == 1 else 'are'} zero or less"
+    edge = np.nan if no_log else study_data.lowest(values)
+    # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
+    spread = not no_log and (name == "refine" or study_data.is_log(values))
+    ticks = tuple(distinct.tolist()) if distinct.size <= MOST_TICKS else ()
+    return Axis(label, (), spread, no_log, edge, ticks)
+
+
+@dataclass(frozen=True)
+class Choices:
+    """The columns that a chart offers for its two sides, each with whether its axis is logarithmic at first.
+
+    The first of each is drawn at first.
+    """
+
+    across: dict[str, bool]
+    up: dict[str, bool]
+
+
+@dataclass(frozen=True)
+class Charts:
+    """The charts of a study.
+
+    Attributes
+    ----------
+    styles
+        The style of each pair of methods.
+    axes
+        The axis of each column that some chart offers.
+    work, varied, map
+        The columns offered by the chart of error over cost, by the chart of measures over a varied value, and by the
+        map over two varied values, whose medians are of ``shown``.
+    shown
+        The measures that the map offers.
+    ranked
+        The measures that rank runs: those offered by the table of pairs and cases and by the profile.
+    """
+
+    styles: dict[str, LineStyle]
+    axes: dict[str, Axis]
+    work: Choices
+    varied: Choices
+    map: Choices
+    shown: list[str]
+    ranked: list[str]
+
+
+def study_charts(table: Any, roles: ColumnRoles) -> Charts:
+    """Return the description of all charts of a study.
+
+    Parameters
+    ----------
+    table
+        All rows of the study.
+    roles
+        The roles of its columns.
+    """
+    done = table[table["status"] == "done"]
+    axes = {name: axis(done, name, label) for name, label in roles.measures.items()}
+    several = {
+        name: axis(table, name, name)
+        for name in (*roles.varied, "case", "integrator", "contact")
+        if name in table and table[name].nunique() > 1
+    }
+    # Numbers come first, because they make lines.
+    numeric = [name for name in roles.varied if name in several and not several[name].words]
+    varied = [*numeric, *(name for name in roles.varied if name in several and name not in numeric)]
+    axes |= several
+
+    def first_log(names: list[str]) -> dict[str, bool]:
+        return {name: axes[name].spread for name in names}
+
+    def log_if_possible(names: list[str]) -> dict[str, bool]:
+        return {name: not axes[name].no_log for name in names}
+
+    measures = list(roles.measures)
+    results = [name for name in measures if name not in roles.costs and name != "seconds"]
+    choices = [name for name in ("case", "integrator", "contact") if name in several]
+    sides = first_log([*varied, *(name for name in choices if name == "case")])
+    pairs = dict.fromkeys(study_data.methods(table))
+    return Charts(
+        {pair: line_style(k) for k, pair in enumerate(pairs)},
+        axes,
+        Choices(log_if_possible(list(roles.costs)), log_if_possible(results)),
+        Choices(first_log([*varied, *choices]), first_log(measures)),
+        Choices(sides, sides),
+        measures,
+        study_data.ranking(roles),
+    )
+
+
+def outcome(status: str) -> str:
+    """Return the outcome of a run by its status: done, unstable, lost in some other way, or empty for none yet."""
+    return OUTCOMES.get(status, OTHER_OUTCOME)
+
+
+def place_aside(turn: int, count: int) -> float:
+    """Return how far a pair of methods stands beside its word on an axis, so that pairs do not hide each other."""
+    return SPREAD * (turn - (count - 1) / 2) / max(count, 1)
+
+
+def work_lines(rows: Any, cost: str, error: str) -> tuple[Any, dict[str, Any]]:
+    """Return the Pareto fronts of error over cost of some runs, costs and errors as arrays (2, n).
+
+    Parameters
+    ----------
+    rows
+        Runs that are done, of one case.
+    cost, error
+        Names of the two columns.
+
+    Returns
+    -------
+    tuple
+        The front of all runs that compete, which are those without mesh tying, and the front of each pair of methods.
+    """
+    x, y = study_data.numbers(rows[cost]), study_data.numbers(rows[error])
+    pairs = np.array(study_data.methods(rows))
+    compete = ~np.isin(pairs, study_data.references(rows))
+    of_pairs = {pair: study_data.front(x[pairs == pair], y[pairs == pair]) for pair in dict.fromkeys(pairs.tolist())}
+    return study_data.front(x[compete], y[compete]), {pair: line for pair, line in of_pairs.items() if line.size}
+
+
+@dataclass(frozen=True)
+class ProfileChart:
+    """The performance profiles of the pairs of methods by one measure.
+
+    Attributes
+    ----------
+    label
+        Words beside the axis of factors, which is logarithmic and begins at 1.
+    end
+        End of the axis of factors.
+    lines
+        For each pair of methods the factors and the shares of problems at which its steps begin, array (2, n).
+    note
+        How many problems there are, and which were left out.
+    empty
+        Why there is nothing to draw; empty where there is.
+    """
+
+    label: str
+    end: float
+    lines: dict[str, Any]
+    note: str
+    empty: str
+
+
+def profile_chart(table: Any, roles: ColumnRoles, name: str, problem_set: study_data.Problems) -> ProfileChart:
+    """Return the chart of the performance profiles by one measure over all rows of a study."""
+    profile = study_data.profile(table, name, problem_set)
+    left = [
+        (problem_set.left_out, "that not every pair was set once"),
+        (profile.unknown, "in which no run is done, or a run is still to be made or has no such number"),
+    ]
+    parts = [f"{count_of(count, 'problem')} {why}" for count, why in left if count]
+    note = [
+        f"{count_of(profile.counted, 'problem')}: a case with one value of all that is varied.",
+        *([f"Left out: {', and '.join(parts)}."] if parts else []),
+        "Of all rows; the best is that of all pairs.",
+    ]
+    if study_data.references(table):
+        note.append("The tied twins take no part: they are references, which need the exact solution.")
+    finite = [ratios[np.isfinite(ratios)] for ratios in profile.ratios.values()]
+    largest = float(np.concatenate([*finite, np.ones(1)]).max())
+    end = max(1.5, largest**1.05)
+    lines = {pair: np.array(profile_steps(ratios, end)) for pair, ratios in profile.ratios.items() if profile.counted}
+    empty = "" if profile.counted else "There is no problem that every pair was set and that could be judged."
+    return ProfileChart(f"{roles.measures[name]} over that of the best pair", end, lines, " ".join(note), empty)
+
+
+def profile_steps(ratios: Any, end: float) -> tuple[Any, Any]:
+    """Return the factors and the shares of problems of one pair's profile, from factor 1 to the end of the axis."""
+    factors, counts = np.unique(np.maximum(ratios[np.isfinite(ratios)], 1.0), return_counts=True)
+    share = np.cumsum(counts) / ratios.size
+    if not factors.size or factors[0] > 1:
+        factors, share = np.array([1.0, *factors]), np.array([0.0, *share])
+    return np.array([*factors, end]), np.array([*share, share[-1]])
+
+
+@dataclass(frozen=True)
+class TableCell:
+    """One cell of the table of pairs and cases.
+
+    Attributes
+    ----------
+    text
+        The median; empty where no run has the measure.
+    small
+        The number of runs behind it and what became of the others.
+    colour
+        Colour of the cell; empty for a cell without a median.
+    best
+        Whether it is the least median of its case. A median over a part of the runs, because others were lost, does
+        not compete.
+    """
+
+    text: str
+    small: str
+    colour: str
+    best: bool
+
+
+@dataclass(frozen=True)
+class PairsTable:
+    """The medians of one measure, one row per pair of methods and one column per case."""
+
+    cases: list[str]
+    rows: dict[str, list[TableCell]]
+    note: str
+
+
+def pairs_table(table: Any, name: str) -> PairsTable:
+    """Return the table of pairs and cases of one measure over all rows of a study."""
+    cells = study_data.overview(table, name)
+    cases = list(dict.fromkeys(case for row in cells.values() for case in row))
+    best = study_data.least_medians(cells, set(study_data.references(table)))
+    largest = study_data.largest_factor(cells, best)
+
+    def shown(cell: study_data.Cell | None, least: float | None) -> TableCell:
+        if cell is None:
+            return TableCell("", "no run", "", best=False)
+        if not cell.measured:
+            return TableCell("", study_data.counted(cell), "", best=False)
+        colour = study_data.shade(cell, least, largest)
+        is_best = cell.median == least and cell.measured == cell.made
+        return TableCell(number(cell.median, 3), study_data.counted(cell), colour, is_best)
+
+    rows = {pair: [shown(row.get(case), best.get(case)) for case in cases] for pair, row in cells.items()}
+    note = f"Colour: from the least median of the case, in bold, to {number(largest, 3)} times that or more."
+    return PairsTable(cases, rows, note)
+
+
+def count_of(count: int, noun: str, tail: str = "") -> str:
+    """Return a number of things in words, with the noun in the plural where there is not just one of them."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}{tail}"
