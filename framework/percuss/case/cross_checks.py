@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.specs import Address, BodySpec, CaseSection, Expectation, quantity_named
+from percuss.case.specs import Address, CaseSection, Expectation, quantity_named
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
 
@@ -57,7 +57,7 @@ class CrossChecks:
 
     def __init__(self, reader: Reader) -> None:
         self.reader, self.wrong = reader, reader.wrong
-        self.bodies: dict[str, BodySpec] = {}
+        self.fixed: dict[str, tuple[str, ...]] = {}
         self.ends: dict[str, Sequence[str] | None] = {}
         self.vectors: list[tuple[KeyPath, int]] = []
         self._check_bodies()
@@ -134,21 +134,24 @@ class CrossChecks:
 
     def _check_bodies(self) -> None:
         for name, path, given, body in self._parts("bodies"):
-            shape_name = self._component_key("shapes", given)
-            shape = self.reader.registry.get("shapes", shape_name) if shape_name else None
-            ends = self.ends[name] = getattr(shape, "regions", None) or None
-            if body is None:
-                continue
-            self.bodies[name] = body
-            if (dimension := body.shape.dimension()) is not None:
-                self.vectors.append(((*path, shape_name), int(dimension)))
-            self._note_vector((*path, "at"), body.start)
-            self._note_vector((*path, "velocity"), body.velocity)
-            for i, end in enumerate(body.fixed):
+            key = self._component_key("shapes", given)
+            ends = getattr(self.reader.registry.get("shapes", key), "regions", None) if key else None
+            self.ends[name] = ends = ends or None
+            # The shape and the vectors may be right where the body is wrong.
+            shape = body.shape if body is not None else self.reader.part((*path, key))
+            if shape is not None and (dimension := shape.dimension()) is not None:
+                self.vectors.append(((*path, key), int(dimension)))
+            self._note_vector((*path, "at"), given.get("at"))
+            self._note_vector((*path, "velocity"), given.get("velocity"))
+            fixed = given.get("fixed", ())
+            self.fixed[name] = fixed = fixed if isinstance(fixed, tuple) else ()
+            for i, end in enumerate(fixed):
                 at = (*path, "fixed", i)
+                if not isinstance(end, str):
+                    continue
                 if ends is not None and end not in ends:
                     self.wrong(at, f"the body '{name}' has no end '{end}'", suggestion(end, ends, "end"))
-                elif end in body.fixed[:i]:
+                elif end in fixed[:i]:
                     self.wrong(at, f"the end '{end}' is fixed twice", "Keep one.")
 
     def _check_contacts(self) -> None:
@@ -183,7 +186,7 @@ class CrossChecks:
                 good = self._are_ends(at, load.on, whole_body=not moves)
                 places = {(*at, i): load.on[i] for i in good}
             for place, end in places.items():
-                if moves and end.body in self.bodies and end.region in self.bodies[end.body].fixed:
+                if moves and end.region in self.fixed[end.body]:
                     advice = f"Take it out of bodies.{end.body}.fixed."
                     self.wrong(place, f"{end} is fixed and cannot have a velocity", advice)
             if not load.on and (not load.load.everywhere or moves):

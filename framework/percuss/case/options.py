@@ -9,8 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import typing
-from collections.abc import Hashable
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from percuss.case.type_words import fact
 from percuss.errors import PluginError
@@ -64,7 +63,8 @@ class Option(NamedTuple):
         return f" [{self.unit}]" if self.unit not in ("", "1") else ""
 
 
-def options_of(cls: type) -> dict[str, Option]:
+@functools.cache
+def options_of(cls: Any) -> dict[str, Option]:
     """Return the options of a dataclass by key, in the order of its fields.
 
     Raises
@@ -72,11 +72,6 @@ def options_of(cls: type) -> dict[str, Option]:
     PluginError
         If its annotations cannot be read.
     """
-    return _options_of(cast("Hashable", cls))
-
-
-@functools.cache
-def _options_of(cls: Any) -> dict[str, Option]:
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
     except (NameError, TypeError, AttributeError, SyntaxError) as error:

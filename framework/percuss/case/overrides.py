@@ -53,8 +53,8 @@ def _component_at(path: KeyPath) -> Named | None:
     """Return the mark of the component at `path`, or None where no component stands."""
     annotation: Any = CaseSection
     for part in path:
-        section = next(branches(annotation))
-        if isinstance(section, type) and issubclass(section, Section):
+        section: Any = next(branches(annotation))
+        if Section in getattr(section, "__mro__", ()):
             option = options_of(section).get(str(part))
             annotation = option.annotation if option is not None else None
         else:
@@ -92,18 +92,8 @@ def _without_foreign_options(
 ) -> tuple[Source, list[str]]:
     """Return the source without the options that mean nothing to the new component, and notes on all its options.
 
-    An option that is kept gets no note where another override sets it anyway.
-
-    Parameters
-    ----------
-    before, after
-        The source before and after the component at the path `at` was exchanged.
-    at
-        Path of the component.
-    registry
-        The components that the case is read with.
-    replaced
-        Dotted paths of all overrides.
+    An option that is kept gets no note where another override, one of the dotted paths `replaced`, sets it anyway.
+    `before` and `after` are the source before and after the component at the path `at` was exchanged.
     """
     entry = _component_at(at)
     options = after.get(at)
@@ -114,28 +104,21 @@ def _without_foreign_options(
         return after, []
     new_options = options_of(registry.get(entry.family, name))
     old_options = options_of(registry.get(entry.family, old)) if old in registry.names(entry.family) else {}
-    missing, dropped, kept = [], [], []
-    for key in [str(key) for key in options if key != "name"]:
-        new_option, old_option = new_options.get(key), old_options.get(key)
-        if new_option is None:
-            missing.append(key)
-        elif old_option is not None and (old_option.unit or "1") != (new_option.unit or "1"):
-            old_unit, new_unit = old_option.unit or "1", new_option.unit or "1"
-            dropped.append(
-                (key, f"{key} of {name} has the unit {new_unit}, that of {old} the unit {old_unit}: dropped")
-            )
+    missing = [key for key in options if key != "name" and key not in new_options]
+    notes = [f"{name} has no option {', '.join(missing)}: dropped"] if missing else []
+    dropped, kept = set(missing), []
+    for key in [key for key in options if key != "name" and key not in dropped]:
+        old_option, new_option = old_options.get(key), new_options[key]
+        if old_option is not None and (old_option.unit or "1") != (new_option.unit or "1"):
+            units = f"{new_option.unit or 1}, that of {old} the unit {old_option.unit or 1}"
+            notes.append(f"{key} of {name} has the unit {units}: dropped")
+            dropped.add(key)
         elif f"{dotted(at)}.{key}" not in replaced:
-            meaning = (
-                f", there '{old_option.doc}', here '{new_option.doc}'"
-                if old_option is not None and old_option.doc != new_option.doc
-                else ""
-            )
+            differs = old_option is not None and old_option.doc != new_option.doc
+            meaning = f", there '{old_option.doc}', here '{new_option.doc}'" if old_option and differs else ""
             kept.append(f"{name} keeps {key}: {flow(options[key])} of {old}{meaning}")
-    sentences = [f"{name} has no option {', '.join(missing)}: dropped"] if missing else []
-    notes = [f"{dotted(at)}: {sentence}" for sentence in (*sentences, *(sentence for _, sentence in dropped), *kept)]
-    removed = {*missing, *(key for key, _ in dropped)}
-    remaining = {key: value for key, value in options.items() if key not in removed}
-    return after.replaced(at, remaining) if removed else after, notes
+    remaining = {key: value for key, value in options.items() if key not in dropped}
+    return after.replaced(at, remaining), [f"{dotted(at)}: {note}" for note in (*notes, *kept)]
 
 
 def _refuse_missing_entry(source: Source, path: str, value: Any) -> None:

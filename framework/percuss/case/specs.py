@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, WrapValidator
 
 from percuss.case import defaults
 from percuss.case.options import Computed, Key
@@ -97,6 +97,11 @@ def _nonzero(vector: Vector) -> Vector:
     return vector
 
 
+def _null_is(default: float) -> WrapValidator:
+    """Return a validator by which null is the default, as if the key were absent."""
+    return WrapValidator(lambda value, check: default if value is None else check(value))
+
+
 def quantity_named(name: str) -> Quantity:
     """Return the quantity of a name; a dotted path into the summary is one number of the run."""
     return QUANTITIES.get(name) or Quantity("run", "scalar")
@@ -174,10 +179,10 @@ class BodySpec(Section):
 
     kind: ClassVar[str] = "the body"
 
-    shape: Annotated[Shape, Keyed("shapes", "shape"), Key(NO_KEY)]
     material: Annotated[Material, Named("materials", defaults.MATERIAL), Doc("material: its options, or {name: ...}")]
     element: Annotated[Element, Named("elements", defaults.ELEMENT), Doc("element: a name, or {name: ...}")]
     area: Annotated[float, Gt(0), Unit("length^2"), Doc("cross-section")]
+    shape: Annotated[Shape, Keyed("shapes", "shape"), Key(NO_KEY)]
     start: Annotated[
         float | Vector, Key("at"), Unit("length"), Doc("where the body starts: a number along x, or a point")
     ] = 0.0
@@ -205,7 +210,9 @@ class ContactSpec(Section):
     ] = None
     between: (
         Annotated[
-            tuple[Address, Address], Expects("two ends, as [short.right, long.left]"), Doc("the two ends in contact")
+            tuple[AnAddress, AnAddress],
+            Expects("two ends, as [short.right, long.left]"),
+            Doc("the two ends in contact"),
         ]
         | None
     ) = None
@@ -248,7 +255,7 @@ class LoadSpec(Section):
     load: Annotated[Load, Keyed("loads", "amplitude"), Key(NO_KEY)]
     places: (
         Annotated[
-            Address | tuple[Address, ...],
+            AnAddress | tuple[AnAddress, ...],
             Key("on"),
             Expects("an end or a body, as short.left, or a list of them"),
             Doc("where: an end, a body, or a list of them"),
@@ -256,9 +263,13 @@ class LoadSpec(Section):
         | None
     ) = None
     start: Annotated[
-        float, Key("from"), Unit("time"), Doc("when it is switched on; its amplitude counts from here")
+        float,
+        Key("from"),
+        _null_is(-math.inf),
+        Unit("time"),
+        Doc("when it is switched on; its amplitude counts from here"),
     ] = -math.inf
-    stop: Annotated[float, Key("until"), Unit("time"), Doc("when it is switched off")] = math.inf
+    stop: Annotated[float, Key("until"), _null_is(math.inf), Unit("time"), Doc("when it is switched off")] = math.inf
     along: (
         Annotated[
             Vector,
@@ -298,7 +309,7 @@ class RecordSpec(Section):
     every: Annotated[int, Ge(1), Unit("1"), Doc("record every so many steps")] = 1
     probes: (
         Annotated[
-            tuple[Address, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")
+            tuple[AnAddress, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")
         ]
         | None
     ) = None

@@ -130,8 +130,8 @@ def advice_for(annotation: Any, value: Any) -> str:
     if isinstance(value, float):
         if math.isnan(value):
             return "nan is never a value."
-        if math.isinf(value):
+        if math.isinf(value) and {int, float} & set(branches(annotation)):
             return "Give a finite number."
-        if value == int(value) and int in branches(annotation):
+        if value.is_integer() and int in branches(annotation):
             return f"Write {int(value)}."
     return ""

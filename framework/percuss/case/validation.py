@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
@@ -70,20 +70,16 @@ class Context:
     Attributes
     ----------
     registry
-        Registry of the components; None where none can be named.
+        Registry of the components.
     folder
         Folder that the paths of data files are relative to.
     checked
         Instance made from each mapping of the input without mistakes, by the mapping's ``id``.
     """
 
-    registry: Registry | None = None
-    folder: Path = Path()
+    registry: Registry
+    folder: Path
     checked: dict[int, Any] = field(default_factory=dict)
-
-    def names(self, family: str) -> list[str]:
-        """Return the names of the components of a family."""
-        return self.registry.names(family) if self.registry is not None else []
 
     def data_file(self, path: str) -> DataFile:
         """Return the data file at a path as written in the input."""
@@ -97,8 +93,7 @@ class Context:
     @property
     def left_out(self) -> list[str]:
         """Sentences about the plug-ins that failed to load, one of which could have brought an unknown name."""
-        broken = self.registry.broken if self.registry is not None else ()
-        sentences = [f"Plug-in that failed to load: {plugin.source}: {plugin.error}" for plugin in broken]
+        sentences = [f"Plug-in that failed to load: {broken.source}: {broken.error}" for broken in self.registry.broken]
         return [sentence if sentence.endswith("?") else f"{sentence}." for sentence in sentences]
 
 
@@ -174,9 +169,7 @@ def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mi
     return Mistake(at, f"{message}, found {found(value)}", advice_for(annotation, value))
 
 
-def _mapping_mistakes(
-    cls: type[Any], given: Mapping[str, Any], details: list[Any], context: Context
-) -> Iterator[Mistake]:
+def _mapping_mistakes(cls: Any, given: Mapping[str, Any], details: list[Any], context: Context) -> Iterator[Mistake]:
     """Yield the mistakes of a mapping: unknown keys, missing keys and wrong values."""
     options, keyed = options_of(cls), _keyed(cls)
     kind = f"the {SINGULAR.get(cls.family, cls.family)} {cls.name}" if issubclass(cls, Component) else cls.kind
@@ -184,7 +177,7 @@ def _mapping_mistakes(
     for detail in details:
         by_key.setdefault(detail["loc"][0], []).append(detail)
     for key in (unknown := [key for key in by_key if key not in options]):
-        keys = [*options.keys() - {NO_KEY}, *(context.names(keyed.family) if keyed else ())]
+        keys = [*options.keys() - {NO_KEY}, *(context.registry.names(keyed.family) if keyed else ())]
         advice = suggestion(key, keys, "key") if keys else "It takes no options."
         # Where the name of a component may stand, a plug-in could have brought the key.
         advice = " ".join([advice, *context.left_out]) if keyed else advice
@@ -226,19 +219,19 @@ class Section:
 class _Mapping:
     """Mark of a value that is a mapping whose keys are the options of a dataclass."""
 
-    cls: type
+    cls: Any
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         return _mapping_schema(self.cls, handler)
 
 
-def _keyed(cls: type) -> Keyed | None:
+def _keyed(cls: Any) -> Keyed | None:
     """Return the mark of the component that mappings for a dataclass name by a key of their own, if they do."""
     option = options_of(cls).get(NO_KEY)
     return fact(option.annotation, Keyed) if option is not None else None
 
 
-def _mapping_schema(cls: type, handler: Any) -> core_schema.CoreSchema:
+def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
     """Return the schema of a mapping that becomes an instance of a dataclass."""
     options, keyed = options_of(cls), _keyed(cls)
     fields = {}
@@ -258,7 +251,7 @@ def _mapping_schema(cls: type, handler: Any) -> core_schema.CoreSchema:
             return check(value)  # which raises an error that the mapping around this one puts into words
         given = value
         if keyed is not None:
-            names = info.context.names(keyed.family)
+            names = info.context.registry.names(keyed.family)
             given = {key: item for key, item in value.items() if key not in names}
             given[NO_KEY] = {key: item for key, item in value.items() if key in names}
         try:
@@ -283,11 +276,7 @@ def _without_nan(value: Any) -> Any:
 
 
 @functools.cache
-def _adapter(cls: Any) -> pydantic.TypeAdapter[Any]:
-    return pydantic.TypeAdapter(Annotated[Any, _Mapping(cls)])
-
-
-def adapter(cls: type) -> pydantic.TypeAdapter[Any]:
+def adapter(cls: Any) -> pydantic.TypeAdapter[Any]:
     """Return the adapter that makes an instance of a dataclass from a mapping, given a `Context`.
 
     Raises
@@ -295,10 +284,10 @@ def adapter(cls: type) -> pydantic.TypeAdapter[Any]:
     PluginError
         If an annotation cannot be read or allows no value that a case can give.
     """
-    return _adapter(cast("Hashable", cls))
+    return pydantic.TypeAdapter(Annotated[Any, _Mapping(cls)])
 
 
-def validate(cls: type[T], options: Mapping[str, Any], context: Context | None = None) -> T:
+def validate(cls: type[T], options: Any, context: Context) -> T:
     """Return the instance of a dataclass with the given options.
 
     Raises
@@ -306,7 +295,8 @@ def validate(cls: type[T], options: Mapping[str, Any], context: Context | None =
     pydantic.ValidationError
         With all mistakes in the options, see `mistakes_in`.
     """
-    return adapter(cls).validator.validate_python(options, context=context or Context())  # type: ignore[no-any-return]
+    validator = adapter(cast("Any", cls)).validator
+    return validator.validate_python(options, context=context)  # type: ignore[no-any-return]
 
 
 # ------------------------------------------------------------------------------------------------ components
@@ -353,7 +343,7 @@ class Named:
             cls: type[Component] = info.context.registry.get(self.family, name if isinstance(name, str) else "")
         except KeyError:
             kind, text = SINGULAR[self.family], name if isinstance(name, str) else ""
-            advice = " ".join([suggestion(text, info.context.names(self.family)), *info.context.left_out])
+            advice = " ".join([suggestion(text, info.context.registry.names(self.family)), *info.context.left_out])
             message = f"unknown {kind} '{name}'" if text else f"expected the name of a {kind}, found {found(name)}"
             raise failure(Mistake(at, message, advice)) from None
         except PluginError as error:
@@ -383,7 +373,7 @@ class Keyed:
         """Return the component of a mapping from those entries whose keys are names of components."""
         keys = list(given)
         if not keys:
-            names = ", ".join(info.context.names(self.family))
+            names = ", ".join(info.context.registry.names(self.family))
             raise failure(Mistake((), f"has no {self.kind}", f"Add one of: {names}.", key=True))
         if len(keys) > 1:
             message = f"expected one {self.kind}, found {' and '.join(keys)}"

@@ -108,11 +108,11 @@ class Subject:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
         from pydantic import ValidationError
 
-        from percuss.case.validation import mistakes_in, validate
+        from percuss.case.validation import Context, mistakes_in, validate
         from percuss.case.yaml_text import dotted
 
         try:
-            return validate(self.component, dict(options))
+            return validate(self.component, dict(options), Context(self.registry, Path()))
         except ValidationError as error:
             mistakes = (f"{dotted(mistake.path)}: {mistake.message}" for mistake in mistakes_in(error))
             raise CheckFailed("; ".join(mistakes)) from None

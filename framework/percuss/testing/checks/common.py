@@ -147,23 +147,23 @@ def check_options_bounded(subject: Subject) -> None:
     """
     from hypothesis import strategies as st
     from hypothesis.errors import Unsatisfiable
-    from pydantic import ValidationError
 
     from percuss.case.options import options_of
-    from percuss.case.validation import mistakes_in, validate
 
     for key, option in options_of(subject.component).items():
         for invalid in (math.nan, {"no": "mapping"}):
-            with contextlib.suppress(ValidationError):
-                validate(subject.component, {**subject.examples[0], key: invalid})
-                raise CheckFailed(f"option `{key}` accepts {invalid!r}")
+            try:
+                subject.make({**subject.examples[0], key: invalid})
+            except CheckFailed:
+                continue
+            raise CheckFailed(f"option `{key}` accepts {invalid!r}")
 
         def with_value(drawn: tuple[dict[str, Any], Any], key: str = key) -> None:
             options, value = drawn
             try:
-                instance = validate(subject.component, {**options, key: value})
-            except ValidationError as error:
-                if not all(mistake.message.strip() for mistake in mistakes_in(error)):
+                instance = subject.make({**options, key: value})
+            except CheckFailed as refusal:
+                if not str(refusal).strip(": "):
                     raise CheckFailed(f"option `{key}` refuses {value!r} without a word") from None
                 return
             try:
