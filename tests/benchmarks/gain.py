@@ -18,6 +18,7 @@ import percuss
 from percuss.results import ledger
 from percuss.solver.march import March
 from percuss.solver.model import Model
+from percuss.solver.starting_state import initial_velocity
 
 CLOSINGS = 10
 LONGEST = 64
@@ -102,7 +103,7 @@ def gain(case: dict[str, Any], law: dict[str, Any]) -> tuple[float, int]:
         outcome = march.run(None)
         found = ledger.energies(outcome)
         energy = found["kinetic_energy"] + found["elastic_energy"]
-        start = 0.5 * float(march.model.mass @ (march.model.initial_velocity**2).sum(axis=1))
+        start = 0.5 * float(march.model.mass @ (initial_velocity(march.model) ** 2).sum(axis=1))
         pressed = outcome.record.multiplier[: outcome.records] != 0.0
         closings = int((pressed[1:] & ~pressed[:-1]).sum() + pressed[0].sum())
         most = float(np.nanmax(energy)) / start - 1.0

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.solver.stop import NOT_STARTED, Stop
 
 if TYPE_CHECKING:
+    from percuss.certificate.verdict import Certificate
     from percuss.solver.model import Model
 
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 
 
-def not_started(model: Model, certificate: dict[str, Any]) -> Stop:
+def not_started(model: Model, certificate: Certificate) -> Stop:
     """Return the stop of a run that its certificate forbids, placed at the node that limits the step."""
     nodes = [contact_pair.nodes[0] for contact_pair in model.contact_pairs if contact_pair.name in certificate["worst"]]
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
@@ -22,7 +23,7 @@ def not_started(model: Model, certificate: dict[str, Any]) -> Stop:
     return Stop(0, node, "not started", NOT_STARTED, f"{certificate['why']}: {certificate['cure']}")
 
 
-def likely_cause(stop: Stop, certificate: dict[str, Any]) -> str:
+def likely_cause(stop: Stop, certificate: Certificate) -> str:
     """Return the likely cause of a stop, in words.
 
     Parameters

@@ -257,8 +257,8 @@ class RunCriterion:
     kind
         `PencilCriterion` or `BlackBoxCriterion`.
     other_step
-        The criterion of the same run with another step. A stretch with the same supports, drives and laws has the same
-        critical step, so that its criterion is taken over with what it has searched already.
+        The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
+        the same critical step, and their criteria are taken over with what they have searched already.
     """
 
     def __init__(
@@ -270,15 +270,15 @@ class RunCriterion:
         self.model = model
         self.by = kind.by
         self.stretches = model.stretches()
-        examined: dict[Any, PencilCriterion | BlackBoxCriterion] = {}
-        if other_step is not None and other_step.by == kind.by:
-            examined = {
-                (stretch.constraints, stretch.inactive): criterion
-                for stretch, criterion in zip(other_step.stretches, other_step.criteria, strict=True)
-            }
-        self.criteria: list[PencilCriterion | BlackBoxCriterion] = [
-            examined.get((stretch.constraints, stretch.inactive)) or kind(stretch.model) for stretch in self.stretches
-        ]
+        self.criteria: list[PencilCriterion | BlackBoxCriterion]
+        if other_step is not None and other_step.by == kind.by and other_step._actions() == self._actions():
+            self.criteria = other_step.criteria
+        else:
+            self.criteria = [kind(stretch.model) for stretch in self.stretches]
+
+    def _actions(self) -> list[Any]:
+        """Return the numbers of the active constraints and of the inactive contact points in each stretch."""
+        return [(stretch.constraints, stretch.inactive) for stretch in self.stretches]
 
     @property
     def free(self) -> float:

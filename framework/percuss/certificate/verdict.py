@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -30,6 +30,55 @@ LEAST = 1e-4
 ABOVE = 1e-6
 # Share of the critical step that is chosen where the case leaves the step open.
 SAFETY = 0.9
+
+
+Verdict = Literal["yes", "marginal", "no", "unknown"]
+
+
+class Certificate(TypedDict):
+    """The certificate of a run.
+
+    Attributes
+    ----------
+    stable
+        Stability of the closed linear step: ``yes``, ``marginal``, ``no`` or ``unknown``.
+    energy, energy_why
+        Energy guarantee of the pair of methods while contacts open and close, and the reason for it.
+    dt_critical, dt_critical_free
+        Critical step, and that without contact. None where it is not known; with bodies that are not linear it never
+        is, because it changes with the strain.
+    courant_critical
+        Courant number of the critical step.
+    margin
+        The step over the critical step.
+    worst
+        Names of the closed contacts that limit the step.
+    stretch
+        Start and stop of the decisive stretch of the run; None where supports, drives and acting laws never change.
+    theta
+        theta of Wu's predictor-corrector; None where it has no meaning.
+    by
+        Criterion: ``pencil``, ``black-box`` or ``none``.
+    why, cure
+        Reason for the verdict, and the cure of an unstable step.
+    ignores
+        Sentences that name the laws that take no account of contacts at the same end.
+    """
+
+    stable: Verdict
+    energy: str
+    energy_why: str
+    dt_critical: float | None
+    dt_critical_free: float | None
+    courant_critical: float | None
+    margin: float | None
+    worst: list[str]
+    stretch: list[float] | None
+    theta: float | None
+    by: str
+    why: str
+    cure: str
+    ignores: list[str]
 
 
 class SettledRun(NamedTuple):
@@ -90,7 +139,7 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
     return RunCriterion(model, kind, other_step)
 
 
-def certificate(model: Model, criterion: RunCriterion | None = None) -> dict[str, Any]:
+def certificate(model: Model, criterion: RunCriterion | None = None) -> Certificate:
     """Return the certificate of a run.
 
     Each stretch of the run with its own supports, drives and acting laws is assessed, and the worst of them decides.
@@ -102,16 +151,6 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> dict[str
     criterion
         The criterion of this run, if `settled` has searched the critical step already.
 
-    Returns
-    -------
-    dict
-        ``stable`` (yes, marginal, no or unknown, for the closed linear step), ``energy`` (the energy guarantee of the
-        pair of methods while contacts open and close) and ``energy_why``, ``dt_critical`` (None where it is not known),
-        ``dt_critical_free``, ``courant_critical``, ``margin`` (dt over the critical step), ``worst`` (closed contacts
-        that limit the step), ``stretch`` (start and stop of the decisive stretch of the run; None where supports,
-        drives and acting laws never change), ``theta``, ``by`` (pencil or black-box), ``why``, ``cure``,
-        ``ignores`` (sentences that name the laws that take no account of contacts at the same end). With bodies that
-        are not linear the critical steps are None, because they change with the strain.
     """
     if model.why_not_linear:
         return _certificate_of_nonlinear_bodies(model)
@@ -152,19 +191,23 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> dict[str
     }
 
 
-def _certificate_of_nonlinear_bodies(model: Model) -> dict[str, Any]:
+def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     """Return the certificate of a run with bodies that are not linear.
 
     Their highest frequency changes with the strain, so no step is known to be stable. A step that is unstable for
     small motions about rest is known to be unstable, provided the bodies are as stiff about rest as they declare.
     """
     laws = closed_contacts(model, model.dt)
-    out: dict[str, Any] = {
+    out: Certificate = {
         "stable": "unknown",
         "energy": laws.energy,
         "energy_why": laws.why,
-        **dict.fromkeys(("dt_critical", "dt_critical_free", "courant_critical", "margin", "stretch")),
+        "dt_critical": None,
+        "dt_critical_free": None,
+        "courant_critical": None,
+        "margin": None,
         "worst": [],
+        "stretch": None,
         "theta": None,
         "by": "none",
         "why": f"{model.why_not_linear}, and its highest frequency changes with the strain",
@@ -178,7 +221,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> dict[str, Any]:
     about_rest, why = _verdict(criterion, assessment, criterion.free, critical)
     if about_rest == "no":
         lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
-        out |= {"stable": "no", "by": criterion.by, "why": f"for small motions about rest {why}"}
+        out["stable"], out["by"], out["why"] = "no", criterion.by, f"for small motions about rest {why}"
         out["cure"] = lower if critical > 0 else no_step(model, criterion.free)
         out["worst"], out["theta"] = [model.contact_pairs[p].name for p in assessment.worst], assessment.theta
     else:
@@ -186,7 +229,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> dict[str, Any]:
     return out
 
 
-def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, critical: float) -> tuple[str, str]:
+def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, critical: float) -> tuple[Verdict, str]:
     """Return the verdict on the closed linear step, and the reason for it in words."""
     model = criterion.model
     if free == 0.0:
@@ -209,7 +252,7 @@ def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, c
     return _compare_with_critical(model.dt, critical, f"{combination}{when}{more}", stable=assessment.stable)
 
 
-def _compare_with_critical(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[str, str]:
+def _compare_with_critical(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[Verdict, str]:
     """Return the verdict from a step and the critical step, nan where that is not known, and the reason in words."""
     margin = np.inf if critical <= 0.0 else dt / critical  # A margin of nan is neither above nor below any number.
     if margin > 1.0 + EDGE:
@@ -227,7 +270,7 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
-def _energy_guarantee(criterion: RunCriterion, assessment: StepAssessment, verdict: str) -> tuple[str, str]:
+def _energy_guarantee(criterion: RunCriterion, assessment: StepAssessment, verdict: Verdict) -> tuple[str, str]:
     """Return the energy guarantee of the pair of methods in this run, and the reason for it in words."""
     model = criterion.model
     laws = closed_contacts(model, model.dt)

@@ -84,14 +84,13 @@ def warning_lines(result: Result) -> list[str]:
     """Return the warnings that must head a run that is not complete or not valid; none for a valid run."""
     if result.status == "done":
         return [f"NOT A VALID RESULT: {words}" for words in open_accounts(result.summary)]
-    summary, stop = result.summary, result.summary.get("stop") or {}
+    summary, stop = result.summary, result.summary["stop"]
     planned = result.provenance.get("resolved", {}).get("steps", "?")
     where = f"step {summary['steps']} of {planned}, time {number(stopped_at(result))}"
     if result.status != "unstable":
         return [f"{result.status.upper()} at {where}: the run is not complete"]
     head = f"UNSTABLE, no valid result: stopped at {where}"
-    words = [f"{head}; {stop['what']}" if stop.get("what") else head]
-    return [*words, f"Likely cause: {stop['cause']}"] if stop.get("cause") else words
+    return [head] if stop is None else [f"{head}; {stop['what']}", f"Likely cause: {stop['cause']}"]
 
 
 def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str], foot: Sequence[str] = ()) -> None:

@@ -94,13 +94,12 @@ def _contacts(result: Drawn) -> str:
     contacts = result.summary["contacts"]
     if not contacts:
         return ""
-    columns = {"impulse": "impulse", "peak_force": "peak force", "first_closed": "first closed"}
-    columns["closed_time"] = "closed for"
-    head = "".join(_cell(name, head=True) for name in ("contact", *columns.values()))
-    lines = [
-        [name, *("never" if values.get(key) is None else number(values[key], 6) for key in columns)]
-        for name, values in contacts.items()
-    ]
+    columns = ("contact", "impulse", "peak force", "first closed", "closed for")
+    head = "".join(_cell(name, head=True) for name in columns)
+    lines = []
+    for name, contact in contacts.items():
+        values = contact["impulse"], contact["peak_force"], contact["first_closed"], contact["closed_time"]
+        lines.append([name, *("never" if value is None else number(value, 6) for value in values)])
     body = "".join(f"<tr>{''.join(map(_cell, line))}</tr>" for line in lines)
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
+    from percuss.results.summary import Summary
 
 
 def _number(value: Any, digits: int = 6) -> str:
@@ -106,7 +107,7 @@ def _print_balances(console: Console, summary: dict[str, Any], contact_work: flo
     console.print(f"momentum and impulses {balance} {momentum['error']:.1e}")
 
 
-def _print_errors(console: Console, summary: dict[str, Any]) -> None:
+def _print_errors(console: Console, summary: Summary) -> None:
     """Print the errors of a run against the exact solution, or the reason why there is no exact solution.
 
     Where the exact solution ends before the run, the errors are printed with the time up to which they hold.
@@ -116,13 +117,13 @@ def _print_errors(console: Console, summary: dict[str, Any]) -> None:
     for comparison in (summary["exact"], covered):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measures = ", ".join(
-                f"{word} {_number(error[key], 3)}"
-                for word, key in (
-                    ("L1", "force_error_l1"),
-                    ("L2", "force_error_l2"),
-                    ("impulse", "impulse_error"),
-                    ("noise", "noise"),
-                    ("overshoot", "overshoot"),
+                f"{word} {_number(value, 3)}"
+                for word, value in (
+                    ("L1", error["force_error_l1"]),
+                    ("L2", error["force_error_l2"]),
+                    ("impulse", error["impulse_error"]),
+                    ("noise", error["noise"]),
+                    ("overshoot", error["overshoot"]),
                 )
             )
             console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {measures}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,19 +11,24 @@ from percuss.compiling import Stopwatch
 from percuss.jsonable import plain
 from percuss.results import energy_growth, ledger, true_error
 from percuss.results.exact import exact_solution, sampled
-from percuss.results.provenance import expected_forces, geometry, machine, plugins_used
+from percuss.results.provenance import expected_forces, geometry, machine, plugins_used, resolved_methods
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
 from percuss.solver.march import GROWTH, March, Outcome
-from percuss.solver.model import Model, resolved_methods
+from percuss.solver.model import Model
 from percuss.solver.recording import field_elements
 from percuss.solver.stop import Stop
+
+if TYPE_CHECKING:
+    from percuss.certificate.verdict import Certificate
+    from percuss.methods.interfaces import Exact
+    from percuss.results.summary import Accounts, ExactEntries, ExactErrors, StopSummary, Summary
 
 # Notes that begin with these words are also shown in the row of the run in a table.
 AGAINST_CERTIFICATE, NOT_VALID = "the certificate says no", "not a valid result"
 
 
-def _stop_entry(model: Model, stop: Stop | None, certificate: dict[str, Any]) -> dict[str, Any] | None:
+def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> StopSummary | None:
     """Return step, time, node and likely cause of a stopped run, or None if the run was not stopped."""
     if stop is None:
         return None
@@ -40,7 +45,7 @@ def _stop_entry(model: Model, stop: Stop | None, certificate: dict[str, Any]) ->
     }
 
 
-def result_of(march: March, outcome: Outcome, certificate: dict[str, Any]) -> Result:
+def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Result:
     """Return the result of a march that was run or refused.
 
     Parameters
@@ -77,7 +82,7 @@ def result_of(march: March, outcome: Outcome, certificate: dict[str, Any]) -> Re
     solution, true_errors = _true_errors(march, outcome, arrays)
     outcome.seconds["exact"] = watch.lap()
     growth = energy_growth.growth_summary(march, outcome, certificate, ledger.largest(outcome))
-    accounts = {
+    accounts: Accounts = {
         "energy": ledger.energy_summary(march, outcome),
         "momentum": ledger.momentum_summary(march, outcome),
     }
@@ -90,7 +95,7 @@ def result_of(march: March, outcome: Outcome, certificate: dict[str, Any]) -> Re
         *energy_growth.growth_notes(march, outcome, growth),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
-    summary = {
+    summary: Summary = {
         "status": outcome.status,
         "stop": _stop_entry(march.model, outcome.stop, certificate),
         "steps": outcome.done,
@@ -122,7 +127,7 @@ def result_of(march: March, outcome: Outcome, certificate: dict[str, Any]) -> Re
     return result
 
 
-def _warnings(march: March, outcome: Outcome, certificate: dict[str, Any]) -> list[str]:
+def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[str]:
     """Return warnings about a run: doubtful stability, ignored couplings, missing errors, energy added by contact."""
     warnings = []
     if certificate["stable"] == "no" and outcome.done > 0:
@@ -147,7 +152,7 @@ def _warnings(march: March, outcome: Outcome, certificate: dict[str, Any]) -> li
     return warnings
 
 
-def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tuple[Exact | None, ExactEntries]:
     """Return the exact solution of a case and the true errors of its run; add the exact histories to `arrays`.
 
     Returns
@@ -180,7 +185,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
         for k, name in enumerate(contact_names)
     }
     displacement = outcome.final_displacement.reshape(-1, march.dim)
-    errors = {
+    errors: ExactErrors = {
         "solution": solution_name,
         "reached": solution.reached,
         "fronts": solution.fronts,

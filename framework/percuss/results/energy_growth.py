@@ -16,8 +16,8 @@ from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
 from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ROUNDING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+    from percuss.certificate.verdict import Certificate
+    from percuss.results.summary import GrowthSummary
     from percuss.solver.march import March, Outcome
 
 ALLOWED = 1e-12  # allowed growth over the largest energy or work, beside round-off
@@ -27,7 +27,7 @@ ALLOWED = 1e-12  # allowed growth over the largest energy or work, beside round-
 ROUND_OFF_UNITS = 4.0
 
 
-def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any], scale: float) -> dict[str, Any]:
+def growth_summary(march: March, outcome: Outcome, certificate: Certificate, scale: float) -> GrowthSummary:
     """Return the energy growth of a run and whether it is within the guarantee of its pair of methods.
 
     Parameters
@@ -38,14 +38,6 @@ def growth_summary(march: March, outcome: Outcome, certificate: Mapping[str, Any
         Certificate of the run.
     scale
         Largest energy or work of the run.
-
-    Returns
-    -------
-    dict
-        ``guarantee`` (of the certificate), ``quantity`` (the measured energy in words), ``largest`` (largest rise above
-        the smallest value so far, over `scale`), ``step`` and ``time`` of it, ``between_switchings`` (largest sum of
-        changes over steps in which no contact whose law uses the current gap opens or closes, over `scale`),
-        ``allowed`` and ``kept``, both None where nothing is guaranteed.
     """
     total = outcome.totals[0]
     guarantee = certificate["energy"]
@@ -85,7 +77,7 @@ def quantity(points: Any, *, linear: bool = True) -> str:
     return " + ".join(parts) + (" - work" if linear else "")
 
 
-def growth_notes(march: March, outcome: Outcome, growth: Mapping[str, Any]) -> list[str]:
+def growth_notes(march: March, outcome: Outcome, growth: GrowthSummary) -> list[str]:
     """Return a note on energy growth beyond the guarantee, or an empty list if there is none."""
     if growth["kept"] is not False:
         return []

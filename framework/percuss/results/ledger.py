@@ -11,16 +11,15 @@ round-off. The remaining closure error is the change of the strain energy made b
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.solver.compiled.contact_equation import ROUNDING
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from percuss.methods.interfaces import Floats
+    from percuss.results.summary import Accounts, ContactSummary, EnergySummary, MomentumSummary
     from percuss.solver.march import March, Outcome
 
 # Allowed closure error of the ledger over the largest energy, for linear and for other bodies, and allowed imbalance
@@ -69,7 +68,7 @@ def largest(outcome: Outcome) -> float:
     return max(largest_recorded, outcome.energy_before, float(total.largest_work), float(total.step_energy))
 
 
-def energy_summary(march: March, outcome: Outcome) -> dict[str, Any]:
+def energy_summary(march: March, outcome: Outcome) -> EnergySummary:
     """Return initial, final and largest energy, the works, and the largest closure error of the ledger.
 
     ``ledger_allowed`` is the allowed closure error, and ``ledger_closed`` whether the error is within it; both are None
@@ -105,7 +104,7 @@ def _allowed_closure(march: March, outcome: Outcome) -> float:
     return CLOSED + (round_off / size if size > 0 else 0.0)
 
 
-def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
+def momentum_summary(march: March, outcome: Outcome) -> MomentumSummary:
     """Return linear momentum before the first and after the last step, the impulses in between, and their balance.
 
     The momenta are those at -dt/2 and t_N - dt/2, for a multi-stage scheme at 0 and t_N; the N steps in between
@@ -151,13 +150,13 @@ def momentum_summary(march: March, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def open_accounts(summary: Mapping[str, Any]) -> list[str]:
+def open_accounts(summary: Accounts) -> list[str]:
     """Return a sentence for each account of a run that does not close, energy or momentum; empty if both close.
 
     Parameters
     ----------
     summary
-        Summary of a `percuss.Result`.
+        Summary of a `percuss.Result`, or its accounts alone.
     """
     messages = []
     energy, momentum = summary["energy"], summary["momentum"]
@@ -174,7 +173,7 @@ def open_accounts(summary: Mapping[str, Any]) -> list[str]:
     return messages
 
 
-def ledger_words(energy: Mapping[str, Any], error: str, verb: str = "closes") -> str:
+def ledger_words(energy: EnergySummary, error: str, verb: str = "closes") -> str:
     """Return in words how well the energy ledger closes; `error` is the closure error as text."""
     closed = energy.get("ledger_closed", True)
     if closed is False:
@@ -183,10 +182,10 @@ def ledger_words(energy: Mapping[str, Any], error: str, verb: str = "closes") ->
     return f"ledger {state} {error} of the largest energy"
 
 
-def contact_summary(march: March, outcome: Outcome) -> dict[str, dict[str, Any]]:
+def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]:
     """Return impulse, peak force, times of closing and opening, and penetration of each contact."""
     model, dt = march.model, march.model.dt
-    summaries: dict[str, dict[str, Any]] = {}
+    summaries: dict[str, ContactSummary] = {}
     for position, index in sorted(enumerate(march.order), key=lambda pair: pair[1]):
         point = outcome.points[position]
         was_closed = point.first >= 0

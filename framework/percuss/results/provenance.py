@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from percuss.case.case import Case
     from percuss.methods.provenance import Provenance
     from percuss.solver.model import Model
@@ -53,6 +55,21 @@ def machine() -> dict[str, Any]:
             "byteorder": sys.byteorder,
         },
         "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def resolved_methods(model: Model) -> Mapping[str, Any]:
+    """Return the methods of a model with their resolved parameters and the time step, for the provenance."""
+    method = model.case.method
+    return {
+        "integrator": method.integrator.name,
+        "contact": method.contact.name,
+        "mass": method.mass.name,
+        "contacts": model.parameters(),
+        "headline": {pair.name: list(pair.law.headline) for pair in model.contact_pairs},
+        "dt": model.dt,
+        "steps": model.steps,
+        "courant": model.courant,
     }
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from percuss.methods.interfaces import Exact
+    from percuss.results.summary import Summary
 
 LONG_NAMES = {
     "contact_force": "contact force that moves the mass, compression positive",
@@ -77,7 +78,7 @@ class Result:
         arrays: dict[str, Any],
         coordinates: dict[str, list[str]],
         field_arrays: dict[str, Any],
-        summary: dict[str, Any],
+        summary: Summary,
         provenance: dict[str, Any],
     ) -> None:
         self.arrays = arrays

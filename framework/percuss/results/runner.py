@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from percuss.case.case import Case
+    from percuss.results.summary import StopSummary
 
 
 REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
@@ -128,8 +129,9 @@ def _run(
             *(compared.arrays["contact_force"] for compared in (result, twin))
         )
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
-    if outcome.status == "unstable":
-        raise RunError(stop_message(result.summary["stop"]), result)
+    stop = result.summary["stop"]
+    if stop is not None:
+        raise RunError(stop_message(stop), result)
     return result
 
 
@@ -148,7 +150,7 @@ def _repeat(march: March, outcome: Outcome, repeats: int | None, *, marginal: bo
         outcome.seconds["march"] = min(outcome.seconds["march"], repeated.seconds["march"])
 
 
-def stop_message(stop: Mapping[str, Any]) -> str:
+def stop_message(stop: StopSummary) -> str:
     """Return the message for a stopped run: reason, step, time, node and likely cause."""
     when = f"stopped at step {stop['step']}, time {stop['time']:.9g}"
     return (

@@ -11,43 +11,39 @@ from percuss.results.exact import ROUND_OFF
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.methods.interfaces import Exact, ExactContact, Floats
+    from percuss.results.summary import ContactErrors, CoveredErrors, ExactEntries, ExactErrors
     from percuss.solver.model import Model
 
 NEGLIGIBLE = 1e-18
-ERRORS = (
-    *("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"),
-    *("closing_error", "opening_error"),
-)
 NUDGE = 1e-12
 FRAGILE = 1e-4
 
 
-def summary_entries(errors: dict[str, Any] | None, reason: str) -> dict[str, Any]:
+def summary_entries(errors: ExactErrors | None, reason: str) -> ExactEntries:
     """Return the entries of a summary about the exact solution and the true errors.
 
     Parameters
     ----------
     errors
-        True errors of a run, with the time ``reached`` by its exact solution; None if there is no exact solution.
+        True errors of a run; None if there is no exact solution.
     reason
         Why there is none, or why it ends before the run does; empty if it covers the whole run.
-
-    Returns
-    -------
-    dict
-        ``exact``: the errors of the whole run, None if they are not known; ``exact_reason``: why not; and
-        ``exact_covered``: the errors up to the time ``until``, if the exact solution ends there, before the run. Runs
-        must not be compared by errors of a part of their time: comparisons of runs read ``exact``.
     """
+    # Runs must not be compared by errors of a part of their time: comparisons of runs read `exact`.
     if errors is None or not reason:
         return {"exact": errors, "exact_reason": reason or None, "exact_covered": None}
-    part = {key: value for key, value in errors.items() if key in {"solution", "fronts", "contacts"}}
-    return {"exact": None, "exact_reason": reason, "exact_covered": {"until": errors["reached"], **part}}
+    covered: CoveredErrors = {
+        "until": errors["reached"],
+        "solution": errors["solution"],
+        "fronts": errors["fronts"],
+        "contacts": errors["contacts"],
+    }
+    return {"exact": None, "exact_reason": reason, "exact_covered": covered}
 
 
 def contact_errors(
     contact: ExactContact, time: Floats, force: Floats, exact: Floats, dt: float, reached: float, *, every: int
-) -> dict[str, Any]:
+) -> ContactErrors:
     """Return the errors of the force history of one contact.
 
     Parameters
@@ -64,38 +60,37 @@ def contact_errors(
         Time up to which the exact solution holds.
     every
         Steps between two records; errors of the force need a record of every step, and are None otherwise.
-
-    Returns
-    -------
-    dict
-        Errors of the force in L1 and L2, of the impulse, `noise`, `overshoot`; `closing_error` and `opening_error`, the
-        delay of the middle of the first and of the last step with a contact force, known to half a step; and the
-        intervals in which the exact contact is `closed`.
     """
     has_exact = np.isfinite(exact)
     time, force, exact = time[has_exact], force[has_exact], exact[has_exact]
+    closed = [interval for interval in contact.closed if interval[0] < reached]
+    closed_intervals = [list(interval) for interval in closed[:100]]
+    if every > 1 or not time.size:  # forces between sparse records are unknown: errors would be those of the recording
+        return {
+            "force_error_l1": None,
+            "force_error_l2": None,
+            "impulse_error": None,
+            "noise": None,
+            "overshoot": None,
+            "closing_error": None,
+            "opening_error": None,
+            "closed": closed_intervals,
+        }
     difference = force - exact
     scale_1, scale_2 = float(np.abs(exact).sum()), float(np.sqrt((exact**2).sum()))
     variation = float(np.abs(np.diff(exact, prepend=0.0)).sum())
-    impulse = None
-    if every == 1 and time.size:
-        summed = np.cumsum(force) * dt
-        true = contact.impulse(time + 0.5 * dt)
-        impulse = _ratio(float(np.abs(summed - true).max()), float(np.abs(true).max()))
-    closed = [interval for interval in contact.closed if interval[0] < reached]
+    impulse = contact.impulse(time + 0.5 * dt)
     pressing_steps = np.flatnonzero(force > ROUND_OFF * force.max(initial=0.0))
-    errors = {
+    return {
         "force_error_l1": _ratio(float(np.abs(difference).sum()), scale_1),
         "force_error_l2": _ratio(float(np.sqrt((difference**2).sum())), scale_2),
-        "impulse_error": impulse,
+        "impulse_error": _ratio(float(np.abs(np.cumsum(force) * dt - impulse).max()), float(np.abs(impulse).max())),
         "noise": _ratio(float(np.abs(np.diff(force, prepend=0.0)).sum()), variation),
         "overshoot": _ratio(float(force.max(initial=0.0)), float(exact.max(initial=0.0)), minus=1.0),
         "closing_error": float(time[pressing_steps[0]] - closed[0][0]) if closed and pressing_steps.size else None,
         "opening_error": _opening_error(time, pressing_steps, closed, reached),
-        "closed": [list(interval) for interval in closed[:100]],
+        "closed": closed_intervals,
     }
-    # Forces between sparse records are unknown: these numbers would be errors of the recording.
-    return errors | dict.fromkeys(ERRORS) if every > 1 or not time.size else errors
 
 
 def _ratio(value: float, scale: float, minus: float = 0.0) -> float | None:

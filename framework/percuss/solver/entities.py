@@ -5,13 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from percuss.methods.interfaces import ContactLaw, Floats, Mesh
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from percuss.case.specs import BodySpec, LoadSpec
 
 
@@ -51,44 +47,6 @@ class Body:
     def end_element(self, node: int) -> int:
         """Return the number within the body of the element at an end node."""
         return 0 if node == self.start else self.stiffness.size - 1
-
-
-def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]:
-    """Return the largest contact stiffness r at each end for which central difference is stable [force/length].
-
-    For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the
-    step is unstable for the body by itself, r is 0.
-
-    Parameters
-    ----------
-    body
-        The body without its supports, which makes r smaller and thus safe.
-    dt
-        Time step.
-    ends
-        The end nodes in contact, one or both.
-    """
-    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-
-    banded = np.zeros((2, body.mass.size))
-    banded[0, 1:] = body.stiffness
-    banded[1] = 4.0 / dt**2 * body.mass
-    banded[1, :-1] -= body.stiffness
-    banded[1, 1:] -= body.stiffness
-    try:
-        factor = cholesky_banded(banded, check_finite=False)
-    except LinAlgError:  # with nodal masses other than lumped ones the free body may be unstable at this step
-        return dict.fromkeys(ends, 0.0)
-    places = np.array(ends) - body.start
-    unit = np.zeros((body.mass.size, len(ends)))
-    unit[places, np.arange(len(ends))] = 1.0
-    stiffness = np.linalg.inv(cho_solve_banded((factor, False), unit)[places])
-    diagonal = np.diag(stiffness)
-    if len(ends) == 2:
-        # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so
-        # that this fraction of the diagonal is a safe lower bound.
-        diagonal = diagonal * (1.0 - abs(stiffness[0, 1]) / np.sqrt(stiffness[0, 0] * stiffness[1, 1]))
-    return {node: float(r) for node, r in zip(ends, diagonal, strict=True)}
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,16 +19,13 @@ from percuss.solver.bound_law import BoundLaw, bind_law
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
-from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, NodalForce, end_reserves
+from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, NodalForce
 from percuss.solver.integrator_check import refuse_end, refuse_unseen, scheme
 from percuss.solver.loads import supports_and_loads
+from percuss.solver.stiffness_limits import stiffness_limits
 
 if TYPE_CHECKING:
     from percuss.case.case import Address, Case
-
-# Contact stiffness limits are computed for at most this Courant number of a body: above it central difference leaves
-# almost no stiffness for a penalty without mass.
-LARGEST_COURANT = 0.99
 
 
 class Stretch(NamedTuple):
@@ -155,14 +151,14 @@ class Model:
         refuse_unseen(integrator, self.tables, self.laws)
 
     def with_step(self, dt: float) -> Model:
-        """Return the model of the same case with another time step."""
+        """Return the model of the whole run with another time step."""
         model = self._derived()
         model._set_step(dt)
         model._bind()
         return model
 
     def with_laws(self, replaced: Mapping[ContactLaw, ContactLaw]) -> Model:
-        """Return the model of the same case with other contact laws.
+        """Return the model of the whole run with other contact laws.
 
         Parameters
         ----------
@@ -336,27 +332,7 @@ class Model:
         return largest, sums / largest
 
     def _stiffness_limits(self, dt: float) -> Floats:
-        """Return `ContactPoints.stiffness_limit` of all points for a time step `dt`, (P,) [force/length].
-
-        With B = (4/dt^2) M - K of a body and its end displacements u_a and u_b, ``u^T B u`` is at least
-        ``r_a u_a^2 + r_b u_b^2``; both r follow from the inverse of B at the end nodes (`end_reserves`). A closed
-        contact of stiffness eps_s subtracts ``eps_s (u_a - u_b)^2``, which is not larger than that if
-        ``eps_s (1/r_a + 1/r_b) <= 1``. Contacts that share an end share its r equally.
-        """
-        uses = Counter(node for contact_pair in self.contact_pairs for node in contact_pair.nodes)
-        supported = {constraint.node for constraint in self.constraints if constraint.load is None}
-        reserve: dict[int, float] = {}
-        for body in self.bodies.values():
-            ends = [node for node in (body.start, body.stop - 1) if node in uses]
-            if ends:
-                step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
-                reserve.update(end_reserves(body, step, ends))
-        with np.errstate(divide="ignore"):
-            softness = [
-                sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in supported)
-                for contact_pair in self.contact_pairs
-            ]
-            return 1.0 / np.array(softness, dtype=float)
+        return stiffness_limits(self.bodies.values(), self.contact_pairs, self.constraints, dt)
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of every contact point, one at a wall, for the supports and drives active at `midpoint`."""
@@ -490,18 +466,3 @@ def _raise(problems: list[Problem]) -> None:
     """Raise the problems of a case as one error, if there are any."""
     if problems:
         raise InputError(problems)
-
-
-def resolved_methods(model: Model) -> Mapping[str, Any]:
-    """Return the methods of a model with their resolved parameters and the time step, for the provenance."""
-    method = model.case.method
-    return {
-        "integrator": method.integrator.name,
-        "contact": method.contact.name,
-        "mass": method.mass.name,
-        "contacts": model.parameters(),
-        "headline": {pair.name: list(pair.law.headline) for pair in model.contact_pairs},
-        "dt": model.dt,
-        "steps": model.steps,
-        "courant": model.courant,
-    }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from percuss.case.quantities import QUANTITIES, SUMMARY
 from percuss.errors import nearest, suggestion
@@ -13,6 +13,7 @@ from percuss.results.measures import CannotMeasure, measure
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
+    from percuss.results.summary import ExactErrors, Summary
     from percuss.studies.layout import MeasureSection
 
 __all__ = ["ERRORS", "METRICS", "Column", "column", "column_by_name", "metric", "worst"]
@@ -204,14 +205,14 @@ def _largest(values: list[Any]) -> Any:
     return max(scalars, default=None) if len(scalars) > 1 else (scalars[0] if scalars else None)
 
 
-def worst(exact: dict[str, Any] | None, name: str) -> float | None:
+def worst(exact: ExactErrors | None, name: str) -> float | None:
     """Return a true error of a run, the largest if each contact has its own, or None if it is not known."""
     if exact is None:
         return None
     if name in exact:
-        return exact[name]  # type: ignore[no-any-return]
-    errors = [contact[name] for contact in exact["contacts"].values() if contact[name] is not None]
-    return max(errors, default=None)
+        return exact[name]  # type: ignore[literal-required, no-any-return]
+    errors: list[float | None] = [contact[name] for contact in exact["contacts"].values()]  # type: ignore[literal-required]
+    return max((error for error in errors if error is not None), default=None)
 
 
 def metric(result: Result, name: str) -> Any:
@@ -220,12 +221,8 @@ def metric(result: Result, name: str) -> Any:
     return take(result.summary) if take is not None else worst(result.summary["exact"], name)
 
 
-def _of_contacts(summary: Mapping[str, Any], name: str) -> list[Any]:
-    return [contact[name] for contact in summary["contacts"].values()]
-
-
-def _energy_share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
-    def share(summary: Mapping[str, Any]) -> float | None:
+def _energy_share(name: Literal["contact_work", "contact_work_max"]) -> Callable[[Summary], float | None]:
+    def share(summary: Summary) -> float | None:
         # Relative to the energy put in, not to that at the end: a bar thrown upwards has none left where it turns.
         energy = summary["energy"]
         if energy.get("ledger_closed") is False:
@@ -236,11 +233,11 @@ def _energy_share(name: str) -> Callable[[Mapping[str, Any]], float | None]:
     return share
 
 
-_METRIC: dict[str, Callable[[Mapping[str, Any]], Any]] = {
-    "impulse": lambda s: sum(_of_contacts(s, "impulse")),
-    "peak_force": lambda s: max(_of_contacts(s, "peak_force"), default=0.0),
+_METRIC: dict[str, Callable[[Summary], Any]] = {
+    "impulse": lambda s: sum(contact["impulse"] for contact in s["contacts"].values()),
+    "peak_force": lambda s: max((contact["peak_force"] for contact in s["contacts"].values()), default=0.0),
     "penetration": lambda s: max(
-        (penetration["largest"] for penetration in _of_contacts(s, "penetration")), default=0.0
+        (contact["penetration"]["largest"] for contact in s["contacts"].values()), default=0.0
     ),
     "energy_kept": _energy_share("contact_work"),
     "energy_max": _energy_share("contact_work_max"),

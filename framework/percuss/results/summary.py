@@ -1,0 +1,187 @@
+"""The summary of a run: the numbers by which runs are compared, as plain mappings with typed keys."""
+
+from __future__ import annotations
+
+from typing import NotRequired, TypedDict
+
+from percuss.certificate.verdict import Certificate
+
+
+class StopSummary(TypedDict):
+    """Where and why a run stopped: step, time, node and likely cause."""
+
+    step: int
+    time: float
+    node: int
+    body: str
+    node_in_body: int
+    position: list[float]
+    what: str
+    cause: str
+
+
+class PenetrationSummary(TypedDict):
+    """Overlap of the bodies at a contact, and the energy that it stores."""
+
+    largest: float
+    time_mean: float
+    energy: float
+
+
+class ContactSummary(TypedDict):
+    """Impulse, peak force, times of first closing and last opening (None if never closed), penetration of a contact."""
+
+    impulse: float
+    peak_force: float
+    first_closed: float | None
+    last_open: float | None
+    closed_time: float
+    penetration: PenetrationSummary
+
+
+class EnergySummary(TypedDict):
+    """Energies and works of a run, and the error with which its ledger closes."""
+
+    initial: float
+    final: float
+    max: float
+    external_work: float
+    contact_work: float
+    external_work_max: float
+    contact_work_max: float
+    ledger_error: float
+    ledger_allowed: float | None
+    ledger_closed: bool | None
+
+
+class MomentumSummary(TypedDict):
+    """Momenta before the first and after the last step, the impulses in between, and the error of their balance."""
+
+    initial: list[float]
+    final: list[float]
+    impulse_of_loads: list[float]
+    impulse_of_supports: list[float]
+    impulse_of_walls: list[float]
+    error: float
+    balanced: bool | None
+
+
+class GrowthSummary(TypedDict):
+    """Energy growth of a run, and whether it is within the guarantee of its pair of methods.
+
+    Attributes
+    ----------
+    guarantee
+        Energy guarantee of the certificate.
+    quantity
+        The measured energy in words.
+    largest, step, time
+        Largest rise above the smallest value so far, over the largest energy of the run, and where it ends.
+    between_switchings
+        Largest sum of changes over steps in which no contact whose law uses the current gap opens or closes, over the
+        largest energy of the run.
+    allowed, kept
+        Allowed growth, and whether it is kept; None where nothing is guaranteed or nothing can be verified.
+    """
+
+    guarantee: str
+    quantity: str
+    largest: float
+    step: int | None
+    time: float | None
+    between_switchings: float
+    allowed: float | None
+    kept: bool | None
+
+
+class ContactErrors(TypedDict):
+    """Errors of the force history of one contact, and the intervals in which the exact contact is closed.
+
+    An error is None where it is not known; all of them are if not every step is recorded.
+
+    Attributes
+    ----------
+    force_error_l1, force_error_l2, impulse_error
+        Relative errors of the force in L1 and L2, and of the impulse.
+    noise
+        Total variation of the force over that of the exact force.
+    overshoot
+        Largest force over the largest exact one, less 1.
+    closing_error, opening_error
+        Delay of the middle of the first and of the last step with a contact force, known to half a step.
+    closed
+        Intervals in which the exact contact is closed.
+    """
+
+    force_error_l1: float | None
+    force_error_l2: float | None
+    impulse_error: float | None
+    noise: float | None
+    overshoot: float | None
+    closing_error: float | None
+    opening_error: float | None
+    closed: list[list[float]]
+
+
+class ExactErrors(TypedDict):
+    """True errors of a run, by contact and of the displacement, up to the time reached by the exact solution."""
+
+    solution: str
+    reached: float
+    fronts: int
+    contacts: dict[str, ContactErrors]
+    displacement_error: NotRequired[float | None]
+    fragile: NotRequired[bool | None]
+
+
+class CoveredErrors(TypedDict):
+    """True errors of a part of a run, up to the time `until` at which the exact solution ends."""
+
+    until: float
+    solution: str
+    fronts: int
+    contacts: dict[str, ContactErrors]
+
+
+class ExactEntries(TypedDict):
+    """The entries of a summary about the exact solution.
+
+    Attributes
+    ----------
+    exact
+        True errors of the whole run, None if they are not known.
+    exact_reason
+        Reason why they are not known.
+    exact_covered
+        True errors of the part that the exact solution covers, if it ends before the run.
+    """
+
+    exact: ExactErrors | None
+    exact_reason: str | None
+    exact_covered: CoveredErrors | None
+
+
+class Accounts(TypedDict):
+    """The energy and momentum accounts of a run."""
+
+    energy: EnergySummary
+    momentum: MomentumSummary
+
+
+class Summary(ExactEntries, Accounts):
+    """The summary of a run."""
+
+    status: str
+    stop: StopSummary | None
+    steps: int
+    nodes: int
+    dt: float
+    end: float
+    courant: float
+    certificate: Certificate
+    contacts: dict[str, ContactSummary]
+    energy_growth: GrowthSummary
+    compiled: bool
+    compiled_why: list[str]
+    notes: list[str]
+    seconds: dict[str, float]

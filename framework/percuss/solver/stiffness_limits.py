@@ -1,0 +1,82 @@
+"""The largest contact stiffness for which central difference is stable, from the bodies behind each end."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from percuss.methods.interfaces import Floats
+    from percuss.solver.entities import Body, Constraint, ContactPair
+
+# Limits are computed for at most this Courant number of a body: above it central difference leaves
+# almost no stiffness for a penalty without mass.
+LARGEST_COURANT = 0.99
+
+
+def stiffness_limits(
+    bodies: Iterable[Body], contact_pairs: Sequence[ContactPair], constraints: Sequence[Constraint], dt: float
+) -> Floats:
+    """Return `ContactPoints.stiffness_limit` of all contact points for a time step `dt`, (P,) [force/length].
+
+    With B = (4/dt^2) M - K of a body and its end displacements u_a and u_b, ``u^T B u`` is at least
+    ``r_a u_a^2 + r_b u_b^2``; both r follow from the inverse of B at the end nodes (`end_reserves`). A closed
+    contact of stiffness eps_s subtracts ``eps_s (u_a - u_b)^2``, which is not larger than that if
+    ``eps_s (1/r_a + 1/r_b) <= 1``. Contacts that share an end share its r equally.
+    """
+    uses = Counter(node for contact_pair in contact_pairs for node in contact_pair.nodes)
+    supported = {constraint.node for constraint in constraints if constraint.load is None}
+    reserve: dict[int, float] = {}
+    for body in bodies:
+        ends = [node for node in (body.start, body.stop - 1) if node in uses]
+        if ends:
+            step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
+            reserve.update(end_reserves(body, step, ends))
+    with np.errstate(divide="ignore"):
+        softness = [
+            sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in supported)
+            for contact_pair in contact_pairs
+        ]
+        return 1.0 / np.array(softness, dtype=float)
+
+
+def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]:
+    """Return the largest contact stiffness r at each end for which central difference is stable [force/length].
+
+    For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the
+    step is unstable for the body by itself, r is 0.
+
+    Parameters
+    ----------
+    body
+        The body without its supports, which makes r smaller and thus safe.
+    dt
+        Time step.
+    ends
+        The end nodes in contact, one or both.
+    """
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    banded = np.zeros((2, body.mass.size))
+    banded[0, 1:] = body.stiffness
+    banded[1] = 4.0 / dt**2 * body.mass
+    banded[1, :-1] -= body.stiffness
+    banded[1, 1:] -= body.stiffness
+    try:
+        factor = cholesky_banded(banded, check_finite=False)
+    except LinAlgError:  # with nodal masses other than lumped ones the free body may be unstable at this step
+        return dict.fromkeys(ends, 0.0)
+    places = np.array(ends) - body.start
+    unit = np.zeros((body.mass.size, len(ends)))
+    unit[places, np.arange(len(ends))] = 1.0
+    stiffness = np.linalg.inv(cho_solve_banded((factor, False), unit)[places])
+    diagonal = np.diag(stiffness)
+    if len(ends) == 2:
+        # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so
+        # that this fraction of the diagonal is a safe lower bound.
+        diagonal = diagonal * (1.0 - abs(stiffness[0, 1]) / np.sqrt(stiffness[0, 0] * stiffness[1, 1]))
+    return {node: float(r) for node, r in zip(ends, diagonal, strict=True)}

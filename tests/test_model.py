@@ -1,0 +1,132 @@
+"""The model of a case never changes, models derived from it share its arrays, and nothing is searched twice."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.certificate import criteria
+from percuss.certificate.verdict import certificate, settled
+from percuss.results import assemble, exact
+from percuss.solver.contact_problem import contact_problem
+from percuss.solver.march import March
+from percuss.solver.model import Model
+from strategies import hunek
+
+HUNEK = Path(__file__).parent.parent / "cases" / "hunek.yaml"
+
+
+def drive(**times):
+    return {"hold": {"prescribed-velocity": 0.1, "on": "short.right", **times}}
+
+
+def test_a_model_never_changes():
+    model = Model(percuss.load(hunek(6)))
+    for name in ("laws", "dt", "bodies", "anything"):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(model, name, None)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        model.laws[0].law = None
+    with pytest.raises(ValueError, match="read-only"):
+        model.mass[0] = 1.0
+
+
+def test_another_step_gives_another_model_equal_to_that_of_the_case_with_this_step():
+    case = hunek(6, integrator="central-difference", contact={"name": "penalty", "stiffness": "from-step"})
+    first = Model(percuss.load(case))
+    again = first.with_step(0.5 * first.dt)
+    whole = Model(percuss.load(case, {"time": {"end": case["time"]["end"], "step": 0.5 * first.dt}}))
+    assert again.mass is first.mass
+    assert again.bodies is first.bodies
+    assert (again.dt, again.steps) == (whole.dt, whole.steps)
+    assert first.dt == 2.0 * again.dt
+    assert again.parameters() == whole.parameters() != first.parameters()
+    assert (again.law_records(again.delassus(0.0))[1] == whole.law_records(whole.delassus(0.0))[1]).all()
+
+
+def test_another_law_gives_another_model_and_leaves_the_first_as_it_was():
+    case = hunek(6, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.25})
+    first = Model(percuss.load(case))
+    law = first.laws[0].law
+    stiffer = first.with_laws({law: dataclasses.replace(law, beta_s=0.75)})
+    assert stiffer.nodes is first.nodes
+    assert stiffer.parameters()["tip"]["beta_s"] == 0.75
+    assert first.parameters()["tip"]["beta_s"] == 0.25
+    case["method"]["contact"]["beta_s"] = 0.75
+    forces = [March(model).run().record.multiplier for model in (first, stiffer, Model(percuss.load(case)))]
+    assert np.array_equal(forces[1], forces[2])
+    assert not np.array_equal(forces[0], forces[1])
+
+
+@pytest.fixture
+def searches(monkeypatch):
+    """Count the searches for a critical step with contacts, and the exact solutions that are computed."""
+    counted = {"critical step": 0, "exact solution": 0}
+
+    def counting(name, function):
+        def counted_call(*arguments):
+            counted[name] += 1
+            return function(*arguments)
+
+        return counted_call
+
+    search = counting("critical step", criteria.largest_step_below)
+    monkeypatch.setattr(criteria, "largest_step_below", search)
+    solve = counting("exact solution", exact.exact_solution)
+    monkeypatch.setattr(exact, "exact_solution", solve)
+    monkeypatch.setattr(assemble, "exact_solution", solve)
+    return counted
+
+
+@pytest.mark.parametrize("courant", [0.3, "auto"])
+def test_the_critical_step_is_searched_once(courant, searches):
+    percuss.run(percuss.load(hunek(6, courant=courant, contact={"name": "bipenalty"})))
+    assert searches["critical step"] == 1
+
+
+def test_the_critical_step_is_searched_again_where_the_chosen_step_sees_another_drive(searches):
+    """The step of Courant number 1 has its middle after the drive has ended, the chosen one has not."""
+    case = hunek(6, courant="auto", contact={"name": "bipenalty"})
+    case["loads"] = drive()
+    model = settled(percuss.load(case)).model
+    assert searches["critical step"] == 1
+    case["loads"] = drive(until=0.52 * model.dt)
+    model, criterion = settled(percuss.load(case))
+    assert len(criterion.stretches) == 2
+    assert searches["critical step"] == 1 + 1 + 2  # that above, the step of Courant number 1, and two stretches
+    certified = certificate(model, criterion)
+    assert searches["critical step"] == 4
+    assert certified == certificate(model)
+    assert searches["critical step"] == 6
+
+
+def test_a_run_keeps_the_exact_solution_that_judged_it_and_a_file_solves_it_once(searches, tmp_path):
+    result = percuss.run(percuss.load(HUNEK, {"refine": 1}))
+    assert searches["exact solution"] == 1
+    assert result.exact is result.exact
+    assert searches["exact solution"] == 1
+    result.save(tmp_path / "hunek.nc")
+    again = percuss.open_result(tmp_path / "hunek.nc")
+    assert searches["exact solution"] == 1
+    assert again.exact is again.exact
+    assert searches["exact solution"] == 2
+
+
+def test_the_problem_of_an_exact_solution_knows_no_mesh_and_cannot_be_changed():
+    problems = [contact_problem(Model(percuss.load(HUNEK, {"refine": refine}))) for refine in (1, 3)]
+    for problem in problems:
+        assert [(contact.name, contact.ends) for contact in problem.contacts] == [
+            ("tip", (("short", False), ("long", True)))
+        ]
+        lengths = {name: body.length for name, body in problem.bodies.items()}
+        assert lengths == pytest.approx({"short": 10.0, "long": 20.0}, rel=1e-14)
+        with pytest.raises(ValueError, match="read-only"):
+            problem.bodies["short"].velocity[0] = 1.0
+        with pytest.raises(TypeError):
+            problem.bodies["short"] = None
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            problem.bodies["short"].area = 1.0
