@@ -27,7 +27,8 @@ _MODULES = {
     "certificate.maps": "stability",
     "results.result": "Result open_result",
     "results.runner": "run",
-    "studies.study": "Study open_study study",
+    "studies.study": "study",
+    "studies.study_table": "Study open_study",
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names.split()}
 
@@ -139,7 +140,8 @@ if TYPE_CHECKING:
     from percuss.results.result import Result, open_result
     from percuss.results.runner import run
     from percuss.studies.comparison import compare
-    from percuss.studies.study import Study, open_study, study
+    from percuss.studies.study import study
+    from percuss.studies.study_table import Study, open_study
 
 
 def __getattr__(name: str) -> Any:

@@ -284,7 +284,7 @@ def test_workers_give_what_one_process_gives(whole, tmp_path):
 def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
     first = percuss.study(given(vary={"method.contact.beta_s": "0.05:2:log:300"}), tmp_path / "a.sqlite", workers=2)
     assert first.found == 0
-    monkeypatch.setattr("percuss.studies.tasks.timed_run", None)
+    monkeypatch.setattr("percuss.studies.perform.timed_run", None)
     again = percuss.study(given(**MANY), tmp_path / "a.sqlite")
     assert again.found == 300
     assert same(again.table, whole)
@@ -410,7 +410,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
 
 def test_a_run_cut_short_is_no_row(tmp_path, monkeypatch):
     from percuss.studies import job_package
-    from percuss.studies.tasks import Run
+    from percuss.studies.perform import Run
 
     made = []
 

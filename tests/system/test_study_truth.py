@@ -18,8 +18,8 @@ import places
 from percuss.errors import InputError
 from percuss.filelock import locked
 from percuss.studies import job_package as benches
-from percuss.studies import tasks
-from percuss.studies.tasks import failure_status
+from percuss.studies import perform as performing
+from percuss.studies.perform import failure_status
 from strategies import hunek
 
 pytestmark = pytest.mark.slow
@@ -356,7 +356,7 @@ def test_of_many_threads_one_at_a_time_holds_a_lock(tmp_path):
 def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, error):
     out = tmp_path / "a.sqlite"
     study = given(tmp_path, vary={"time.courant": [0.3, 0.4]})
-    real = tasks.timed_run
+    real = performing.timed_run
 
     def fails(case, **options):
         if case.time.courant == 0.4:
@@ -364,7 +364,7 @@ def test_what_the_machine_does_is_not_the_methods_fault(tmp_path, monkeypatch, e
         return real(case, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(tasks, "timed_run", fails)
+        patched.setattr(performing, "timed_run", fails)
         first = percuss.study(study, out, workers=1)
     assert first.counts == {"done": 1, "lost": 1}
     assert not first.complete
@@ -484,7 +484,8 @@ def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
 
 COMPILES = """
 import json, sys, percuss
-from percuss.studies.tasks import perform, tasks
+from percuss.studies.perform import perform
+from percuss.studies.tasks import tasks
 case = percuss.load(json.loads(sys.argv[1]))
 (twin,) = [task for task in tasks("", case, {}, {}, [{}], tied=True) if task.tied]
 rows = [perform(case, twin)[0] for _ in range(2)]

@@ -56,17 +56,19 @@ def is_dropping(path):
 
 
 def imported(path):
-    """The modules that a file imports, also inside functions and under TYPE_CHECKING, and by importlib."""
+    """The modules that a file imports, with their lines: also inside functions, under TYPE_CHECKING, by importlib."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno}: relative import; write the full name"
-            yield node.module
-            if node.module in {"percuss", "percuss_methods"}:
-                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                of_a_module = inner in MODULES or node.module in {"percuss", "percuss_methods"}
+                yield inner if of_a_module else node.module, node.lineno
         elif isinstance(node, ast.Call) and "import" in ast.unparse(node.func):
-            yield from (one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str))
+            names = (argument.value for argument in node.args if isinstance(argument, ast.Constant))
+            yield from ((name, node.lineno) for name in names if isinstance(name, str))
 
 
 FRAMEWORK_FILES = python_files(FRAMEWORK)
@@ -101,16 +103,9 @@ def room_of(module):
 def arrows():
     """Every import between two modules of the framework: from, to, place."""
     for module, path in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                inner = [f"{node.module}.{alias.name}" for alias in node.names]
-                names = [name if name in MODULES else node.module for name in inner]
-            for name in names:
-                if name in MODULES and name != module:
-                    yield module, name, f"{path.relative_to(ROOT)}:{node.lineno}"
+        for name, line in dict.fromkeys(imported(path)):
+            if name in MODULES and name != module:
+                yield module, name, f"{path.relative_to(ROOT)}:{line}"
 
 
 def test_every_module_lies_in_a_room_or_on_the_ground():
@@ -156,14 +151,15 @@ def test_no_import_circle():
 def test_names_of_modules_in_text_resolve():
     """A dotted name in a string, a docstring, a comment or a page names something that is there."""
     name = re.compile(r"\bpercuss((?:\.[a-z_]\w*)+(?:\.[A-Z]\w*)*)")
-    files = [*FRAMEWORK_FILES, *PLUGIN_FILES, *python_files(ROOT / "tests"), ROOT / "pyproject.toml"]
+    pages = [path for path in project_files() if path.suffix in {".md", ".toml", ".txt"}]
+    files = [*FRAMEWORK_FILES, *PLUGIN_FILES, *python_files(ROOT / "tests"), *pages]
     wrong = []
     for path in files:
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             wrong += [
-                f"{path.relative_to(ROOT)}:{number}: percuss{found[1]}"
-                for found in name.finditer(line)
-                if f"percuss{found[1]}" not in DOORS | NOT_THERE and not resolves(found[1][1:].split("."))
+                f"{path.relative_to(ROOT)}:{number}: percuss{match[1]}"
+                for match in name.finditer(line)
+                if f"percuss{match[1]}" not in DOORS | NOT_THERE and not resolves(match[1][1:].split("."))
             ]
     assert not wrong, "\n".join(wrong)
 
@@ -229,14 +225,14 @@ def test_framework_knows_no_method_and_plugins_only_the_door():
     wrong = [
         f"{name_of(path)} imports {name}"
         for path in FRAMEWORK_FILES
-        for name in imported(path)
+        for name, _ in imported(path)
         if name.partition(".")[0] == "percuss_methods"
     ]
     public = {f"percuss.{name}" for name in percuss.__all__}
     wrong += [
         f"{name_of(path)} imports {name}"
         for path in PLUGIN_FILES
-        for name in imported(path)
+        for name, _ in imported(path)
         if name.partition(".")[0] == "percuss" and name not in DOOR | public
     ]
     assert not wrong, "\n".join(wrong)

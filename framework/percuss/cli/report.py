@@ -25,7 +25,7 @@ def report(
     """Write a study as one HTML page that needs no other file, or as figures for print."""
     with reporting(as_json=False):
         _expect_html(out)
-        from percuss.studies.study import open_study
+        from percuss.studies.study_table import open_study
 
         for path in written(open_study(study), study, out, figures):
             print(path)

@@ -34,13 +34,14 @@ def study(
 ) -> None:
     """Make the runs of a study; the same command given again continues where the study ended."""
     with reporting(as_json):
-        from percuss.studies import study
+        from percuss.studies.study import study as make_study
+        from percuss.studies.study_table import exportable
 
         if export is not None:
-            study.exportable(export)
+            exportable(export)
         with progress_bar("runs") as progress:
             notice = _ResumeNotice(progress)
-            made = study.study(file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [])
+            made = make_study(file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [])
         if export is not None:
             made.export(export)
         if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -72,7 +73,7 @@ def _card(result: Drawn, warnings: list[str], facts: dict[str, str], until: floa
     return f'<div style="{CARD}">{head}{bad}{table}{_contacts(result)}{_picture(result, until)}</div>'
 
 
-def _balances(summary: dict[str, Any]) -> dict[str, str]:
+def _balances(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return the energy ledger and the momentum balance of a summary in words."""
     energy, momentum = summary["energy"], summary["momentum"]
     share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"

@@ -11,7 +11,7 @@ from rich.table import Table
 from percuss.reporting.terminal import _console, _number
 
 if TYPE_CHECKING:
-    from percuss.studies.study import Study
+    from percuss.studies.study_table import Study
 
 BEST = 12
 SHOWN = ("force_error_l2", "impulse_error", "displacement_error", "noise", "energy_growth", "steps", "seconds")

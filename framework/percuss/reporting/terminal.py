@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -94,7 +95,7 @@ def _print_contacts(
         console.print(table)
 
 
-def _print_balances(console: Console, summary: dict[str, Any], contact_work: float) -> None:
+def _print_balances(console: Console, summary: Mapping[str, Any], contact_work: float) -> None:
     """Print the energies and works, and how well they and the momentum balance."""
     energy, momentum = summary["energy"], summary["momentum"]
     console.print(

@@ -12,7 +12,6 @@ import numpy as np
 
 from percuss.errors import InputError, Problem
 from percuss.jsonable import plain
-from percuss.results import true_error
 from percuss.results.exact import exact_solution
 from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.provenance import expected_forces, geometry, machine, plugins_used
@@ -71,9 +70,7 @@ def run_exact(case: Case) -> ExactSolutionResult:
         "contacts": {contact: _contact(solution, contact) for contact in names},
         "energy": _energy(solution, arrays),
         "momentum": _momentum(model, solution),
-        **true_error.summary_entries(
-            {"solution": name, "reached": solution.reached, "fronts": solution.fronts}, reason
-        ),
+        **_coverage(solution, name, reason),
         "notes": list(case.notes),
         "seconds": {"total": time.perf_counter() - started, "exact": solved},
     }
@@ -88,6 +85,14 @@ def run_exact(case: Case) -> ExactSolutionResult:
     return ExactSolutionResult(
         arrays, coordinates, _field(model, solution), plain(summary), plain(provenance), solution
     )
+
+
+def _coverage(solution: Exact, name: str, reason: str) -> dict[str, Any]:
+    """Return the entries of the summary about the solution, under the names that they have in the summary of a run."""
+    facts = {"solution": name, "fronts": solution.fronts}
+    if reason:
+        return {"exact": None, "exact_reason": reason, "exact_covered": {"until": solution.reached, **facts}}
+    return {"exact": {**facts, "reached": solution.reached}, "exact_reason": None, "exact_covered": None}
 
 
 def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[str, Any], list[str]]:

@@ -16,9 +16,9 @@ import percuss
 from percuss.compiling import LOCK
 from percuss.errors import InputError, Problem, RunError
 from percuss.studies.job_package import Bench, Job
+from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record
-from percuss.studies.tasks import LOST
 from percuss.studies.workers import Batches
 
 __all__ = ["run_cluster"]

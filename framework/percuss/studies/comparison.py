@@ -11,7 +11,8 @@ from percuss.case.case import expect_case
 from percuss.errors import InputError, PercussError, Problem, suggestion
 from percuss.studies.columns import ERRORS, metric, worst
 from percuss.studies.parameters import combinations
-from percuss.studies.tasks import Run, perform, tasks
+from percuss.studies.perform import Run, perform
+from percuss.studies.tasks import tasks
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

@@ -21,13 +21,14 @@ from percuss.errors import PluginError
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, own_digest, surroundings
+from percuss.studies.perform import LOST, perform_timed
 from percuss.studies.stored_run import Record, record
-from percuss.studies.tasks import LOST, Task, perform_timed
 
 if TYPE_CHECKING:
     from percuss.case.source import Source
     from percuss.studies.columns import Column
     from percuss.studies.run_key import Keys
+    from percuss.studies.tasks import Task
 
 __all__ = ["Bench", "Interrupted", "Job", "packed"]
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
-from percuss.studies.tasks import perform, tasks
+from percuss.studies.perform import perform
+from percuss.studies.tasks import tasks
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

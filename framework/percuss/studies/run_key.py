@@ -102,7 +102,7 @@ class Keys:
         `changed` is the text of the case with the changes of the task, or None if they cannot be made.
         """
         from percuss.results.provenance import plugins_used
-        from percuss.studies.tasks import tying_law
+        from percuss.studies.perform import tying_law
 
         sources = case.registry.sources
         used = {f"{family}/{name}" for (family, name), source in sources.items() if not source.distribution}

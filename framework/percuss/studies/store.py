@@ -16,8 +16,8 @@ from typing import Any
 
 from percuss.errors import InputError, Problem
 from percuss.files import replacing
+from percuss.studies.perform import LOST
 from percuss.studies.stored_run import Record, unpacked
-from percuss.studies.tasks import LOST
 
 __all__ = ["Store"]
 
@@ -181,3 +181,10 @@ class Store:
         with self._open() as db:
             row = db.execute("SELECT arrays FROM histories WHERE key = ?", (key,)).fetchone()
         return unpacked(row[0]) if row is not None else None
+
+
+def as_json_data(value: Any) -> Any:
+    """Return plain data with lists and text keys, as in JSON."""
+    if isinstance(value, Mapping):
+        return {str(key): as_json_data(item) for key, item in value.items()}
+    return [as_json_data(item) for item in value] if isinstance(value, list | tuple) else value

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
     from percuss.studies.columns import Column
-    from percuss.studies.tasks import Run
+    from percuss.studies.perform import Run
 
 __all__ = ["Record", "record", "unpacked"]
 
@@ -27,7 +27,7 @@ class Record:
     key
         Key of its inputs.
     status, reason, said_by
-        As in a `percuss.studies.tasks.Run`.
+        As in a `percuss.studies.perform.Run`.
     fragile
         Whether the result depends on round-off; None if this was not tested or there is no exact solution.
     seconds
@@ -83,7 +83,7 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
     """
     from percuss.jsonable import plain
     from percuss.results.provenance import processor_model
-    from percuss.studies.tasks import failure_status
+    from percuss.studies.perform import failure_status
 
     times = run.result.summary["seconds"] if run.result is not None else {}
     stored = Record(key, run.status, run.reason, run.said_by, unread=run.unread)

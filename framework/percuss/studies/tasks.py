@@ -1,28 +1,20 @@
-"""Tasks and runs of a study: each case, pair of methods and point is a task, and each task becomes a run."""
+"""Tasks of a study: each case, pair of methods and point is a task, and each task becomes a run."""
 
 from __future__ import annotations
 
 import itertools
-import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.options import options_of
-from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
-from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
-from percuss.results.runner import run, timed_run
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.methods.interfaces import ContactLaw
-    from percuss.methods.registry import Registry
-    from percuss.results.result import Result
+
+__all__ = ["TIED", "Task", "tasks"]
 
 TIED = "tied"  # name of a tied twin in place of that of a contact law
-LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
-# Errors of the machine, whichever code raises them: a missing file, no memory, a missing package.
-ENVIRONMENT = (OSError, MemoryError, ImportError, EOFError)
 
 
 @dataclass(frozen=True)
@@ -47,61 +39,6 @@ class Task:
     varied: Mapping[str, Any]
     changes: Mapping[str, Any]
     tied: bool = False
-
-
-@dataclass(frozen=True)
-class Run:
-    """A run of a comparison or of a study, with its outcome.
-
-    Attributes
-    ----------
-    integrator, contact
-        Names of the pair.
-    varied
-        Value of each varied path.
-    status
-        ``done``, ``interrupted``, ``unstable``, ``refused``, ``failed``; or `LOST` where the machine or percuss
-        itself failed and nothing is known of the methods.
-    reason
-        Why the run is not ``done``, or doubts about a run that is ``done``; else empty.
-    said_by
-        Component that refused the pair; empty otherwise.
-    result
-        The result, also of a stopped run; None if there is none.
-    unread
-        Whether the run failed because the case could not be read with the values of this run.
-    """
-
-    integrator: str
-    contact: str
-    varied: Mapping[str, Any]
-    status: str
-    reason: str = ""
-    said_by: str = ""
-    result: Result | None = field(default=None, repr=False)
-    unread: bool = False
-
-    @property
-    def label(self) -> str:
-        """The pair of methods and the varied values, in one line."""
-        return " ".join(
-            [
-                f"{self.integrator} + {self.contact}",
-                *(f"{path.split('.')[-1]}={value}" for path, value in self.varied.items()),
-            ]
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the run as plain data for JSON."""
-        return {
-            "integrator": self.integrator,
-            "contact": self.contact,
-            **self.varied,
-            "status": self.status,
-            "reason": self.reason,
-            "said_by": self.said_by,
-            "summary": self.result.summary if self.result is not None else None,
-        }
 
 
 def tasks(
@@ -216,109 +153,3 @@ def _method_of_point(point: Mapping[str, Any], path: str) -> str:
     value = point.get(path, point.get(f"{path}.name"))
     name = value.get("name") if isinstance(value, Mapping) else value
     return name if isinstance(name, str) else ""
-
-
-def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Run, InputError | None]:
-    """Make the run of a task.
-
-    Parameters
-    ----------
-    case
-        The case of the task.
-    task
-        Task of the run.
-    nudge
-        Whether to run the nudged twin too.
-
-    Returns
-    -------
-    run
-        The run with its outcome.
-    error
-        Error of the input if it is the reason why there is no result, else None.
-    """
-    return _perform(case, task, lambda changed: run(changed, nudge=nudge))
-
-
-def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None) -> Run:
-    """Make the run of a task of a study, with a repeated march to measure its cost; parameters as in `perform`."""
-    return _perform(case, task, lambda changed: timed_run(changed, nudge=nudge, repeats=repeats))[0]
-
-
-def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
-    case: Case, task: Task, make: Callable[[Case], Result]
-) -> tuple[Run, InputError | None]:
-    names = task.integrator, task.contact, task.varied
-    try:
-        changed = case.with_overrides(task.changes) if task.changes else case
-    except InputError as error:
-        return Run(*names, "failed", str(error), unread=True), error
-    try:
-        if task.tied:
-            changed = changed.with_overrides(_tying_changes(changed))
-        result = make(changed)
-    except RefusedPair as error:
-        return Run(*names, "refused", error.reason, error.said_by), None
-    except _NoTwin as error:
-        return Run(*names, "refused", str(error), TIED), None
-    except RunError as error:
-        return Run(*names, "unstable", str(error), result=error.result), None
-    except InputError as error:
-        return Run(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
-    except PercussError as error:
-        return Run(*names, "failed", str(error)), None
-    except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
-        return Run(*names, *failure_status(error, case.registry)), None
-    reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
-    reason = "Ctrl-C" if result.status == "interrupted" else reason
-    return Run(*names, result.status, reason, result=result), None
-
-
-def failure_status(error: Exception, registry: Registry) -> tuple[str, str]:
-    """Return status and reason of a run ended by an unexpected error: `LOST` unless the code of a plug-in raised it."""
-    message = f"{type(error).__name__}: {error}"
-    files = {source.file for source in registry.sources.values() if source.file}
-    packages = {source.module.partition(".")[0] for source in registry.sources.values() if source.distribution}
-    in_plugin = any(
-        frame.f_code.co_filename in files or str(frame.f_globals.get("__name__")).partition(".")[0] in packages
-        for frame, _ in traceback.walk_tb(error.__traceback__)
-    )
-    if in_plugin and not isinstance(error, ENVIRONMENT):
-        return "failed", message
-    return LOST, f"the machine or percuss itself failed, which says nothing of the methods: {message}"
-
-
-class _NoTwin(PercussError):
-    """Error: a tied twin cannot be made for lack of a tying law or of the exact times at which to tie."""
-
-
-def tying_law(registry: Registry) -> type[ContactLaw]:
-    """Return the registered contact law that ties its contacts during given intervals.
-
-    Raises
-    ------
-    PercussError
-        If there is none.
-    """
-    laws: list[Any] = [registry.get("contacts", name) for name in registry.names("contacts")]
-    tying_laws = [law for law in laws if law.tied_during]
-    if not tying_laws:
-        raise _NoTwin("no contact law is registered that ties its contacts during intervals of time")
-    return tying_laws[0]  # type: ignore[no-any-return]
-
-
-def _tying_changes(case: Case) -> dict[str, Any]:
-    """Return the changes to a case that tie each contact while its exact solution is closed."""
-    from percuss.certificate.verdict import settled
-    from percuss.results.exact import exact_solution
-
-    law = tying_law(case.registry)
-    tied_contacts = {f"contacts.{name}.method": law.name for name in case.contacts}
-    model = settled(case.with_overrides(tied_contacts) if tied_contacts else case).model
-    solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
-    if solution is None or reason:
-        raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")
-    return {
-        f"contacts.{name}.method": {"name": law.name, law.tied_during: contact.closed}
-        for name, contact in solution.contacts.items()
-    }

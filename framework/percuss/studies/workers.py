@@ -20,9 +20,9 @@ from typing import Any
 
 from percuss.errors import RunError
 from percuss.studies.job_package import Bench, Interrupted, Job
+from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record
-from percuss.studies.tasks import LOST
 
 __all__ = ["Batches", "run_here", "run_local"]
 

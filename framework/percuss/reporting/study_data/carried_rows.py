@@ -1,0 +1,97 @@
+"""The rows of a study that fit on a page: a sample of all runs, and the runs that no other run beats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from percuss.reporting.study_data.roles import ColumnRoles, ranking
+from percuss.reporting.study_data.values import methods, numbers, texts
+
+MOST_ROWS = 5000  # A browser draws and sorts this many rows without a pause; the best runs are added to them.
+
+SEED = 0
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The rows of a study that a page carries.
+
+    Attributes
+    ----------
+    table
+        The rows, in the order of the study.
+    kept
+        Mask of these rows among all rows of the study.
+    drawn
+        Mask (rows,) of the random sample of all rows; the other rows are added because no run beats them.
+    best
+        Number of runs that no other run beats, drawn or not; 0 where the page carries all rows.
+    """
+
+    table: Any
+    kept: Any
+    drawn: Any
+    best: int
+
+
+def carried(table: Any, roles: ColumnRoles) -> Carried:
+    """Return all rows, or a seeded random sample and all `best_runs` where there are too many for a page."""
+    if len(table) <= MOST_ROWS:
+        every = np.ones(len(table), dtype=bool)
+        return Carried(table.reset_index(drop=True), every, every, 0)
+    drawn = np.zeros(len(table), dtype=bool)
+    drawn[np.random.default_rng(SEED).choice(len(table), MOST_ROWS, replace=False)] = True
+    best = best_runs(table, roles)
+    kept = drawn | best
+    return Carried(table[kept].reset_index(drop=True), kept, drawn[kept], int(best.sum()))
+
+
+def best_runs(table: Any, roles: ColumnRoles) -> Any:
+    """Return a mask (rows,) of the runs that no other run of the same case and the same pair of methods beats.
+
+    For each measure of `ranking` these are the run with its smallest value and the runs on its Pareto front against
+    each cost. A run without a number for a measure takes no part in the ranking by it.
+    """
+    done = (table["status"] == "done").to_numpy()
+    costs = [numbers(table[name]) for name in roles.costs]
+    errors = [numbers(table[name]) for name in ranking(roles)]
+    best = np.zeros(len(table), dtype=bool)
+    for rows in _by_case_and_method(table, done):
+        for error in errors:
+            finite = rows[np.isfinite(error[rows])]
+            if finite.size:
+                best[finite[np.argmin(error[finite])]] = True
+            for cost in costs:
+                best[rows[front_of(cost[rows], error[rows])]] = True
+    return best
+
+
+def _by_case_and_method(table: Any, mask: Any) -> Iterator[Any]:
+    """Yield the row numbers of each case and pair of methods, among the rows selected by a mask."""
+    rows = np.flatnonzero(mask)
+    labels = [f"{case}\0{method}" for case, method in zip(texts(table["case"]), methods(table), strict=True)]
+    groups = np.unique(np.array(labels, dtype=object)[rows].astype(str), return_inverse=True)[1] if rows.size else rows
+    order = np.argsort(groups, kind="stable")
+    for part in np.split(rows[order], np.flatnonzero(np.diff(groups[order])) + 1):
+        if part.size:
+            yield part
+
+
+def front_of(cost: Any, error: Any) -> Any:
+    """Return the row numbers of the Pareto front of error against cost, by rising cost, of runs that have both."""
+    rows = np.flatnonzero(np.isfinite(cost) & np.isfinite(error))
+    rows = rows[np.lexsort((error[rows], cost[rows]))]
+    best = np.minimum.accumulate(error[rows]) if rows.size else error[rows]
+    kept = np.ones(rows.size, dtype=bool)
+    kept[1:] = error[rows][1:] < best[:-1]
+    return rows[kept]
+
+
+def front(cost: Any, error: Any) -> Any:
+    """Return the Pareto front of error against cost, by rising cost: costs and errors, (2, n)."""
+    rows = front_of(cost, error)
+    return np.vstack([cost[rows], error[rows]])

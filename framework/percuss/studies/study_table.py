@@ -1,0 +1,180 @@
+"""A study as a reader sees it: its table, its plan and its provenance, read from the file of its rows."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from percuss.errors import InputError, Problem
+from percuss.files import replacing
+from percuss.studies.perform import LOST
+from percuss.studies.store import Store
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Study", "exportable", "open_study"]
+
+SECONDS = "wall time of the march alone, the least of its repeats; the processor is in the provenance"
+
+NAMES = ("case", "integrator", "contact")
+
+
+class Study:
+    """A study with the rows made so far; each access reads its file again, so that it can be watched while it runs.
+
+    Attributes
+    ----------
+    path
+        The file.
+    found
+        Number of rows that existed before this call made any; 0 for a study that was only opened.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.found = 0
+        self._store = Store(self.path)
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """The study file as plain data."""
+        return dict(self._store.fact("spec") or {})
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """Definition of each measured column in words: quantity, norm, averaging."""
+        return {**(self._store.fact("columns") or {}), "seconds": SECONDS}
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions, machine and plug-ins of the last session that ran the study; ``sessions`` has them all.
+
+        ``processors`` is the number of rows made on each model of processor.
+        """
+        sessions = self._store.sessions()
+        last = sessions[-1] if sessions else {}
+        return {**last, "sessions": sessions, "processors": self._store.processors()}
+
+    @property
+    def title(self) -> str:
+        """Title of the study."""
+        return str(self.spec.get("title", ""))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The table of the study: one row per run, in the order of the study.
+
+        Columns are ``case``, ``integrator``, ``contact``, the varied paths (nothing where the methods have no such
+        option), ``status`` (done, unstable, refused, failed; lost where the machine or percuss itself failed; waiting
+        where the run is still to be made), ``reason``, ``said_by``, ``fragile``, the measures, ``node_steps``
+        (steps times nodes), ``seconds`` (of the march alone, the smallest of its repeats) and ``key``.
+        """
+        import pandas as pd
+
+        rows = self.as_records()
+        numbers = [name for name in self.columns if rows and name in rows[0]]
+        table = pd.DataFrame(rows, columns=list(rows[0]) if rows else None)
+        for name in numbers:  # a column of None alone is numeric too
+            if table[name].isna().all():
+                table[name] = table[name].astype(float)
+        return table
+
+    def as_records(self) -> list[dict[str, Any]]:
+        """Return the rows of `table` as plain mappings, all with the same keys."""
+        raw = [(json.loads(row), *rest) for row, *rest in self._store.rows()]
+        varied = dict.fromkeys(path for names, *_ in raw for path in names["varied"])
+        columns = self.columns
+        out = []
+        for names, status, reason, said_by, fragile, measures, seconds, key in raw:
+            measured = json.loads(measures) if measures else {}
+            out.append(
+                {
+                    **{name: names[name] for name in NAMES},
+                    **{path: names["varied"].get(path) for path in varied},
+                    "status": status or "waiting",
+                    "reason": reason or "",
+                    "said_by": said_by or "",
+                    "fragile": bool(fragile) if fragile is not None else None,
+                    **{name: measured.get(name) for name in columns if name != "seconds"},
+                    "seconds": seconds,
+                    "key": key,
+                }
+            )
+        return out
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of rows with each status."""
+        return dict(Counter(status or "waiting" for _, status, *_ in self._store.rows()))
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run was made, and none was lost to the machine."""
+        return not {"waiting", LOST} & set(self.counts)
+
+    def histories(self, key: str) -> dict[str, Any] | None:
+        """Return the histories of a run that are kept (`keep`), or None if there are none.
+
+        Returns
+        -------
+        dict
+            ``time`` (T,), ``contact`` (names), ``contact_force`` and ``contact_force_exact`` (T, contacts).
+        """
+        return self._store.histories(key)
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write the table as csv or parquet, by suffix, to a temporary file that is then renamed.
+
+        Raises
+        ------
+        InputError
+            If the suffix is another, the folder cannot be written to, or pyarrow is missing.
+        """
+        suffix = exportable(path)
+        table = self.table
+        with replacing(path, suffix) as beside:
+            if suffix == ".csv":
+                table.to_csv(beside, index=False)
+            else:
+                # A column of words and numbers is written as words, as parquet has one type per column.
+                mixed = [name for name in table if len({type(value) for value in table[name] if value is not None}) > 1]
+                table.astype(dict.fromkeys(mixed, str)).to_parquet(beside, index=False)
+
+    def __repr__(self) -> str:
+        words = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<percuss.Study {self.title!r}: {words or 'no rows'}>"
+
+
+def open_study(path: str | os.PathLike[str]) -> Study:
+    """Return a study written by `study`, also one that is being written.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not the file of a study.
+    """
+    return Study(path)
+
+
+def exportable(path: str | os.PathLike[str]) -> str:
+    """Return the suffix of a file to which a table can be written.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or the package that writes it is not installed.
+    """
+    from importlib.util import find_spec
+
+    suffix = Path(path).suffix.lower()
+    if suffix not in {".csv", ".parquet"}:
+        problem = Problem(str(path), "", f"expected a name that ends in .csv or .parquet, found '{suffix}'")
+        raise InputError([problem])
+    if suffix == ".parquet" and find_spec("pyarrow") is None:
+        advice = "Install percuss[study], or write csv."
+        raise InputError([Problem(str(path), "", "parquet needs pyarrow, which is not installed", advice)])
+    return suffix
