@@ -20,7 +20,7 @@ import percuss
 from fake_studies import TWO_BARS, FakeStudy, drawn_study, run_study, several_cases
 from percuss.cli.main import app
 from percuss.cli.report import written
-from percuss.reporting import study_data
+from percuss.reporting import study_charts, study_data
 from percuss.reporting.study_figures import figures
 from percuss.reporting.study_page import report_html, study_report
 from percuss.studies.columns import metric
@@ -525,6 +525,134 @@ def test_pictures_of_several_cases_join_no_runs_of_different_cases(several):
     assert "28 of 240 runs were lost" in words
 
 
+# ------------------------------------------------------------------------------------------ the charts as data
+
+
+def axis_of(values, name="x", most_ticks=8):
+    return study_charts.axis(pd.DataFrame({name: values}), name, "label", most_ticks=most_ticks)
+
+
+def test_an_axis_says_whether_it_is_logarithmic_why_not_and_where_it_ends():
+    far = axis_of([1e-3, 1e-14, 0.2, 5.0, np.nan])
+    assert (far.spread, far.no_log) == (True, "")
+    assert far.edge == pytest.approx(5e-10)  # what is lower is round-off
+    assert axis_of([0.5, 0.25, 0.125]).edge == 0.125
+    assert not axis_of([0.3, 0.5, 0.9]).spread
+    assert axis_of([3.0, 4.0, 6.0], "refine").spread  # the mesh always
+    zero = axis_of([0.0, 1.0, 100.0, -1.0, np.nan])
+    assert (zero.spread, zero.no_log) == (False, "2 of 4 values are zero or less")
+    assert axis_of([0.0, 1.0], "refine").no_log == "1 of 2 values is zero or less"
+    assert not axis_of([0.0, 1.0], "refine").spread
+    assert axis_of([np.nan, np.nan]).no_log == "there are no values"
+    words = axis_of(["matched", 0.5, None])
+    assert (words.words, words.spread) == (("0.5", "matched", ""), False)
+    assert words.no_log == "words have no logarithm"
+
+
+def test_an_axis_has_ticks_at_its_values_where_they_are_few():
+    assert axis_of([4.0, 1.0, 4.0, np.nan]).ticks == (1.0, 4.0)
+    assert len(axis_of(np.arange(8.0)).ticks) == 8
+    assert axis_of(np.arange(9.0)).ticks == ()
+
+
+def test_the_charts_offer_each_column_in_its_place(several):
+    charts = study_charts.study_charts(several.table, study_data.columns(several))
+    assert charts.work.across == {"node_steps": True, "seconds.march": True}
+    assert charts.work.up == {"force_error_l1": True, "noise": True, "penetration": False}
+    assert charts.varied.across == {
+        "method.contact.beta_s": True,
+        "refine": True,
+        "case": False,
+        "integrator": False,
+        "contact": False,
+    }
+    assert list(charts.map.across) == ["method.contact.beta_s", "refine", "case"]
+    assert charts.ranked == ["force_error_l1", "penetration"]
+    assert charts.axes["penetration"].no_log == "48 of 212 values are zero or less"
+    mixed = odd(several)
+    mixed.table["node_steps"] = mixed.table["node_steps"].where(mixed.table.index > 0, 0.0)
+    mixed.table["seconds.march"] = np.where(mixed.table.index % 2, 1.0, 1.5)
+    charts = study_charts.study_charts(mixed.table, study_data.columns(mixed))
+    assert list(charts.varied.across)[:3] == ["method.contact.beta_s", "refine", "method.contact.ratio"]
+    assert charts.work.across == {"node_steps": False, "seconds.march": True}  # wherever it can be
+    assert charts.varied.up["seconds.march"] is False  # where the numbers are spread far
+
+
+def test_lines_that_share_a_colour_differ_in_mark_and_dashes():
+    styles = [study_charts.line_style(k) for k in range(64)]
+    for look in ("mark", "dash"):
+        assert len({(style.colour, getattr(style, look)) for style in styles}) == 64
+        assert len({getattr(style, look) for style in styles[:8]}) == 8
+
+
+def test_every_status_has_one_outcome():
+    statuses = ("done", "unstable", "waiting", "refused", "failed", "interrupted", "lost", "of a later version")
+    lost = "refused, failed or lost"
+    assert [study_charts.outcome(status) for status in statuses] == ["done", "unstable", "", *[lost] * 5]
+
+
+def test_the_line_of_all_runs_leaves_the_references_out(several):
+    rows = several.table.query("case == 'hunek' and status == 'done'")
+    best, lines = study_charts.work_lines(rows, "node_steps", "force_error_l1")
+    for pair, own in rows.groupby(rows["integrator"] + " + " + rows["contact"]):
+        cost, error = zip_sorted(own["node_steps"].to_numpy(float), own["force_error_l1"].to_numpy(float))
+        assert lines[pair].tolist() == np.array([cost, error])[:, ~beaten(cost, error)].tolist()
+    compete = rows[rows["contact"] != "tied"]
+    assert best[1].min() == compete["force_error_l1"].min() > rows["force_error_l1"].min()
+
+
+RATIOS = st.lists(st.sampled_from([1.0, 1.0, 1.5, 2.0, 7.0, np.inf]), min_size=1, max_size=12)
+
+
+@given(RATIOS)
+def test_the_steps_of_a_profile_are_the_shares_of_its_definition(ratios):
+    ratios = np.sort(ratios)
+    factors, shares = study_charts.profile_steps(ratios, 10.0)
+    assert (factors[0], factors[-1]) == (1.0, 10.0)
+    assert np.all(np.diff(factors) > 0)
+    assert shares.tolist() == [np.count_nonzero(ratios <= factor) / ratios.size for factor in factors]
+
+
+def test_the_best_median_is_one_over_all_runs(several):
+    shown = study_charts.pairs_table(several.table, "force_error_l1")
+    assert shown.cases == ["hunek", "carpenter", "doyen-impact", "cradle"]
+    for column in range(4):
+        best = [pair for pair, cells in shown.rows.items() if cells[column].best]
+        assert len(best) == 1
+        assert "tied" not in best[0]
+    refused = shown.rows["wu-predictor-corrector + bipenalty"][3]
+    assert refused == study_charts.TableCell("", "0 of 12 runs: 12 refused", "", best=False)
+    less = several.table.query("case != 'cradle' or contact != 'tied'")
+    assert study_charts.pairs_table(less, "force_error_l1").rows["central-difference + tied"][3].small == "no run"
+
+
+def test_words_have_bands_too(several):
+    mixed = odd(several)
+    bare = "central-difference + tied"
+    mixed.table.loc[np.array(study_data.methods(mixed.table)) == bare, "method.contact.ratio"] = None
+    path, pair = "method.contact.ratio", "central-difference + lagrange"
+    bands = {method: band for method, _, band in study_data.bands(mixed.table, ["noise"], path)}
+    words = study_data.in_order(study_data.texts(mixed.table[path]))
+    own = mixed.table[np.array(study_data.methods(mixed.table)) == pair]
+    medians = own.groupby(study_data.texts(own[path]))["noise"].median()
+    assert words[-2:] == ["matched", ""]
+    assert bands[pair][0].tolist() == [0, 1, 2]
+    assert bands[pair][2] == pytest.approx([medians[word] for word in words[:3]])
+    assert bands[bare][0].tolist() == [3]  # a pair without a word has the place of none
+
+
+def test_a_report_reads_the_table_of_a_study_once(several, tmp_path, monkeypatch):
+    reads = []
+
+    class Counted(FakeStudy):
+        table = property(lambda self: reads.append(1) or self.rows, lambda self, rows: setattr(self, "rows", rows))
+
+    study = Counted(several.table)
+    monkeypatch.setattr(study_data, "MOST_ROWS", 100)
+    assert len(study_report(study, tmp_path / "page.html")) == 2
+    assert len(reads) == 1
+
+
 # --------------------------------------------------------------------------------------------------- a browser
 
 
@@ -737,6 +865,25 @@ def test_observed_orders_are_told_over_the_mesh(browser, pages, small):
         medians = rows.groupby("refine")["force_error_l1"].median()
         order = f"{np.log2(medians[1] / medians[2]):.2g}"
         assert f"wu-predictor-corrector + penalty {order}" in opened.page.inner_text("#vary-note")
+
+
+@pytest.mark.parametrize("path", ["method.contact.beta_s", "refine", "method.contact.ratio"])
+def test_the_page_and_the_files_draw_the_same_medians(browser, pages, several, path):
+    with Opened(browser, pages / "odd.html") as opened:
+        drawn = opened.page.evaluate(
+            """(path) => page.methods.map((_, k) => {
+              const [x, y] = [column[path], column.noise];
+              const rows = active.filter((row) => isMade(row) && methodOf[row] === k);
+              return bandOf(x, y, rows, 0, x.kind !== "text" && lacks(k, x));
+            })""",
+            path,
+        )
+        bands = [band for _, _, band in study_data.bands(odd(several).table, ["noise"], path)]
+        assert len(drawn) == len(bands) == 8
+        for of_page, band in zip(drawn, bands, strict=True):
+            # A number that is none is null, or what JavaScript makes of a quantile of nothing.
+            got = np.array([[np.nan if value is None else value for value in place] for place in of_page], dtype=float)
+            assert got == pytest.approx(band.T, nan_ok=True)
 
 
 def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):

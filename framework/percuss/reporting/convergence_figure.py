@@ -21,9 +21,10 @@ WORDS = {
 
 def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
     """Return a figure of errors over mesh refinement on logarithmic axes, with a panel per error and a line per fit."""
-    from percuss.reporting.figures import COLOURS, DASHES, drawing
+    from percuss.reporting.figures import drawing
+    from percuss.reporting.study_charts import line_style
+    from percuss.reporting.study_figures import marked_line
 
-    colours = (*COLOURS, "#000000", "#8c8c8c")
     with drawing():
         from matplotlib.figure import Figure
         from matplotlib.ticker import NullFormatter
@@ -38,9 +39,8 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
                     for refine, error in zip(fit["refine"], fit[name], strict=True)
                     if error is not None and error > 0
                 ]
-                style = {"color": colours[k % len(colours)], "linestyle": DASHES[k % len(DASHES)], "marker": "o"}
                 x, y = zip(*points, strict=True) if points else ((), ())
-                axes.plot(x, y, markersize=4, label=_label(fit), **style)
+                axes.plot(x, y, markersize=4, label=_label(fit), **marked_line(line_style(k)))
             axes.set(xscale="log", yscale="log", ylabel="relative error")
             axes.set_xticks(sorted({refine for fit in fitted for refine in fit["refine"]}), minor=False)
             axes.xaxis.set_major_formatter("{x:g}")

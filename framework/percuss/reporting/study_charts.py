@@ -27,7 +27,7 @@ CAPTIONS = {
         "level line is the median of a pair that has no such value"
     ),
     "map": "two varied values, one panel a pair of methods",
-    "pairs": "the median over the runs of each pair in each case, over all rows",
+    "pairs": "the median over the runs of each pair in each case",
     "profile": (
         "the share of problems on which a pair comes within a factor of the pair that is best there; a run that is "
         "not done is within none (Dolan, Moré 2002, doi 10.1007/s101070100263)"
@@ -114,7 +114,8 @@ class Axis:
     edge
         Lower end of a logarithmic axis, at which smaller numbers are drawn, as they are round-off.
     ticks
-        The places of the ticks where there are few distinct values; empty for a renderer's own choice.
+        The places of the ticks where there are few distinct values; empty for a renderer's own choice. A measure is
+        spread over its axis however few its values are, and leaves the ticks to the renderer.
     """
 
     label: str
@@ -125,11 +126,11 @@ class Axis:
     ticks: tuple[float, ...]
 
 
-def axis(table: Any, name: str, label: str) -> Axis:
-    """Return one column of a study's table as an axis; a measure counts only where the run is done."""
-    values = study_data.numbers(table[name])
+def axis(rows: Any, name: str, label: str, *, most_ticks: int) -> Axis:
+    """Return one column of some rows of a study's table as an axis with a tick for each value up to `most_ticks`."""
+    values = study_data.numbers(rows[name])
     if values is None:
-        words = tuple(study_data.in_order(study_data.texts(table[name])))
+        words = tuple(study_data.in_order(study_data.texts(rows[name])))
         return Axis(label, words, spread=False, no_log="words have no logarithm", edge=np.nan, ticks=())
     distinct = np.unique(values[np.isfinite(values)])
     low = int((values <= 0).sum())
@@ -140,7 +141,7 @@ def axis(table: Any, name: str, label: str) -> Axis:
     edge = np.nan if no_log else study_data.lowest(values)
     # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
     spread = not no_log and (name == "refine" or study_data.is_log(values))
-    ticks = tuple(distinct.tolist()) if distinct.size <= MOST_TICKS else ()
+    ticks = tuple(distinct.tolist()) if distinct.size <= most_ticks else ()
     return Axis(label, (), spread, no_log, edge, ticks)
 
 
@@ -194,9 +195,9 @@ def study_charts(table: Any, roles: ColumnRoles) -> Charts:
         The roles of its columns.
     """
     done = table[table["status"] == "done"]
-    axes = {name: axis(done, name, label) for name, label in roles.measures.items()}
+    axes = {name: axis(done, name, label, most_ticks=0) for name, label in roles.measures.items()}
     several = {
-        name: axis(table, name, name)
+        name: axis(table, name, name, most_ticks=MOST_TICKS)
         for name in (*roles.varied, "case", "integrator", "contact")
         if name in table and table[name].nunique() > 1
     }
@@ -295,7 +296,7 @@ def profile_chart(table: Any, roles: ColumnRoles, name: str, problem_set: study_
     note = [
         f"{count_of(profile.counted, 'problem')}: a case with one value of all that is varied.",
         *([f"Left out: {', and '.join(parts)}."] if parts else []),
-        "Of all rows; the best is that of all pairs.",
+        "The best is that of all pairs.",
     ]
     if study_data.references(table):
         note.append("The tied twins take no part: they are references, which need the exact solution.")

@@ -19,7 +19,6 @@ from percuss.reporting.figures import (
     drawing,
     fix_layout,
     header,
-    number,
     one_line,
     wrapped,
     write,
@@ -155,7 +154,7 @@ def _work_panel(axes: Axes, rows: Any, charts: Charts, cost: str, error: str) ->
             continue
         _draw_points(axes, x[pairs == pair], np.maximum(y[pairs == pair], edge), style)
         along, up = lines[pair]
-        entries[pair] = axes.plot(along, np.maximum(up, edge), markersize=4, **_marked_line(style))[0]
+        entries[pair] = axes.plot(along, np.maximum(up, edge), markersize=4, **marked_line(style))[0]
     _set_axes(axes, log, charts.axes[cost])
     return entries
 
@@ -246,7 +245,7 @@ def _draw_level_line(axes: Axes, band: Any, style: LineStyle, path: str, share: 
     }
     text = axes.annotate(f"no {_last_part(path)}{lost}", (share, height), (0, 3), **text_style)
     text.set_parse_math(False)
-    return axes.axhline(height, **{**_marked_line(style), "marker": ""})
+    return axes.axhline(height, **{**marked_line(style), "marker": ""})
 
 
 def _draw_median_band(axes: Axes, band: Any, aside: float, style: LineStyle, *, joined: bool) -> Any:
@@ -260,7 +259,7 @@ def _draw_median_band(axes: Axes, band: Any, aside: float, style: LineStyle, *, 
         axes.fill_between(at, low, high, color=style.colour, alpha=0.14, lw=0)
     else:
         axes.vlines(at, low, high, color=style.colour, alpha=0.5, lw=3)
-    marked = _marked_line(style) | ({} if joined else {"linestyle": "none"})
+    marked = marked_line(style) | ({} if joined else {"linestyle": "none"})
     line = axes.plot(at, middle, markersize=4, **marked)
     ring: dict[str, Any] = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
     axes.plot(at[measured < made], middle[measured < made], "o", **ring)
@@ -310,7 +309,7 @@ def profile_figure(title: str, profile: ProfileChart, charts: Charts) -> Figure:
         if profile.empty:
             write_reason(axes, profile.empty)
         for pair, (factors, shares) in profile.lines.items():
-            style = {**_marked_line(charts.styles[pair]), "marker": ""}
+            style = {**marked_line(charts.styles[pair]), "marker": ""}
             entries[pair] = axes.step(factors, shares, where="post", **style)[0]
         if not profile.empty:
             axes.set(xlim=(1, profile.end), ylim=(0, 1.03), ylabel="share of problems")
@@ -321,7 +320,7 @@ def profile_figure(title: str, profile: ProfileChart, charts: Charts) -> Figure:
     return figure
 
 
-def _marked_line(style: LineStyle) -> dict[str, Any]:
+def marked_line(style: LineStyle) -> dict[str, Any]:
     """Return matplotlib's options for a line with marks in the style of a pair of methods."""
     return {
         "color": style.colour,
@@ -362,7 +361,7 @@ def _set_axes(axes: Axes, log: tuple[bool, bool], across: Axis) -> None:
     axes.set_xlabel(one_line(across.label), parse_math=False)
     _set_log_scales(axes, log)
     if across.ticks:
-        axes.set_xticks(across.ticks, [number(tick) for tick in across.ticks])
+        axes.set_xticks(across.ticks, [_tick_label(tick) for tick in across.ticks])
 
 
 def _sampling_note(done: Any) -> list[str]:

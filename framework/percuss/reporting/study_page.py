@@ -47,6 +47,7 @@ def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
     list of Path
         The written files: the page, and a csv file of all rows where the study has more rows than a page can carry.
     """
+    study = study_charts.snapshot(study)
     target = Path(path)
     beside = target.with_suffix(".csv") if len(study.table) > study_data.MOST_ROWS else None
     if beside is not None:
@@ -151,7 +152,7 @@ def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts:
         # Double precision, so that the csv file saved from the page holds the same numbers as the study.
         return column | {"kind": "<f8", "data": study_data.packed(values[kept], "<f8")}
     values_as_text = study_data.texts(table[name])
-    levels = study_data.in_order(values_as_text)
+    levels = list(dict.fromkeys(values_as_text)) if role == "about" else study_data.in_order(values_as_text)
     codes = {level: k for k, level in enumerate(levels)}
     code_of_row = np.array([codes[text] for text in values_as_text], dtype=int)[kept]
     if role == "about":

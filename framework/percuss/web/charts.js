@@ -340,7 +340,6 @@ function drawVaried() {
   const cases = new Set(made.map((row) => column.case.codes[row])).size;
   const said = [
     scope(Boolean(stored), "Medians and bands"),
-    levels.some(Boolean) ? `A method that has no ${shortName(x)} is a level line at its median.` : "",
     cases > 1 ? `Medians are over the runs of ${cases} cases together; choose one above.` : "",
     lostWords(bands.flat()), atEdge(heights, logY, y.edge), missed,
     cases === 1 && x.name === "refine" && logX && logY ? ordersOf(onAxis) : "",
