@@ -524,7 +524,7 @@ function drawMap() {
   const ends = value ? extentOf(drawn) : [0, 1];
   const scale = (v) => (log ? Math.log10(v) : v);
   const share = (v) => (ends[1] > ends[0] ? (scale(v) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
-  const words = value ? `median ${value.label}` : page.shown[""];
+  const words = value ? `median ${value.label}` : page.stayed;
   const roomy = drawMapPanels(panels, x, y, share, words, value);
   drawScale(words + (log ? " (logarithmic)" : ""), drawn.length ? ends : null, panels, roomy, value);
   const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
@@ -783,7 +783,7 @@ function drawStudy() {
 
 /** Fill a box with the names of columns, and choose one of them. */
 function fill(id, names, place = 0) {
-  $(id).replaceChildren(...names.map((name) => element("option", page.shown[name] ?? column[name].label, { value: name })));
+  $(id).replaceChildren(...names.map((name) => element("option", name ? column[name].label : page.stayed, { value: name })));
   if (names.length) $(id).value = names[place] ?? names[0];
   $(id).addEventListener("change", drawStudy);
 }
@@ -794,15 +794,15 @@ function showPairs() {
 }
 
 function start() {
-  const { work, varied, map } = page.charts;
+  const { work, varied, mapped } = page.charts;
   fill("work-y", Object.keys(work.up));
   fill("work-x", Object.keys(work.across));
   fill("vary-y", Object.keys(varied.up));
   fill("vary-x", Object.keys(varied.across));
-  fill("map-v", Object.keys(page.shown));
-  fill("map-x", Object.keys(map.across));
-  fill("map-y", Object.keys(map.up), 1);
-  $("map").closest("figure").hidden = Object.keys(map.across).length < 2;
+  fill("map-v", [...Object.keys(varied.up), ""]);
+  fill("map-x", mapped);
+  fill("map-y", mapped, 1);
+  $("map").closest("figure").hidden = mapped.length < 2;
   fill("pairs-v", page.ranked);
   fill("profile-v", page.ranked);
   $("pairs").hidden = !document.querySelector(".overview");
