@@ -566,7 +566,7 @@ def test_the_charts_offer_each_column_in_its_place(several):
         "integrator": False,
         "contact": False,
     }
-    assert list(charts.map.across) == ["method.contact.beta_s", "refine", "case"]
+    assert charts.mapped == ["method.contact.beta_s", "refine", "case"]
     assert charts.ranked == ["force_error_l1", "penetration"]
     assert charts.axes["penetration"].no_log == "48 of 212 values are zero or less"
     mixed = odd(several)

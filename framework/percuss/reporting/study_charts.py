@@ -166,11 +166,10 @@ class Charts:
         The style of each pair of methods.
     axes
         The axis of each column that some chart offers.
-    work, varied, map
-        The columns offered by the chart of error over cost, by the chart of measures over a varied value, and by the
-        map over two varied values, whose medians are of ``shown``.
-    shown
-        The measures that the map offers.
+    work, varied
+        The columns offered by the chart of error over cost and by the chart of measures over a varied value.
+    mapped
+        The columns offered for either side of the map over two varied values.
     ranked
         The measures that rank runs: those offered by the table of pairs and cases and by the profile.
     """
@@ -179,8 +178,7 @@ class Charts:
     axes: dict[str, Axis]
     work: Choices
     varied: Choices
-    map: Choices
-    shown: list[str]
+    mapped: list[str]
     ranked: list[str]
 
 
@@ -215,15 +213,13 @@ def study_charts(table: Any, roles: ColumnRoles) -> Charts:
     measures = list(roles.measures)
     results = [name for name in measures if name not in roles.costs and name != "seconds"]
     choices = [name for name in ("case", "integrator", "contact") if name in several]
-    sides = first_log([*varied, *(name for name in choices if name == "case")])
     pairs = dict.fromkeys(study_data.methods(table))
     return Charts(
         {pair: line_style(k) for k, pair in enumerate(pairs)},
         axes,
         Choices(log_if_possible(list(roles.costs)), log_if_possible(results)),
         Choices(first_log([*varied, *choices]), first_log(measures)),
-        Choices(sides, sides),
-        measures,
+        [*varied, *(name for name in choices if name == "case")],
         study_data.ranking(roles),
     )
 

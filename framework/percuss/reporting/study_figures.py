@@ -92,9 +92,9 @@ def figures(study: StudyLike) -> Iterator[tuple[str, Figure]]:
         yield name, work_figure(study.title, done, charts, error, [(cost, case) for case in cases])
     for path in roles.varied:
         if done[path].nunique() > 1:
-            yield f"against-{_file_name(path)}", varied_figure(study.title, made, charts, path)
+            yield f"against-{_file_name(path)}", varied_figure(study.title, table, charts, path)
     if made["case"].nunique() > 1 and error:
-        yield "pairs-and-cases", cases_figure(study.title, made, charts, error)
+        yield "pairs-and-cases", cases_figure(study.title, table, charts, error)
         profile = study_charts.profile_chart(table, roles, error, study_data.problems(table, roles.varied))
         yield "performance-profile", profile_figure(study.title, profile, charts)
 
@@ -162,15 +162,15 @@ def _work_panel(axes: Axes, rows: Any, charts: Charts, cost: str, error: str) ->
 def varied_figure(title: str, table: Any, charts: Charts, path: str) -> Figure:
     """Return a figure of measures over one varied value: medians as lines, and bands that hold eight of ten runs."""
     names = [name for name in SHOWN if name in charts.varied.up][:4]
-    cases = table["case"].nunique()
-    lost = int((table["status"] != "done").sum())
-    done = table[table["status"] == "done"]
+    made = table[table["status"] != study_data.WAITING]
+    done = made[made["status"] == "done"]
+    cases, lost = made["case"].nunique(), len(made) - len(done)
     notes = [f"against {path}: points are runs that are done; {study_charts.CAPTIONS['vary']}"]
     notes += [f"medians are over the runs of {cases} cases together"] if cases > 1 else []
     log = [name for name in names if charts.varied.up[name]]
     if any(charts.axes[name].edge > np.nanmin(study_data.numbers(done[name])) for name in log):
         notes.append("on a logarithmic axis values below 1e-10 of the largest are drawn at its lower edge")
-    notes += [f"{lost} of {len(table)} runs were lost: they are in no median"] if lost else []
+    notes += [f"{lost} of {len(made)} runs were lost: they are in no median"] if lost else []
     with drawing():
         from matplotlib.figure import Figure
 
@@ -182,7 +182,7 @@ def varied_figure(title: str, table: Any, charts: Charts, path: str) -> Figure:
             bands[name][pair] = band
         entries: dict[str, Any] = {}
         for axes, name in zip(panels.flat, names, strict=False):
-            entries |= _draw_measure(axes, table, charts, path, name, bands[name])
+            entries |= _draw_measure(axes, made, charts, path, name, bands[name])
             axes.set_ylabel(charts.axes[name].label)
         for axes in panels.flat[len(names) :]:
             axes.set_axis_off()
@@ -191,14 +191,12 @@ def varied_figure(title: str, table: Any, charts: Charts, path: str) -> Figure:
     return figure
 
 
-def _draw_measure(
-    axes: Axes, table: Any, charts: Charts, path: str, name: str, bands: dict[str, Any]
-) -> dict[str, Any]:
+def _draw_measure(axes: Axes, made: Any, charts: Charts, path: str, name: str, bands: dict[str, Any]) -> dict[str, Any]:
     """Draw one measure over one varied value, which is a number or a word; return the legend entries."""
     across, log = charts.axes[path], (charts.varied.across[path], charts.varied.up[name])
     edge = charts.axes[name].edge if log[1] else -np.inf
-    pairs, places = np.array(study_data.methods(table)), _places(table[path], across)
-    measured = np.maximum(study_data.numbers(table[name].where(table["status"] == "done")), edge)
+    pairs, places = np.array(study_data.methods(made)), _places(made[path], across)
+    measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), edge)
     seen = [pair for pair in charts.styles if pair in bands and bands[pair][4].any()]
     level = [pair for pair in seen if np.isnan(bands[pair][0]).all()]
     entries: dict[str, Any] = {}

@@ -16,7 +16,7 @@ function quantile(sorted, share) {
   return sorted[low] + (place - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
 }
 
-const labelsOf = (side, bins) => (side.kind === "text" ? side.levels.map((level) => level || "none") : bins.places.map((place) => told(place, 3)));
+const labelsOf = (side, bins) => (side.kind === "text" ? side.levels.map((level) => level || "none") : bins.places.map((place) => numberText(place, 3)));
 
 // ---------------------------------------------------------------------------------------------- axes
 
@@ -34,7 +34,7 @@ function powersBetween(low, high) {
   } else {
     const [from, to] = [10 ** low, 10 ** high];
     const rough = 10 ** Math.floor(Math.log10((to - from) / 4 || 1e-300));
-    const step = [1, 2, 5, 10].map((factor) => factor * rough).find((one) => (to - from) / one <= 6) || to - from;
+    const step = [1, 2, 5, 10].map((factor) => factor * rough).find((width) => (to - from) / width <= 6) || to - from;
     for (let k = Math.ceil(from / step); k * step <= to && out.length < 12; k++) out.push(Math.log10(k * step));
   }
   return out.filter((power) => power >= low - 1e-9 && power <= high + 1e-9);
@@ -46,7 +46,7 @@ function axis(words, extent, { log = false, labels = null, gap = 30, horizontal 
   const room = labels ? 0.5 : (high - low || Math.abs(high) * 0.1 || 1) * 0.05;
   const ends = [low - room, high + room];
   const given = labels ? labels.map((_, k) => k) : ticks || (log ? powersBetween(...ends) : undefined);
-  const formatter = labels ? (value) => labels[value] ?? "" : (value) => told(log ? 10 ** value : value, 3);
+  const formatter = labels ? (value) => labels[value] ?? "" : (value) => numberText(log ? 10 ** value : value, 3);
   const small = { color: look.soft, fontSize: 12 };
   return {
     type: "value", min: ends[0], max: ends[1], name: words, nameLocation: "middle", nameGap: gap,
@@ -152,7 +152,7 @@ function line(k, data, extra = {}) {
 const clickWords = (row) => (page.histories[row] ? "A click shows its force." : "No force was kept of it; a click shows its row.");
 
 function tipOfRun(row, ...pairs) {
-  const lines = [nameOf(row), ...pairs.map(([words, value]) => `${words}: ${told(value)}`), clickWords(row)];
+  const lines = [nameOf(row), ...pairs.map(([words, value]) => `${words}: ${numberText(value)}`), clickWords(row)];
   return lines.map(escaped).join("<br>");
 }
 
@@ -226,9 +226,9 @@ function drawWork() {
   const chart = show("work", {
     ...option, toolbox: { ...tools("work-precision", drawn.length === 1) }, tooltip: tooltip(tip),
     title: alone ? [] : drawn.map((_, n) => titleOf(column.case.levels[cases[n]], drawn.length === 1 ? { left: grid.left, top: 10, width: 400 } : { ...panels[n], top: panels[n].top - 4 })),
-    series: drawn.flatMap(({ series }, n) => series.map((one) => ({ ...one, xAxisIndex: n, yAxisIndex: n }))),
-    xAxis: drawn.map(({ all }, n) => ({ ...axis(x.label, extentOf(all.map((one) => one[0])), { log: log[0], gap: 30 }), gridIndex: n })),
-    yAxis: drawn.map(({ all }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(all.map((one) => one[1])), { log: log[1], gap: 48 }), gridIndex: n })),
+    series: drawn.flatMap(({ series }, n) => series.map((item) => ({ ...item, xAxisIndex: n, yAxisIndex: n }))),
+    xAxis: drawn.map(({ all }, n) => ({ ...axis(x.label, extentOf(all.map((item) => item[0])), { log: log[0], gap: 30 }), gridIndex: n })),
+    yAxis: drawn.map(({ all }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(all.map((item) => item[1])), { log: log[1], gap: 48 }), gridIndex: n })),
   }, { height: drawn.length === 1 ? 380 : tall });
   if (drawn.length === 1) followZoom(chart, { xAxis: log[0], yAxis: log[1] });
   else chart.off("datazoom");
@@ -291,9 +291,9 @@ function drawVaried() {
   const made = visible(active).filter(isMade);
   const rows = made.filter(isDone);
   const level = page.methods.map((_, k) => !words && lacks(k, x));
-  const known = rows.filter((row) => Number.isFinite(y.values[row]));
+  const measured = rows.filter((row) => Number.isFinite(y.values[row]));
   const logX = logBox("vary-logx", x, page.charts.varied.across[x.name]);
-  const heights = known.filter((row) => words || level[methodOf[row]] || Number.isFinite(x.values[row])).map((row) => y.values[row]);
+  const heights = measured.filter((row) => words || level[methodOf[row]] || Number.isFinite(x.values[row])).map((row) => y.values[row]);
   const logY = logBox("vary-logy", y, page.charts.varied.up[y.name]);
   const present = page.methods.map((_, k) => k).filter((k) => !hidden.has(k));
   // methods stand beside each other where the axis holds words
@@ -308,7 +308,7 @@ function drawVaried() {
     return bandOf(x, y, drawn.filter((row) => methodOf[row] === k), beside(k), level[k]);
   });
   const put = ([place, low, middle, high, ...many]) => [logX ? Math.log10(place) : place, ...[low, middle, high].map((v) => onAxisOf(v, logY, y.edge)), ...many, middle];
-  const full = bands.map((band) => band.filter((one) => one[4] > 0));
+  const full = bands.map((band) => band.filter((item) => item[4] > 0));
   const onAxis = full.map((band) => band.filter(([place]) => Number.isFinite(place)).map(put));
   const levels = full.map((band) => band.filter(([place]) => !Number.isFinite(place)).map(put)[0]);
   const leveled = present.filter((k) => levels[k]);
@@ -320,16 +320,16 @@ function drawVaried() {
     return say("vary", "No run with both values passes the filters.");
   }
   const ticks = x.ticks.length ? x.ticks.map((value) => (logX ? Math.log10(value) : value)) : null;
-  const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((one) => one[0]));
+  const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((item) => item[0]));
   const labels = words ? x.levels.map((level) => labelOf(level) || `no ${shortName(x)}`) : null;
   const counts = ([, , , , have, of]) => (have < of ? `median of ${have} of ${of} runs, the others lost` : `median of ${counted(of, "run")}`);
-  const tipOfMedian = (k, one, where) => [page.methods[k], where, `${y.label}: ${told(one[6])}`, counts(one)].map(escaped).join("<br>");
+  const tipOfMedian = (k, item, where) => [page.methods[k], where, `${y.label}: ${numberText(item[6])}`, counts(item)].map(escaped).join("<br>");
   const series = page.methods.flatMap((method, k) => [
     points(k, data[k], method), ...bandSeries(k, onAxis[k], words),
-    ...rings(k, onAxis[k].filter((one) => one[4] < one[5]), (one) => tipOfMedian(k, one, words ? "" : `${x.label}: ${told(logX ? 10 ** one[0] : one[0])}`)),
+    ...rings(k, onAxis[k].filter((item) => item[4] < item[5]), (item) => tipOfMedian(k, item, words ? "" : `${x.label}: ${numberText(logX ? 10 ** item[0] : item[0])}`)),
     ...(levels[k] ? levelSeries(k, levels[k], spread, middle(k), `no ${shortName(x)}`, tipOfMedian(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
   ]);
-  const ends = [...all.map((one) => one[1]), ...levels.filter(Boolean).flatMap((one) => [one[1], one[2], one[3]])];
+  const ends = [...all.map((item) => item[1]), ...levels.filter(Boolean).flatMap((item) => [item[1], item[2], item[3]])];
   const chart = show("vary", {
     grid: words ? { ...grid, bottom: 76 } : grid, toolbox: tools("varied"), series,
     xAxis: axis(x.label, spread, { log: logX, labels, gap: words ? 54 : 30, horizontal: true, ticks }),
@@ -338,18 +338,18 @@ function drawVaried() {
   });
   followZoom(chart, { xAxis: logX, yAxis: logY });
   const cases = new Set(made.map((row) => column.case.codes[row])).size;
-  const said = [
+  const notes = [
     scope(Boolean(stored), "Medians and bands"),
     cases > 1 ? `Medians are over the runs of ${cases} cases together; choose one above.` : "",
     lostWords(bands.flat()), atEdge(heights, logY, y.edge), missed,
     cases === 1 && x.name === "refine" && logX && logY ? ordersOf(onAxis) : "",
   ];
-  $("vary-note").textContent = said.filter(Boolean).join(" ");
+  $("vary-note").textContent = notes.filter(Boolean).join(" ");
 }
 
 /** How many of the runs behind some medians have no part in them. */
 function lostWords(band) {
-  const [have, of] = [4, 5].map((place) => band.reduce((sum, one) => sum + one[place], 0));
+  const [have, of] = [4, 5].map((place) => band.reduce((sum, item) => sum + item[place], 0));
   return of > have ? `${(of - have).toLocaleString("en")} of ${counted(of, "run")} were lost or have no such number, and are in no median; at a ring some were.` : "";
 }
 
@@ -357,12 +357,12 @@ function lostWords(band) {
 function ordersOf(bands) {
   const orders = bands.map((band, k) => {
     if (band.length < 2) return "";
-    const [x, y] = [0, 2].map((place) => band.reduce((sum, one) => sum + one[place], 0) / band.length);
-    const slope = band.reduce((sum, one) => sum + (one[0] - x) * (one[2] - y), 0) / band.reduce((sum, one) => sum + (one[0] - x) ** 2, 0);
-    return `${page.methods[k]} ${told(-slope, 2)}`;
+    const [x, y] = [0, 2].map((place) => band.reduce((sum, item) => sum + item[place], 0) / band.length);
+    const slope = band.reduce((sum, item) => sum + (item[0] - x) * (item[2] - y), 0) / band.reduce((sum, item) => sum + (item[0] - x) ** 2, 0);
+    return `${page.methods[k]} ${numberText(-slope, 2)}`;
   });
-  const known = orders.filter(Boolean);
-  return known.length ? `Observed orders, fitted to the medians: ${known.join("; ")}.` : "";
+  const fitted = orders.filter(Boolean);
+  return fitted.length ? `Observed orders, fitted to the medians: ${fitted.join("; ")}.` : "";
 }
 
 function storedBand(text, offset) {
@@ -392,7 +392,7 @@ function bandOf(x, y, rows, offset, level) {
 /** Rings around the medians over fewer runs than were made. */
 function rings(k, band, tip) {
   const { colour } = style(k);
-  const data = band.map((one) => ({ value: [one[0], one[2]], tip: tip(one) }));
+  const data = band.map((item) => ({ value: [item[0], item[2]], tip: tip(item) }));
   return [{ type: "scatter", name: "ring", data, symbol: "circle", symbolSize: 13, z: 5, itemStyle: { color: "transparent", borderColor: colour, borderWidth: 2 } }];
 }
 
@@ -450,7 +450,7 @@ function drawProfile() {
 
 function tipOfProfile(items) {
   const last = new Map(items.map(({ seriesName, data }) => [seriesName, data]));
-  return [`within ${escaped(told(10 ** items[0].axisValue, 3))} times the best`, ...[...last].map(([name, data]) => `${escaped(name)}: <b>${escaped(told(data[1], 3))}</b>`)].join("<br>");
+  return [`within ${escaped(numberText(10 ** items[0].axisValue, 3))} times the best`, ...[...last].map(([name, data]) => `${escaped(name)}: <b>${escaped(numberText(data[1], 3))}</b>`)].join("<br>");
 }
 
 // ---------------------------------------------------------------------------------------------- map
@@ -489,10 +489,10 @@ function cellsOf(k, rows, x, y, value) {
 }
 
 /** Give a cell its value, and of how many of its runs that is. */
-function finishCell(cell, value, median, known) {
+function finishCell(cell, value, median, measured) {
   const { done = 0, unstable = 0 } = cell.counts;
   cell.made = Object.values(cell.counts).reduce((sum, many) => sum + many, 0);
-  cell.known = value ? known : done + unstable;
+  cell.measured = value ? measured : done + unstable;
   cell.value = value ? median : done / (done + unstable);
   return cell;
 }
@@ -524,13 +524,13 @@ function drawMap() {
   const ends = value ? extentOf(drawn) : [0, 1];
   const scale = (v) => (log ? Math.log10(v) : v);
   const share = (v) => (ends[1] > ends[0] ? (scale(v) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
-  const words = value ? `median ${value.label}` : page.shown[""];
+  const words = value ? `median ${value.label}` : page.stayed;
   const roomy = drawMapPanels(panels, x, y, share, words, value);
   drawScale(words + (log ? " (logarithmic)" : ""), drawn.length ? ends : null, panels, roomy, value);
   const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
   const lacking = bare.length ? `No run with both values: ${bare.join(", ")}. ` : "";
   const left = present.length > MOST_PANELS ? `The first ${MOST_PANELS} of ${present.length} methods are shown. ` : "";
-  const lost = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made - (value ? cell.known : cell.counts.done || 0), 0);
+  const lost = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made - (value ? cell.measured : cell.counts.done || 0), 0);
   const made = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made, 0);
   const partial = lost ? `${lost.toLocaleString("en")} of the ${counted(made, "run")} on the map ${value ? "have no such number, and are in no median" : "are not done"}. ` : "";
   const cases = new Set(rows.map((row) => column.case.codes[row])).size;
@@ -549,14 +549,14 @@ function storedMap(x, y) {
     if (!method) return [];
     const part = (name) => (method[name] ? unpacked(method[name], "<f4") : null);
     const kinds = page.outcomes.map(([name, outcome]) => [outcome, part(name)]);
-    const [medians, known] = value ? [part(value.name), part(`${value.name}|known`)] : [null, null];
+    const [medians, measured] = value ? [part(value.name), part(`${value.name}|known`)] : [null, null];
     const wide = lacks(k, across) ? 1 : across.cells.places.length;
     return Array.from(kinds[0][1], (_, at) => at).flatMap((at) => {
       const counts = Object.fromEntries(kinds.map(([outcome, many]) => [outcome, many[at]]).filter(([, many]) => many));
       if (!Object.keys(counts).length) return [];
       const [i, j] = [at % wide, Math.floor(at / wide)];
       const cell = { i: turned ? j : i, j: turned ? i : j, counts };
-      return [finishCell(cell, value, medians ? medians[at] : NaN, medians ? (known ? known[at] : counts.done || 0) : 0)];
+      return [finishCell(cell, value, medians ? medians[at] : NaN, medians ? (measured ? measured[at] : counts.done || 0) : 0)];
     });
   };
 }
@@ -584,10 +584,10 @@ function drawMapPanels(panels, x, y, share, words, value) {
   const tip = ({ data: { cell }, seriesIndex }) => {
     const { bins } = panels[option.series[seriesIndex].xAxisIndex];
     const counts = Object.entries(cell.counts).map(([status, many]) => `${many} ${status}`).join(", ");
-    const over = cell.known < cell.made ? ` (of ${cell.known} of ${cell.made} runs)` : ` (of ${counted(cell.made, "run")})`;
-    const told_ = Number.isFinite(cell.value) ? [`${words}: ${told(cell.value)}${over}`] : cell.counts.done ? [`${words}: no number of ${counted(cell.made, "run")}`] : [];
+    const over = cell.measured < cell.made ? ` (of ${cell.measured} of ${cell.made} runs)` : ` (of ${counted(cell.made, "run")})`;
+    const valueWords = Number.isFinite(cell.value) ? [`${words}: ${numberText(cell.value)}${over}`] : cell.counts.done ? [`${words}: no number of ${counted(cell.made, "run")}`] : [];
     const click = Number.isInteger(cell.row) ? [cell.made > 1 ? `A click shows one run of the cell. ${clickWords(cell.row)}` : clickWords(cell.row)] : [];
-    return [`${x.label}: ${bins[0].labels[cell.i]}`, `${y.label}: ${bins[1].labels[cell.j]}`, ...told_, counts, ...click].map(escaped).join("<br>");
+    return [`${x.label}: ${bins[0].labels[cell.i]}`, `${y.label}: ${bins[1].labels[cell.j]}`, ...valueWords, counts, ...click].map(escaped).join("<br>");
   };
   show("map", { ...option, tooltip: tooltip(tip), toolbox: { show: false } }, { height: tall });
   return roomy;
@@ -595,8 +595,8 @@ function drawMapPanels(panels, x, y, share, words, value) {
 
 const hasValue = (cell) => Number.isFinite(cell.value);
 /** Whether the value of a cell is that of some of its runs only. */
-const isPartial = (cell) => hasValue(cell) && (cell.known < cell.made || cell.counts.done < cell.made || !cell.counts.done);
-const countOf = (cell) => `${Math.min(cell.known, cell.counts.done || 0)}/${cell.made}`;
+const isPartial = (cell) => hasValue(cell) && (cell.measured < cell.made || cell.counts.done < cell.made || !cell.counts.done);
+const countOf = (cell) => `${Math.min(cell.measured, cell.counts.done || 0)}/${cell.made}`;
 
 function mapSeries(cells, n, [wide, high], share, look, fits) {
   const at = (cell) => ({ value: [cell.i, cell.j], row: cell.row, cell });
@@ -628,7 +628,7 @@ function drawScale(words, ends, panels, roomy, value) {
     const ramp = element("span", "", { class: "ramp" });
     ramp.style.background = `linear-gradient(90deg, ${CIVIDIS.join(",")})`;
     const range = element("span");
-    range.append(told(ends[0], 3), ramp, told(ends[1], 3));
+    range.append(numberText(ends[0], 3), ramp, numberText(ends[1], 3));
     made.push(range);
   }
   const cells = panels.flatMap((panel) => panel.cells);
@@ -676,8 +676,8 @@ function showRow(row) {
 }
 
 function reformat(row) {
-  const found = table.getRow(row);
-  if (found) found.reformat();
+  const line = table.getRow(row);
+  if (line) line.reformat();
 }
 
 function pairs([time, force]) {
@@ -701,13 +701,13 @@ function drawForce() {
     if (history.exact.length && !exact.has(what)) {
       exact.add(what);
       const look = { color: looks().exact, width: 5 };
-      series.push(...history.exact.map((one) => ({ type: "line", name: `exact, ${what}`, data: pairs(one), symbol: "none", z: 1, lineStyle: look, itemStyle: { color: look.color } })));
+      series.push(...history.exact.map((item) => ({ type: "line", name: `exact, ${what}`, data: pairs(item), symbol: "none", z: 1, lineStyle: look, itemStyle: { color: look.color } })));
       entries.push([{ colour: look.color, dash: [], width: 5 }, `exact, ${what}`]);
     }
-    history.force.forEach((one, contact) => {
+    history.force.forEach((item, contact) => {
       const name = history.force.length > 1 ? `${words}, ${history.contacts[contact] ?? `contact ${contact + 1}`}` : words;
       series.push({
-        type: "line", name, data: pairs(one), symbol: "none", z: 3, itemStyle: { color: colour },
+        type: "line", name, data: pairs(item), symbol: "none", z: 3, itemStyle: { color: colour },
         lineStyle: { color: colour, width: contact ? 1 : 2, type: dashOf(dash, contact ? 1 : 2) },
       });
     });
@@ -722,10 +722,10 @@ function drawForce() {
   );
   $("force-note").textContent = forceNote();
   if (!series.length) return say("force", "No run is chosen.", { height: 90 });
-  const all = series.flatMap((one) => one.data);
+  const all = series.flatMap((item) => item.data);
   show("force", {
     grid: { left: 74, right: 18, top: 30, bottom: 48 }, toolbox: tools("force"), series,
-    xAxis: axis("time", extentOf(all.map((one) => one[0])), { gap: 28 }),
+    xAxis: axis("time", extentOf(all.map((item) => item[0])), { gap: 28 }),
     yAxis: { ...axis("contact force", boundOf(series), { gap: 56 }) },
     tooltip: { ...tooltip(tipOfTime), trigger: "axis" },
   }, { height: 340 });
@@ -733,13 +733,13 @@ function drawForce() {
 
 /** Keep what the exact force tells, or the runs that are done, from being flattened by a run that ran away. */
 function boundOf(series) {
-  const sound = series.filter((one) => !one.name.includes("(unstable)"));
-  return extentOf((sound.length ? sound : series).flatMap((one) => one.data.map((pair) => pair[1])));
+  const sound = series.filter((item) => !item.name.includes("(unstable)"));
+  return extentOf((sound.length ? sound : series).flatMap((item) => item.data.map((pair) => pair[1])));
 }
 
 function tipOfTime(items) {
-  const lines = items.slice(0, 8).map(({ seriesName, data }) => `${escaped(seriesName)}: <b>${escaped(told(data[1]))}</b>`);
-  return [`time ${escaped(told(items[0].axisValue))}`, ...lines].join("<br>");
+  const lines = items.slice(0, 8).map(({ seriesName, data }) => `${escaped(seriesName)}: <b>${escaped(numberText(data[1]))}</b>`);
+  return [`time ${escaped(numberText(items[0].axisValue))}`, ...lines].join("<br>");
 }
 
 /** What is said of a run that was asked for and has no history to show. */
@@ -760,14 +760,14 @@ let firstWords = "";
 function pickFirst() {
   const rows = Object.keys(page.histories).map(Number).filter(isDone);
   const error = column.force_error_l1;
-  const known = rows.filter((row) => error && Number.isFinite(error.values[row]));
-  firstWords = known.length ? "it begins with the least force error of each method in one case." : rows.length ? "no force error is known, and it begins with the first run of each method." : "";
+  const ranked = rows.filter((row) => error && Number.isFinite(error.values[row]));
+  firstWords = ranked.length ? "it begins with the least force error of each method in one case." : rows.length ? "no force error is known, and it begins with the first run of each method." : "";
   const best = new Map();
   // a run without a true error is not ranked among those that have one
-  for (const row of known.length ? known : rows) {
+  for (const row of ranked.length ? ranked : rows) {
     const method = methodOf[row];
-    if (column.case.codes[row] !== column.case.codes[(known.length ? known : rows)[0]]) continue;
-    if (!best.has(method) || (known.length && error.values[row] < error.values[best.get(method)])) best.set(method, row);
+    if (column.case.codes[row] !== column.case.codes[(ranked.length ? ranked : rows)[0]]) continue;
+    if (!best.has(method) || (ranked.length && error.values[row] < error.values[best.get(method)])) best.set(method, row);
   }
   picked.push(...[...best.values()].slice(0, 4));
 }
@@ -783,26 +783,26 @@ function drawStudy() {
 
 /** Fill a box with the names of columns, and choose one of them. */
 function fill(id, names, place = 0) {
-  $(id).replaceChildren(...names.map((name) => element("option", page.shown[name] ?? column[name].label, { value: name })));
+  $(id).replaceChildren(...names.map((name) => element("option", name ? column[name].label : page.stayed, { value: name })));
   if (names.length) $(id).value = names[place] ?? names[0];
   $(id).addEventListener("change", drawStudy);
 }
 
 /** Show the table of pairs and cases of the chosen measure. */
 function showPairs() {
-  for (const one of document.querySelectorAll(".overview")) one.hidden = one.dataset.measure !== $("pairs-v").value;
+  for (const item of document.querySelectorAll(".overview")) item.hidden = item.dataset.measure !== $("pairs-v").value;
 }
 
 function start() {
-  const { work, varied, map } = page.charts;
+  const { work, varied, mapped } = page.charts;
   fill("work-y", Object.keys(work.up));
   fill("work-x", Object.keys(work.across));
   fill("vary-y", Object.keys(varied.up));
   fill("vary-x", Object.keys(varied.across));
-  fill("map-v", Object.keys(page.shown));
-  fill("map-x", Object.keys(map.across));
-  fill("map-y", Object.keys(map.up), 1);
-  $("map").closest("figure").hidden = Object.keys(map.across).length < 2;
+  fill("map-v", [...Object.keys(varied.up), ""]);
+  fill("map-x", mapped);
+  fill("map-y", mapped, 1);
+  $("map").closest("figure").hidden = mapped.length < 2;
   fill("pairs-v", page.ranked);
   fill("profile-v", page.ranked);
   $("pairs").hidden = !document.querySelector(".overview");
@@ -842,7 +842,7 @@ function toPaper(on) {
     folded = [...document.querySelectorAll("details:not([open])")];
     drawPrinted();
   }
-  for (const one of folded) one.open = on;
+  for (const item of folded) item.open = on;
   redraw();
 }
 

@@ -20,8 +20,8 @@ const columns = page.columns.map((column) => {
   const bins = { places: column.levels.map((_, k) => k), of: codes };
   return { ...column, codes, bins, cells: bins };
 });
-const column = Object.fromEntries(columns.map((one) => [one.name, one]));
-const textAt = (one, row) => (one.kind === "text" ? one.levels[one.codes[row]] : told(one.values[row]));
+const column = Object.fromEntries(columns.map((field) => [field.name, field]));
+const textAt = (field, row) => (field.kind === "text" ? field.levels[field.codes[row]] : numberText(field.values[row]));
 const methodOf = new Int32Array(page.rows);
 for (let row = 0; row < page.rows; row++) {
   methodOf[row] = page.methods.indexOf(`${textAt(column.integrator, row)} + ${textAt(column.contact, row)}`);
@@ -33,8 +33,8 @@ const isMade = (row) => outcomeOf(row) !== "";
 /** Rows that were added to those drawn as nothing beats them: they are in no median, which they would improve. */
 const added = new Set(page.added);
 /** Whether no run of a method has a varied value: its runs are the same at each value of it. */
-const lacks = (method, one) => (page.lacking[one.name] || []).includes(page.methods[method]);
-const shortName = (one) => one.label.split(".").pop();
+const lacks = (method, field) => (page.lacking[field.name] || []).includes(page.methods[method]);
+const shortName = (field) => field.label.split(".").pop();
 
 let active = Array.from({ length: page.rows }, (_, row) => row);
 const hidden = new Set();
@@ -45,7 +45,7 @@ let marked = null; // the row that was asked for last and has no history to show
 
 const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 
-function told(value, digits = 4) {
+function numberText(value, digits = 4) {
   if (value === null || value === undefined || Number.isNaN(value)) return "";
   if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
   const size = Math.abs(value);
@@ -69,15 +69,15 @@ function element(tag, text = "", attributes = {}) {
 
 /** A text of the table as it is read: a number among words is rounded as any other number. */
 function labelOf(text) {
-  return text !== "" && Number.isFinite(Number(text)) ? told(Number(text)) : text;
+  return text !== "" && Number.isFinite(Number(text)) ? numberText(Number(text)) : text;
 }
 
 /** What tells a run from the others: case, method, varied values. */
 function nameOf(row) {
   const cases = column.case.levels.length > 1 ? [textAt(column.case, row)] : [];
   const values = columns
-    .filter((one) => one.role === "varied" && textAt(one, row) !== "")
-    .map((one) => `${shortName(one)} = ${labelOf(textAt(one, row))}`);
+    .filter((field) => field.role === "varied" && textAt(field, row) !== "")
+    .map((field) => `${shortName(field)} = ${labelOf(textAt(field, row))}`);
   return [page.methods[methodOf[row]], ...cases, ...values].join(", ");
 }
 
@@ -135,11 +135,11 @@ function fits(value, wanted) {
   const text = wanted.replace(/\s|−/g, (letter) => (letter === "−" ? "-" : ""));
   const span = text.split("..").map(Number);
   if (span.length === 2 && !span.some(Number.isNaN)) return value >= span[0] && value <= span[1];
-  const found = /^(<=|>=|<|>|=)?([-+.\de]+)$/i.exec(text);
-  if (!found || Number.isNaN(Number(found[2]))) return told(value).includes(wanted);
-  const bound = Number(found[2]);
+  const match = /^(<=|>=|<|>|=)?([-+.\de]+)$/i.exec(text);
+  if (!match || Number.isNaN(Number(match[2]))) return numberText(value).includes(wanted);
+  const bound = Number(match[2]);
   const near = Math.abs(value - bound) <= 1e-6 * Math.abs(bound);
-  return { "<": value < bound, ">": value > bound, "<=": value <= bound || near, ">=": value >= bound || near }[found[1]] ?? near;
+  return { "<": value < bound, ">": value > bound, "<=": value <= bound || near, ">=": value >= bound || near }[match[1]] ?? near;
 }
 
 function passes(wanted, value, numeric) {
@@ -150,19 +150,19 @@ function passes(wanted, value, numeric) {
   return text.startsWith("=") ? value === text.slice(1) : value.toLowerCase().includes(text.toLowerCase());
 }
 
-function tableColumn(one, k) {
-  const numeric = one.kind !== "text";
-  const sample = numeric ? 9 : Math.max(...one.levels.map((level) => level.length));
+function tableColumn(field, k) {
+  const numeric = field.kind !== "text";
+  const sample = numeric ? 9 : Math.max(...field.levels.map((level) => level.length));
   const shared = {
-    title: escaped(one.label).replace(/[._]/g, "$&<wbr>"), field: `c${k}`, headerFilter: "input", headerFilterPlaceholder: numeric ? "> < .." : "contains",
-    headerFilterFunc: (wanted, value, line) => (one.role === "varied" && lacks(methodOf[line.i], one)) || passes(String(wanted), value, numeric),
-    width: Math.min(Math.max(8 * sample + 28, numeric ? 112 : 100, Math.min(5 * one.label.length + 44, 170)), 330),
+    title: escaped(field.label).replace(/[._]/g, "$&<wbr>"), field: `c${k}`, headerFilter: "input", headerFilterPlaceholder: numeric ? "> < .." : "contains",
+    headerFilterFunc: (wanted, value, line) => (field.role === "varied" && lacks(methodOf[line.i], field)) || passes(String(wanted), value, numeric),
+    width: Math.min(Math.max(8 * sample + 28, numeric ? 112 : 100, Math.min(5 * field.label.length + 44, 170)), 330),
   };
-  const none = (cell) => (one.role === "varied" && lacks(methodOf[cell.getRow().getData().i], one) ? `no ${shortName(one)}` : "");
-  if (!numeric) return { ...shared, formatter: one.name === "status" ? statusCell : (cell) => escaped(one.role === "varied" ? labelOf(cell.getValue()) || none(cell) : cell.getValue()) };
+  const none = (cell) => (field.role === "varied" && lacks(methodOf[cell.getRow().getData().i], field) ? `no ${shortName(field)}` : "");
+  if (!numeric) return { ...shared, formatter: field.name === "status" ? statusCell : (cell) => escaped(field.role === "varied" ? labelOf(cell.getValue()) || none(cell) : cell.getValue()) };
   return {
     ...shared, hozAlign: "right", sorter: "number", sorterParams: { alignEmptyValues: "bottom" },
-    formatter: (cell) => escaped(told(cell.getValue()) || none(cell)),
+    formatter: (cell) => escaped(numberText(cell.getValue()) || none(cell)),
   };
 }
 
@@ -175,27 +175,27 @@ function statusCell(cell) {
 function tableRows() {
   return active.map((row) => {
     const line = { i: row };
-    columns.forEach((one, k) => {
-      const value = one.kind === "text" ? textAt(one, row) : one.values[row];
+    columns.forEach((field, k) => {
+      const value = field.kind === "text" ? textAt(field, row) : field.values[row];
       line[`c${k}`] = Number.isNaN(value) ? null : value;
     });
     return line;
   });
 }
 
-const toldColumns = columns
-  .map((one, k) => [one, k])
-  .filter(([one]) => (one.kind === "text" ? one.levels.some((level) => level !== "") : one.values.some((v) => !Number.isNaN(v))));
+const shownColumns = columns
+  .map((field, k) => [field, k])
+  .filter(([field]) => (field.kind === "text" ? field.levels.some((level) => level !== "") : field.values.some((v) => !Number.isNaN(v))));
 
 const table = new Tabulator("#table", {
   data: tableRows(), index: "i", height: 440, layout: "fitDataFill", nestedFieldSeparator: false,
   columnDefaults: { headerWordWrap: true },
-  columns: toldColumns.map(([one, k]) => tableColumn(one, k)), placeholder: "No run passes these filters",
+  columns: shownColumns.map(([field, k]) => tableColumn(field, k)), placeholder: "No run passes these filters",
   rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().i) || row.getData().i === marked),
 });
 table.on("rowClick", (_, row) => pick(row.getData().i));
 table.on("dataFiltered", (_, rows) => {
-  if (rows.length === page.rows && active.length === page.rows) return; // told at the start too, when all is drawn
+  if (rows.length === page.rows && active.length === page.rows) return; // Tabulator filters at the start too, when all is drawn
   active = rows.map((row) => row.getData().i);
   count();
   drawStudy();
@@ -218,9 +218,9 @@ $("clear").addEventListener("click", () => {
 
 $("csv").addEventListener("click", () => {
   const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const raw = (one, row) => (one.kind === "text" ? textAt(one, row) : Number.isNaN(one.values[row]) ? "" : String(one.values[row]));
-  const lines = table.getRows("active").map((row) => columns.map((one) => quoted(raw(one, row.getData().i))).join(","));
-  const text = [columns.map((one) => quoted(one.name)).join(","), ...lines, ""].join("\n");
+  const raw = (field, row) => (field.kind === "text" ? textAt(field, row) : Number.isNaN(field.values[row]) ? "" : String(field.values[row]));
+  const lines = table.getRows("active").map((row) => columns.map((field) => quoted(raw(field, row.getData().i))).join(","));
+  const text = [columns.map((field) => quoted(field.name)).join(","), ...lines, ""].join("\n");
   const link = element("a", "", { download: "runs.csv", href: URL.createObjectURL(new Blob([text], { type: "text/csv" })) });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
@@ -228,17 +228,17 @@ $("csv").addEventListener("click", () => {
 
 /** A choice above the charts for every case and every varied value that has few values; it sets the table's filter. */
 function drawFilters() {
-  for (const [one, k] of toldColumns) {
-    if (one.name !== "case" && one.role !== "varied") continue;
-    const values = one.kind === "text" ? one.levels : [...new Set(one.values)].filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
+  for (const [field, k] of shownColumns) {
+    if (field.name !== "case" && field.role !== "varied") continue;
+    const values = field.kind === "text" ? field.levels : [...new Set(field.values)].filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
     if (values.length < 2 || values.length > 16) continue;
     const chosen = element("select");
     chosen.append(element("option", "all", { value: "" }));
     for (const value of values) {
-      chosen.append(element("option", one.kind === "text" ? value : told(value), { value: one.kind === "text" ? `=${value}` : value }));
+      chosen.append(element("option", field.kind === "text" ? value : numberText(value), { value: field.kind === "text" ? `=${value}` : value }));
     }
     chosen.addEventListener("change", () => table.setHeaderFilterValue(`c${k}`, chosen.value));
-    const label = element("label", `${one.label} `);
+    const label = element("label", `${field.label} `);
     label.append(chosen);
     $("filters").append(label);
   }
@@ -247,18 +247,18 @@ function drawFilters() {
 /** On paper the first rows, as sorted and filtered, in the columns that tell most. */
 function drawPrinted() {
   const wanted = ["force_error_l1", "noise", "penetration", "peak_force", "energy_max", "node_steps"];
-  const chosen = toldColumns
-    .map(([one]) => one)
-    .filter((one) => ["integrator", "contact", "status"].includes(one.name) || one.role === "varied" || wanted.includes(one.name)
-      || (one.name === "case" && one.levels.length > 1));
+  const chosen = shownColumns
+    .map(([field]) => field)
+    .filter((field) => ["integrator", "contact", "status"].includes(field.name) || field.role === "varied" || wanted.includes(field.name)
+      || (field.name === "case" && field.levels.length > 1));
   const rows = table.getRows("active").slice(0, MOST_PRINTED).map((row) => row.getData().i);
   const made = element("table", "", { class: "plain" });
   const head = element("tr");
-  head.append(...chosen.map((one) => element("th", one.label.split(".").pop())));
+  head.append(...chosen.map((field) => element("th", field.label.split(".").pop())));
   made.createTHead().append(head); // stands again on every sheet
   for (const row of rows) {
     const line = element("tr");
-    line.append(...chosen.map((one) => element("td", textAt(one, row))));
+    line.append(...chosen.map((field) => element("td", textAt(field, row))));
     made.append(line);
   }
   const words = active.length > rows.length ? `The first ${rows.length} of ${active.length.toLocaleString("en")} rows.` : "";
