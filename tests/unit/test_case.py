@@ -104,6 +104,11 @@ loads:
     assert drive.acts_as == "velocity"
 
 
+def test_null_neither_starts_nor_stops_a_load():
+    load_ = load(mapping(loads={"push": {"constant": 2, "on": "a.left", "from": None, "until": None}})).loads["push"]
+    assert (load_.start, load_.stop) == (-np.inf, np.inf)
+
+
 @pytest.mark.parametrize("content", ["time,value\n0,0\n\n0.5,2\n", "0;0\n# peak\n0.5;2\n", "\ufeff0, 0\r\n0.5, 2"])
 def test_a_table_from_a_file_beside_the_case(tmp_path, content):
     (tmp_path / "pulse.csv").write_text(content, encoding="utf-8")
