@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from percuss.case.layout import ExpectSection
-from percuss.case.quantities import QUANTITIES, SUMMARY, Quantity
+from percuss.case.quantities import MEASURABLE, SUMMARY, Quantity
 from percuss.case.reader import Reader
 from percuss.case.specs import Address, Expectation
 from percuss.case.type_words import found
@@ -70,12 +70,12 @@ def _quantity(reader: Reader, path: KeyPath, name: object) -> Quantity | None:
     """Return the quantity of a name; a dotted path into the summary is one number of the run."""
     if not isinstance(name, str):
         return None
-    if name in QUANTITIES:
-        return QUANTITIES[name]
+    if name in MEASURABLE:
+        return MEASURABLE[name]
     head, dot, _ = name.partition(".")
     if head in SUMMARY:
-        return Quantity("run", "scalar")
-    names = [key + dot for key in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
+        return Quantity(label=name)
+    names = [key + dot for key in SUMMARY] if dot else [*MEASURABLE, *SUMMARY]
     reader.wrong(path, f"unknown quantity '{name}'", suggestion(head + dot, names, "name"))
     return None
 
@@ -83,7 +83,7 @@ def _quantity(reader: Reader, path: KeyPath, name: object) -> Quantity | None:
 def _check_statistic(reader: Reader, path: KeyPath, section: ExpectSection, quantity: Quantity, statistic: str) -> None:
     """Report to the `reader` a statistic or a time that does not suit the quantity."""
     name = section.quantity
-    if quantity.kind == "scalar":
+    if quantity.axis is None:
         if statistic != "value":
             message = f"{name} is one number a run, it has no {statistic}"
             reader.wrong((*path, statistic), message, "Write `value:`.", key=True)

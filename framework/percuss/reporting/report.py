@@ -6,6 +6,7 @@ import base64
 from html import escape
 from typing import TYPE_CHECKING
 
+from percuss.case.quantities import CONTACT_NUMBERS
 from percuss.errors import PercussError
 from percuss.reporting.figures import (
     ALARM,
@@ -77,12 +78,11 @@ def _contacts(result: Result) -> str:
     contacts = result.summary["contacts"]
     if not contacts:
         return ""
-    columns = {"impulse": "impulse", "peak_force": "peak force", "first_closed": "first closed"}
-    columns["closed_time"] = "closed for"
-    head = "".join(_cell(name, head=True) for name in ("contact", *columns.values()))
+    columns = CONTACT_NUMBERS.values()
+    head = "".join(_cell(name, head=True) for name in ("contact", *(quantity.head for quantity in columns)))
     lines = [
-        [name, *("never" if values.get(key) is None else number(values[key], 6) for key in columns)]
-        for name, values in contacts.items()
+        [name, *("never" if (value := q.of_contact(contact)) is None else number(value, 6) for q in columns)]
+        for name, contact in contacts.items()
     ]
     body = "".join(f"<tr>{''.join(map(_cell, line))}</tr>" for line in lines)
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES
 from percuss.reporting.figures import (
     COLOURS,
     DASHES,
@@ -93,7 +94,7 @@ def force_figure(result: Result) -> Figure:
 def forces(axes: Axes, result: Result) -> None:
     """Draw the force of every contact with the values that the case expects and the exact histories."""
     names, time = result.coordinates["contact"], result.arrays["time"]
-    axes.set(xlabel="time", ylabel="contact force")
+    axes.set(xlabel="time", ylabel=QUANTITIES["contact_force"].label)
     if not names:
         write_reason(axes, "This case has no contact.")
         return
@@ -165,15 +166,15 @@ def draw_references(axes: Axes, result: Result, names: Sequence[str]) -> dict[st
 
 def _energies(axes: Axes, result: Result) -> None:
     """Draw the energies and works of a run, and write how well the energy ledger closes."""
-    parts = {k: result.arrays[k] for k in ("kinetic_energy", "elastic_energy", "external_work", "contact_work")}
-    total = parts["kinetic_energy"] + parts["elastic_energy"]
+    arrays, heads = result.arrays, {name: quantity.head for name, quantity in QUANTITIES.items()}
+    total = arrays["kinetic_energy"] + arrays["elastic_energy"]
     lines: dict[str, tuple[Any, str, Any, float]] = {
-        "kinetic": (parts["kinetic_energy"], "#0072B2", "-", 1.5),
-        "elastic": (parts["elastic_energy"], "#E69F00", "-", 1.5),
+        heads["kinetic_energy"]: (arrays["kinetic_energy"], "#0072B2", "-", 1.5),
+        heads["elastic_energy"]: (arrays["elastic_energy"], "#E69F00", "-", 1.5),
         "sum": (total, FAINT, "-", 4.0),
-        "sum − external work": (total - parts["external_work"], INK, (0, (4, 2)), 1.2),
-        "contact work": (parts["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
-        "external work": (parts["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
+        f"sum − {heads['external_work']}": (total - arrays["external_work"], INK, (0, (4, 2)), 1.2),
+        heads["contact_work"]: (arrays["contact_work"], "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
+        heads["external_work"]: (arrays["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
     }
     handles = []
     for values, colour, dash, width in lines.values():
@@ -181,7 +182,7 @@ def _energies(axes: Axes, result: Result) -> None:
         handles += line
     handles[2].set_zorder(1.9)
     axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
-    axes.set(xlabel="time", ylabel="energy")
+    axes.set(xlabel="time", ylabel=heads["energy"])
     powers(axes)
     ledger = result.summary["energy"]
     words = ledger_words(ledger, number(ledger["ledger_error"]))

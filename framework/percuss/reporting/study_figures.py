@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import STUDY_PANELS
 from percuss.errors import InputError, Problem
 from percuss.reporting import study_data
 from percuss.reporting.figures import (
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = ("force_error_l1", "impulse_error", "noise", "penetration", "peak_force", "energy_max")
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
 KINDS = (".svg", ".pdf")
@@ -86,7 +86,7 @@ def figures(study: StudyLike) -> Iterator[tuple[str, Figure]]:
     roles = study_data.columns(study)
     table = study.table[study.table["status"] != study_data.WAITING]
     done = table[table["status"] == "done"]
-    error = next((name for name in SHOWN if name in study_data.ranking(roles)), "")
+    error = next((name for name in STUDY_PANELS if name in study_data.ranking(roles)), "")
     cases = list(dict.fromkeys(study_data.texts(done["case"])))
     if len(cases) < 2 or not error or not roles.costs:
         yield "work-precision", work_figure(study.title, done, roles, error, [(cost, "") for cost in roles.costs])
@@ -174,7 +174,7 @@ def _work_panel(axes: Axes, rows: Any, styles: dict[str, Any], cost: str, error:
 
 def varied_figure(title: str, table: Any, roles: ColumnRoles, path: str) -> Figure:
     """Return a figure of measures over one varied value: medians as lines, and bands that hold eight of ten runs."""
-    names = [name for name in SHOWN if name in roles.measures][:4]
+    names = [name for name in STUDY_PANELS if name in roles.measures][:4]
     cases = table["case"].nunique()
     notes = [
         f"against {path}; points are runs that are done; lines join medians, bands hold 8 of 10; level: the median of "

@@ -9,10 +9,10 @@ from rich.markup import escape
 from rich.table import Table
 
 import percuss
+from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
 from percuss.methods.admission import OLDEST
-from percuss.reporting.convergence_figure import WORDS
 from percuss.results.ledger import ledger_words
-from percuss.studies.comparison import ERRORS, Run, metrics
+from percuss.studies.comparison import Run, metrics
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
@@ -53,7 +53,7 @@ def tell_result(result: Result) -> None:
         console.print(f"  not compiled: {escape(reason)}")
     if summary["status"] == "unstable" and summary["steps"] == 0:
         return
-    table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
+    table = Table("contact", "law", *(quantity.head for quantity in CONTACT_NUMBERS.values()))
     for name, contact in summary["contacts"].items():
         law = resolved["contacts"][name]
         options = ", ".join(
@@ -62,8 +62,7 @@ def tell_result(result: Result) -> None:
         table.add_row(
             escape(name),
             f"{law['law']}{f' ({options})' if options else ''}",
-            *(_number(contact[key]) for key in ("impulse", "peak_force", "first_closed", "last_open", "closed_time")),
-            _number(contact["penetration"]["largest"], 3),
+            *(_number(q.of_contact(contact), 3 if q.is_error else 6) for q in CONTACT_NUMBERS.values()),
         )
     if summary["contacts"]:
         console.print(table)
@@ -90,14 +89,9 @@ def _print_errors(console: Console, summary: dict[str, Any]) -> None:
     for comparison in (summary["exact"], covered):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measures = ", ".join(
-                f"{word} {_number(error[key], 3)}"
-                for word, key in (
-                    ("L1", "force_error_l1"),
-                    ("L2", "force_error_l2"),
-                    ("impulse", "impulse_error"),
-                    ("noise", "noise"),
-                    ("overshoot", "overshoot"),
-                )
+                f"{quantity.head} {_number(error[key], 3)}"
+                for key, quantity in METRICS.items()
+                if quantity.against_exact and key in error
             )
             console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {measures}")
     if summary["exact"] is not None and summary["exact"].get("fragile") is not None:
@@ -115,13 +109,12 @@ def tell_rows(title: str, rows: list[Run]) -> None:
     """Print the table of a comparison, one line per run, and below it the reason of each run that is not done."""
     console = _console()
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
-    heads = ["integrator", "contact", *varied, "status", "force L1", "force L2", "impulse", "displ."]
-    heads += ["peak force", "penetration", "energy kept", "largest energy", "steps", "s"]
+    heads = ["integrator", "contact", *varied, "status", *(QUANTITIES[name].head for name in COMPARISON_TABLE), "s"]
     table = Table(*(escape(head) for head in heads), title=escape(title), caption="force, impulse, displ.: true errors")
     for row in rows:
         values = metrics(row) if row.status in {"done", "interrupted"} else {}
-        keys = (*ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps", "seconds")
-        cells = [_number(values.get(key), 3 if key in {*ERRORS, "seconds", "penetration"} else 5) for key in keys]
+        keys = (*COMPARISON_TABLE, "seconds")
+        cells = [_number(values.get(key), 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5) for key in keys]
         table.add_row(
             row.integrator, row.contact, *(_number(row.varied.get(path)) for path in varied), row.status, *cells
         )
@@ -136,10 +129,10 @@ def tell_orders(orders: list[dict[str, Any]]) -> None:
     """Print the observed order of convergence of each error for each pair of methods."""
     console = _console()
     others = list(dict.fromkeys(path for fit in orders for path in fit if "." in path))
-    heads = ["integrator", "contact", *others, "refine", *WORDS.values()]
+    heads = ["integrator", "contact", *others, "refine", *(QUANTITIES[name].label for name in TRUE_ERRORS)]
     table = Table(*(escape(head) for head in heads), title="observed orders of convergence")
     for fit in orders:
-        cells = [_number(fit[f"{name}_order"], 3) for name in WORDS]
+        cells = [_number(fit[f"{name}_order"], 3) for name in TRUE_ERRORS]
         refined = ", ".join(str(value) for value in fit["refine"])
         table.add_row(fit["integrator"], fit["contact"], *(_number(fit.get(path)) for path in others), refined, *cells)
     console.print(table)

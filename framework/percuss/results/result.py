@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES
 from percuss.results.netcdf import FORMAT, read, write
 
 if TYPE_CHECKING:
@@ -16,44 +17,13 @@ if TYPE_CHECKING:
 
     from percuss.methods.interfaces import Exact
 
-LONG_NAMES = {
-    "contact_force": "contact force that moves the mass, compression positive",
-    "contact_force_end": "penalty force at the end of the step, judged at t_n+1",
-    "contact_force_exact": "exact contact force, averaged over the step around t_n",
-    "gap": "gap at t_n, open positive",
-    "gap_exact": "exact gap at t_n",
-    "displacement": "displacement at t_n",
-    "velocity": "velocity at t_n, mean of n-1/2 and n+1/2",
-    "kinetic_energy": "kinetic energy at t_n+1/2",
-    "elastic_energy": "staggered strain energy at t_n+1/2",
-    "external_work": "work of loads, supports and drives up to t_n+1/2",
-    "contact_work": "work of the contact forces up to t_n+1/2",
-    "contact_energy": "energy that closed contacts store at t_n+1/2",
-    "energy_error": "closure of the energy ledger over the largest energy so far",
-    "energy_growth": "growth of contact work with contact energy since the first step over the largest energy so far",
-    "stress": "stress in the element",
-}
-LONG_NAMES_MULTISTAGE = {  # in place of those above for a multi-stage scheme
-    "contact_force": "mean contact force from t_n to t_n+1, compression positive",
-    "contact_force_exact": "exact contact force, averaged from t_n to t_n+1",
-    "velocity": "velocity at t_n",
-    "kinetic_energy": "kinetic energy at t_n+1",
-    "elastic_energy": "strain energy at t_n+1",
-    "external_work": "work of loads, supports and drives up to t_n+1",
-    "contact_work": "work of the contact forces up to t_n+1",
-    "contact_energy": "nothing: what contacts store is not followed",
-    "energy_error": "energy less all work, over the largest energy so far: what the scheme itself gains or loses",
-    "energy_growth": "growth of contact work since the first step over the largest energy so far",
-}
-HALF_STEP = (
-    "kinetic_energy",
-    "elastic_energy",
-    "external_work",
-    "contact_work",
-    "contact_energy",
-    "energy_error",
-    "energy_growth",
-)
+
+def _attributes_of(name: str, *, multistage: bool = False) -> dict[str, str]:
+    """Return the attributes of a quantity in a dataset: definition, unit, and the times of an energy."""
+    quantity = QUANTITIES[name]
+    definition = (quantity.definition_multistage if multistage else "") or quantity.definition
+    attributes = {"long_name": definition, "units": quantity.unit}
+    return attributes | ({"at": "time_half"} if quantity.axis == "time_half" else {})
 
 
 class Result:
@@ -132,23 +102,16 @@ class Result:
         """Histories on the axis ``time``; energies carry the coordinate ``time_half(time)``."""
         import xarray as xr
 
-        dims = {
-            **dict.fromkeys(
-                ("contact_force", "gap", "contact_force_end", "contact_force_exact", "gap_exact"), ("time", "contact")
-            ),
-            **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
-        }
+        axes = {"contact": ("contact",), "probe": ("probe", "component"), "run": ()}
         # A multi-stage scheme has its energies, and the force of a step, at other times than a leap-frog scheme.
-        multistage_names = (
-            LONG_NAMES_MULTISTAGE if self.arrays["time_half"].size and self._energies_at_step_end() else {}
-        )
+        multistage = bool(self.arrays["time_half"].size) and self._energies_at_step_end()
         data = {
-            name: (dims.get(name, ("time",)), values, {"long_name": multistage_names.get(name, LONG_NAMES[name])})
+            name: (("time", *axes[QUANTITIES[name].of]), values, _attributes_of(name, multistage=multistage))
             for name, values in self.arrays.items()
-            if name in LONG_NAMES
+            if name in QUANTITIES
         }
         dim = self.arrays["displacement"].shape[2]
-        out = xr.Dataset(
+        return xr.Dataset(
             data,
             coords={
                 "time": self.arrays["time"],
@@ -159,9 +122,6 @@ class Result:
             },
             attrs=self._attributes(),
         )
-        for name in set(HALF_STEP) & set(data):  # a file of an earlier version may lack some
-            out[name].attrs["at"] = "time_half"
-        return out
 
     @cached_property
     def fields(self) -> xr.Dataset:
@@ -175,7 +135,7 @@ class Result:
                 "stress": (
                     ("time", "element"),
                     self.field_arrays["stress"],
-                    {"long_name": LONG_NAMES["stress"]},
+                    _attributes_of("stress"),
                 )
             },
             coords={

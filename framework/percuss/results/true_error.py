@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES
 from percuss.results.exact import ROUND_OFF
 
 if TYPE_CHECKING:
@@ -14,10 +15,6 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 NEGLIGIBLE = 1e-18
-ERRORS = (
-    *("force_error_l1", "force_error_l2", "impulse_error", "noise", "overshoot"),
-    *("closing_error", "opening_error"),
-)
 NUDGE = 1e-12
 FRAGILE = 1e-4
 
@@ -95,7 +92,8 @@ def contact_errors(
         "closed": [list(interval) for interval in closed[:100]],
     }
     # Forces between sparse records are unknown: these numbers would be errors of the recording.
-    return errors | dict.fromkeys(ERRORS) if every > 1 or not time.size else errors
+    unknown = dict.fromkeys(name for name in errors if name in QUANTITIES)
+    return errors | unknown if every > 1 or not time.size else errors
 
 
 def _ratio(value: float, scale: float, minus: float = 0.0) -> float | None:
