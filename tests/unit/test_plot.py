@@ -457,8 +457,12 @@ def test_a_notebook_shows_table_and_picture(good):
     assert f"{good.summary['energy']['ledger_error']:.4g}" in cells[cells.index("energy") + 1]
     assert f"{good.summary['momentum']['error']:.4g}" in cells[cells.index("momentum") + 1]
     start = cells.index("tip")
-    keys = ("impulse", "peak_force", "first_closed", "closed_time")
-    assert cells[start : start + 5] == ["tip", *(f"{tip[key]:.6g}" for key in keys)]
+    keys = ("impulse", "peak_force", "first_closed", "last_open", "closed_time")
+    numbers = [*(tip[key] for key in keys), tip["penetration"]["largest"]]
+    assert cells[start - 7 : start + 7] == [
+        *("contact", "impulse", "peak force", "closed at", "open at", "closed for", "penetration"),
+        *("tip", *(f"{number:.6g}" for number in numbers)),
+    ]
     (picture,) = [attributes for tag, attributes in tags.seen if tag == "img"]
     assert picture["src"].startswith("data:image/png;base64,")
 
@@ -483,10 +487,11 @@ def test_the_users_text_is_escaped(good):
 
 def test_a_contact_that_never_closed_says_never(good):
     result = fresh(good)
-    never = {"impulse": 0.0, "peak_force": 0.0, "first_closed": None, "closed_time": 0.0}
+    never = {"impulse": 0.0, "peak_force": 0.0, "first_closed": None, "last_open": None, "closed_time": 0.0}
+    never["penetration"] = {"largest": 0.0}
     result.summary["contacts"] = {"tip": never}
     cells = parsed(report.notebook_html(result)).cells
-    assert cells[-5:] == ["tip", "0", "0", "never", "0"]
+    assert cells[-7:] == ["tip", "0", "0", "never", "never", "0", "0"]
 
 
 # -- without matplotlib ------------------------------------------------------------------------------------

@@ -217,7 +217,7 @@ class CrossChecks:
     def _check_statistic(self, path: KeyPath, expectation: Expectation) -> None:
         """Report a statistic, a time or a component that does not suit the quantity."""
         name, statistic, quantity = expectation.quantity, expectation.statistic, quantity_named(expectation.quantity)
-        if quantity.kind == "scalar":
+        if quantity.axis is None:
             if statistic != "value":
                 message = f"{name} is one number a run, it has no {statistic}"
                 self.wrong((*path, statistic), message, "Write `value:`.", key=True)

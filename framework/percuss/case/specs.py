@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field, WrapValidator
 
 from percuss.case import defaults
 from percuss.case.options import Computed, Key
-from percuss.case.quantities import QUANTITIES, STATISTICS, SUMMARY, Quantity
+from percuss.case.quantities import MEASURABLE, STATISTICS, SUMMARY, Quantity
 from percuss.case.type_words import Expects
 from percuss.case.validation import NO_KEY, EmptyIfAbsent, Keyed, Mistake, Named, Section, failure
 from percuss.case.yaml_text import KeyPath
@@ -104,13 +104,13 @@ def _null_is(default: float) -> WrapValidator:
 
 def quantity_named(name: str) -> Quantity:
     """Return the quantity of a name; a dotted path into the summary is one number of the run."""
-    return QUANTITIES.get(name) or Quantity("run", "scalar")
+    return MEASURABLE.get(name) or Quantity(label=name)
 
 
 def _existing_quantity(name: str) -> str:
     head, dot, _ = name.partition(".")
-    if name not in QUANTITIES and head not in SUMMARY:
-        names = [key + dot for key in SUMMARY] if dot else [*QUANTITIES, *SUMMARY]
+    if name not in MEASURABLE and head not in SUMMARY:
+        names = [key + dot for key in SUMMARY] if dot else [*MEASURABLE, *SUMMARY]
         raise failure(Mistake((), f"unknown quantity '{name}'", suggestion(head + dot, names, "name")))
     return name
 

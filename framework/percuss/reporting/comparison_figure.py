@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.quantities import QUANTITIES
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
@@ -64,7 +65,7 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     names = runs[0][1].coordinates["contact"] if runs else []
     apart = len(runs) > OVERLAY
     down = -(-len(runs) // 3) if apart else min(max(len(names), 1), OVERLAY)
-    note = f"contact force in {len(runs)} of {len(rows)} runs"
+    note = f"{QUANTITIES['contact_force'].label} in {len(runs)} of {len(rows)} runs"
     if len(names) > OVERLAY and not apart:
         note += f"; the first {OVERLAY} of {len(names)} contacts"
     with drawing():
@@ -112,7 +113,7 @@ def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, 
         write_reason(axes, "These runs have no contact.")
         return entries
     _limit_forces(axes, [result for _, result in runs])
-    axes.set_ylabel("contact force" if alone else f"force at {name}", parse_math=False)
+    axes.set_ylabel(QUANTITIES["contact_force"].label if alone else f"force at {name}", parse_math=False)
     powers(axes)
     return entries | draw_references(axes, _run_with_exact(runs), [name])
 
@@ -165,7 +166,7 @@ def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) ->
         axes.set_title(words, loc="left", size=10, color=shade, parse_math=False)
         powers(axes)
         if k % 3 == 0:
-            axes.set_ylabel("contact force")
+            axes.set_ylabel(QUANTITIES["contact_force"].label)
         if k + 3 >= len(runs):
             axes.set_xlabel("time")
             axes.tick_params(labelbottom=True)

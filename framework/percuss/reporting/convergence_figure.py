@@ -5,18 +5,10 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from percuss.studies.comparison import ERRORS
+from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-WORDS = {
-    "force_error_l1": "force, L1",
-    "force_error_l2": "force, L2",
-    "impulse_error": "cumulative impulse",
-    "displacement_error": "displacement, L2",
-}
 
 
 def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
@@ -32,7 +24,7 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
         figure = Figure(figsize=(12.8, 7.8), facecolor="white", layout="constrained")
         figure.suptitle(title, x=0.02, ha="left", weight="bold", size=15, parse_math=False)
         panels = figure.subplots(2, 2, sharex=True)
-        for axes, name in zip(panels.flat, ERRORS, strict=True):
+        for axes, name in zip(panels.flat, TRUE_ERRORS, strict=True):
             for k, fit in enumerate(fitted):
                 points = [
                     (refine, error)
@@ -45,11 +37,12 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
             axes.set_xticks(sorted({refine for fit in fitted for refine in fit["refine"]}), minor=False)
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.set_title(WORDS[name], loc="left", size=11)
+            axes.set_title(QUANTITIES[name].label, loc="left", size=11)
         for axes in panels[-1]:
             axes.set_xlabel("refine: elements over those of the case")
         handles, labels = panels[0, 0].get_legend_handles_labels()
-        heading = f"observed orders: {'  |  '.join(WORDS.values())}"
+        labels_of_errors = "  |  ".join(QUANTITIES[name].label for name in TRUE_ERRORS)
+        heading = f"observed orders: {labels_of_errors}"
         figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=9, title=heading, title_fontsize=9)
         return figure
 
@@ -57,7 +50,7 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
 def _label(fit: dict[str, Any]) -> str:
     """Return the label of a line: pair of methods, other varied values, and observed orders by panel."""
     others = [f"{path.split('.')[-1]}={value}" for path, value in fit.items() if "." in path]
-    orders = [fit[f"{name}_order"] for name in ERRORS]
+    orders = [fit[f"{name}_order"] for name in TRUE_ERRORS]
     order_texts = "  |  ".join("-" if order is None else f"{order:.2f}" for order in orders)
     return f"{' '.join([fit['integrator'], '+', fit['contact'], *others])}:  {order_texts}"
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.quantities import CONTACT_NUMBERS
 from percuss.errors import PercussError
 from percuss.reporting import exact_figure
 from percuss.reporting.figures import (
@@ -95,12 +96,13 @@ def _contacts(result: Drawn) -> str:
     contacts = result.summary["contacts"]
     if not contacts:
         return ""
-    columns = ("contact", "impulse", "peak force", "first closed", "closed for")
-    head = "".join(_cell(name, head=True) for name in columns)
-    lines = []
-    for name, contact in contacts.items():
-        values = contact["impulse"], contact["peak_force"], contact["first_closed"], contact["closed_time"]
-        lines.append([name, *("never" if value is None else number(value, 6) for value in values)])
+    first = next(iter(contacts.values()))
+    columns = [quantity for name, quantity in CONTACT_NUMBERS.items() if name in first]
+    head = "".join(_cell(name, head=True) for name in ("contact", *(quantity.head for quantity in columns)))
+    lines = [
+        [name, *("never" if (value := q.of_contact(contact)) is None else number(value, 6) for q in columns)]
+        for name, contact in contacts.items()
+    ]
     body = "".join(f"<tr>{''.join(map(_cell, line))}</tr>" for line in lines)
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES
 from percuss.reporting.figures import (
     COLOURS,
     DASHES,
@@ -113,7 +114,7 @@ def force_figure(result: Drawn, until: float) -> Figure:
 def forces(axes: Axes, result: Drawn) -> None:
     """Draw the force of every contact with the values that the case expects and the exact histories."""
     names, time = result.coordinates["contact"], result.arrays["time"]
-    axes.set(xlabel="time", ylabel="contact force")
+    axes.set(xlabel="time", ylabel=QUANTITIES["contact_force"].label)
     if not names:
         write_reason(axes, "This case has no contact.")
         return
@@ -179,15 +180,15 @@ def draw_references(axes: Axes, result: Drawn, names: Sequence[str]) -> dict[str
 
 def _energies(axes: Axes, result: Drawn, closure: str) -> None:
     """Draw the energies and works of a result, and write how well they agree."""
-    arrays = result.arrays
+    arrays, heads = result.arrays, {name: quantity.head for name, quantity in QUANTITIES.items()}
     total = arrays["kinetic_energy"] + arrays["elastic_energy"]
     lines: dict[str, tuple[Any, str, Any, float]] = {
-        "kinetic": (arrays["kinetic_energy"], "#0072B2", "-", 1.5),
-        "elastic": (arrays["elastic_energy"], "#E69F00", "-", 1.5),
+        heads["kinetic_energy"]: (arrays["kinetic_energy"], "#0072B2", "-", 1.5),
+        heads["elastic_energy"]: (arrays["elastic_energy"], "#E69F00", "-", 1.5),
         "sum": (total, FAINT, "-", 4.0),
-        "sum − external work": (total - arrays["external_work"], INK, (0, (4, 2)), 1.2),
-        "contact work": (arrays.get("contact_work"), "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
-        "external work": (arrays["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
+        f"sum − {heads['external_work']}": (total - arrays["external_work"], INK, (0, (4, 2)), 1.2),
+        heads["contact_work"]: (arrays.get("contact_work"), "#D55E00", (0, (6, 1.5, 1.2, 1.5)), 1.5),
+        heads["external_work"]: (arrays["external_work"], "#009E73", (0, (1.2, 1.2)), 1.8),
     }
     lines = {label: line for label, line in lines.items() if line[0] is not None}  # exact contact does no work
     time = arrays.get("time_half", arrays["time"])
@@ -197,7 +198,7 @@ def _energies(axes: Axes, result: Drawn, closure: str) -> None:
         handles += line
     handles[2].set_zorder(1.9)
     axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
-    axes.set(xlabel="time", ylabel="energy")
+    axes.set(xlabel="time", ylabel=heads["energy"])
     powers(axes)
     axes.text(0.99, 0.975, closure, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES
 from percuss.certificate.maps import STEP
 from percuss.reporting.figures import (
     COLOURS,
@@ -33,7 +34,7 @@ Axis = Mapping[str, Sequence[Any]]
 MOST_MAPS = 4
 MARKS = ("o", "s", "^", "D", "v", "P")
 WORDS = {
-    "courant_critical": "critical Courant number",
+    "courant_critical": QUANTITIES["courant_critical"].label,
     "theta": "θ: the share of the overlap taken back; stable up to 1",
     "margin": "step over the critical step; stable up to 1",
 }

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import STUDY_PANELS
 from percuss.errors import InputError, Problem
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import (
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SHOWN = ("force_error_l1", "impulse_error", "noise", "penetration", "peak_force", "energy_max")
 MARKERS = {"circle": "o", "square": "s", "triangle": "^", "diamond": "D"}
 KINDS = (".svg", ".pdf")
 # If a pair of methods has more runs than this in one panel, a seeded sample of so many points is drawn.
@@ -82,7 +82,7 @@ def figures(study: StudyLike) -> Iterator[tuple[str, Figure]]:
     charts = study_charts.study_charts(table, roles)
     made = table[table["status"] != study_data.WAITING]
     done = made[made["status"] == "done"]
-    error = next((name for name in SHOWN if name in charts.ranked), "")
+    error = next((name for name in STUDY_PANELS if name in charts.ranked), "")
     cases = list(dict.fromkeys(study_data.texts(done["case"])))
     costs = list(charts.work.across)
     if len(cases) < 2 or not error or not costs:
@@ -161,7 +161,7 @@ def _work_panel(axes: Axes, rows: Any, charts: Charts, cost: str, error: str) ->
 
 def varied_figure(title: str, table: Any, charts: Charts, path: str) -> Figure:
     """Return a figure of measures over one varied value: medians as lines, and bands that hold eight of ten runs."""
-    names = [name for name in SHOWN if name in charts.varied.up][:4]
+    names = [name for name in STUDY_PANELS if name in charts.varied.up][:4]
     made = table[table["status"] != study_data.WAITING]
     done = made[made["status"] == "done"]
     cases, lost = made["case"].nunique(), len(made) - len(done)

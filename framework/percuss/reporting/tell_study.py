@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from rich.table import Table
 
+from percuss.case.quantities import STUDY_TABLE
 from percuss.reporting.terminal import _console, _number
 
 if TYPE_CHECKING:
     from percuss.studies.study_table import Study
 
 BEST = 12
-SHOWN = ("force_error_l2", "impulse_error", "displacement_error", "noise", "energy_growth", "steps", "seconds")
 
 
 def tell_study(study: Study) -> None:
@@ -41,7 +41,7 @@ def tell_study(study: Study) -> None:
 def _print_best_runs(console: Any, done: list[dict[str, Any]], measured: list[str], keys: list[str]) -> None:
     """Print the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
     error = next((name for name in measured if "error" in name and name != "ledger_error"), "")
-    usual = [name for name in SHOWN if name in measured] or measured[:6]
+    usual = [name for name in STUDY_TABLE if name in measured] or measured[:6]
     shown = list(dict.fromkeys([*usual, "seconds"]))
     if error and error not in shown:
         shown = [error, *shown]

@@ -10,10 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 import percuss
+from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
 from percuss.methods.admission import OLDEST
-from percuss.reporting.convergence_figure import WORDS
 from percuss.results.ledger import ledger_words
-from percuss.studies.comparison import ERRORS, Run, metrics
+from percuss.studies.comparison import Run, metrics
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
@@ -83,13 +83,15 @@ def _print_contacts(
     console: Console, contacts: dict[str, Any], laws: dict[str, str], penetrations: dict[str, float]
 ) -> None:
     """Print the table of contacts with their laws and penetrations, which are given by name."""
-    table = Table("contact", "law", "impulse", "peak force", "closed at", "open at", "closed for", "penetration")
+    table = Table("contact", "law", *(quantity.head for quantity in CONTACT_NUMBERS.values()))
     for name, contact in contacts.items():
         table.add_row(
             escape(name),
             laws[name],
-            *(_number(contact[key]) for key in ("impulse", "peak_force", "first_closed", "last_open", "closed_time")),
-            _number(penetrations[name], 3),
+            *(
+                _number(penetrations[name], 3) if quantity.is_error else _number(quantity.of_contact(contact))
+                for quantity in CONTACT_NUMBERS.values()
+            ),
         )
     if contacts:
         console.print(table)
@@ -117,15 +119,11 @@ def _print_errors(console: Console, summary: Summary) -> None:
     until = f" up to {_number(covered['until'])}, where the exact solution ends" if covered is not None else ""
     for comparison in (summary["exact"], covered):
         for name, error in comparison["contacts"].items() if comparison is not None else ():
+            measured: Mapping[str, Any] = error
             measures = ", ".join(
-                f"{word} {_number(value, 3)}"
-                for word, value in (
-                    ("L1", error["force_error_l1"]),
-                    ("L2", error["force_error_l2"]),
-                    ("impulse", error["impulse_error"]),
-                    ("noise", error["noise"]),
-                    ("overshoot", error["overshoot"]),
-                )
+                f"{quantity.head} {_number(measured[key], 3)}"
+                for key, quantity in METRICS.items()
+                if quantity.against_exact and key in measured
             )
             console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {measures}")
     if summary["exact"] is not None and summary["exact"].get("fragile") is not None:
@@ -143,13 +141,12 @@ def tell_rows(title: str, rows: list[Run]) -> None:
     """Print the table of a comparison, one line per run, and below it the reason of each run that is not done."""
     console = _console()
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
-    heads = ["integrator", "contact", *varied, "status", "force L1", "force L2", "impulse", "displ."]
-    heads += ["peak force", "penetration", "energy kept", "largest energy", "steps", "s"]
+    heads = ["integrator", "contact", *varied, "status", *(QUANTITIES[name].head for name in COMPARISON_TABLE), "s"]
     table = Table(*(escape(head) for head in heads), title=escape(title), caption="force, impulse, displ.: true errors")
     for row in rows:
         values = metrics(row) if row.status in {"done", "interrupted"} else {}
-        keys = (*ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps", "seconds")
-        cells = [_number(values.get(key), 3 if key in {*ERRORS, "seconds", "penetration"} else 5) for key in keys]
+        keys = (*COMPARISON_TABLE, "seconds")
+        cells = [_number(values.get(key), 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5) for key in keys]
         table.add_row(
             row.integrator, row.contact, *(_number(row.varied.get(path)) for path in varied), row.status, *cells
         )
@@ -164,10 +161,10 @@ def tell_orders(orders: list[dict[str, Any]]) -> None:
     """Print the observed order of convergence of each error for each pair of methods."""
     console = _console()
     others = list(dict.fromkeys(path for fit in orders for path in fit if "." in path))
-    heads = ["integrator", "contact", *others, "refine", *WORDS.values()]
+    heads = ["integrator", "contact", *others, "refine", *(QUANTITIES[name].label for name in TRUE_ERRORS)]
     table = Table(*(escape(head) for head in heads), title="observed orders of convergence")
     for fit in orders:
-        cells = [_number(fit[f"{name}_order"], 3) for name in WORDS]
+        cells = [_number(fit[f"{name}_order"], 3) for name in TRUE_ERRORS]
         refined = ", ".join(str(value) for value in fit["refine"])
         table.add_row(fit["integrator"], fit["contact"], *(_number(fit.get(path)) for path in others), refined, *cells)
     console.print(table)

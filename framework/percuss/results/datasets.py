@@ -3,26 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from percuss.case.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_AXES = {
-    **dict.fromkeys(
-        ("contact_force", "gap", "contact_force_end", "contact_force_exact", "gap_exact"), ("time", "contact")
-    ),
-    **dict.fromkeys(("displacement", "velocity"), ("time", "probe", "component")),
-}
+_AXES = {"contact": ("contact",), "probe": ("probe", "component"), "run": ()}
 _TIMES = ("time", "time_half")  # a result without steps has no second one
+
+
+def definition_attributes(source: Literal["leap-frog", "multistage", "exact"]) -> dict[str, dict[str, str]]:
+    """Return definition, unit and, for energies, times of each history of a run or of an exact solution."""
+    attributes: dict[str, dict[str, str]] = {}
+    for name, quantity in QUANTITIES.items():
+        definition = quantity.definition
+        if source == "multistage":
+            definition = quantity.definition_multistage or definition
+        elif source == "exact":
+            definition = quantity.definition_exact
+        if definition:
+            attributes[name] = {"long_name": definition, "units": quantity.unit}
+            if quantity.axis == "time_half" and source != "exact":
+                attributes[name]["at"] = "time_half"
+    return attributes
 
 
 def histories_dataset(
     arrays: Mapping[str, Any],
     coordinates: Mapping[str, list[str]],
-    long_names: Mapping[str, str],
+    described: Mapping[str, Mapping[str, str]],
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:
     """Return histories as a dataset.
@@ -33,17 +46,17 @@ def histories_dataset(
         Histories by name, among them ``time`` and, if energies belong to other times, ``time_half``.
     coordinates
         Names along the axes ``contact`` and ``probe``.
-    long_names
-        Description of each history; a history without one is left out.
+    described
+        Attributes of each history (`definition_attributes`); a history without them is left out.
     attributes
         Attributes of the dataset.
     """
     import xarray as xr
 
     data = {
-        name: (_AXES.get(name, ("time",)), values, {"long_name": long_names[name]})
+        name: (("time", *_AXES[QUANTITIES[name].of]), values, described[name])
         for name, values in arrays.items()
-        if name in long_names
+        if name in described
     }
     axes = {axis: np.array(coordinates[axis], dtype=object) for axis in ("contact", "probe")}
     component = list(range(arrays["displacement"].shape[2]))
@@ -58,7 +71,7 @@ def fields_dataset(field_arrays: Mapping[str, Any]) -> xr.Dataset:
     if not field_arrays:
         return xr.Dataset()
     return xr.Dataset(
-        {"stress": (("time", "element"), field_arrays["stress"], {"long_name": "stress in the element"})},
+        {"stress": (("time", "element"), field_arrays["stress"], definition_attributes("leap-frog")["stress"])},
         coords={
             "time": field_arrays["time"],
             "body": ("element", np.array(field_arrays["body"], dtype=object)),

@@ -8,24 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from percuss.results.datasets import fields_dataset, histories_dataset
+from percuss.results.datasets import definition_attributes, fields_dataset, histories_dataset
 from percuss.results.netcdf import FORMAT, write
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from percuss.methods.interfaces import Exact
-
-LONG_NAMES = {
-    "contact_force": "exact contact force, compression positive",
-    "gap": "exact gap, open positive",
-    "displacement": "exact displacement",
-    "velocity": "exact velocity",
-    "kinetic_energy": "exact kinetic energy",
-    "elastic_energy": "exact strain energy",
-    "external_work": "work of loads, supports and drives",
-    "energy_error": "energies less external work, over the largest energy so far: round-off of the solution",
-}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,8 +24,7 @@ class ExactSolutionResult:
     Attributes
     ----------
     arrays
-        Histories as plain arrays by name, those of `LONG_NAMES` on the axis ``time``; `histories` is the same as an
-        xarray Dataset.
+        Histories as plain arrays by name, on the axis ``time``; `histories` is the same as an xarray Dataset.
     coordinates
         Names along the axes ``contact`` and ``probe``.
     field_arrays
@@ -86,7 +74,7 @@ class ExactSolutionResult:
             "summary": json.dumps(self.summary),
             "provenance": json.dumps(self.provenance),
         }
-        return histories_dataset(self.arrays, self.coordinates, LONG_NAMES, attributes)
+        return histories_dataset(self.arrays, self.coordinates, definition_attributes("exact"), attributes)
 
     @cached_property
     def fields(self) -> xr.Dataset:

@@ -6,15 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE
 from percuss.errors import PercussError
-from percuss.results.result import HALF_STEP as RECORDED
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.results.result import Result
-
-HALF_STEP = (*RECORDED, "energy")
 
 
 class CannotMeasure(PercussError):
@@ -55,8 +52,8 @@ def measure(
     CannotMeasure
         If the result does not have the quantity.
     """
-    definition = QUANTITIES.get(quantity)
-    if definition is None or definition.kind == "scalar":
+    definition = MEASURABLE.get(quantity)
+    if definition is None or definition.axis is None:
         return _scalar(result, quantity, contact)
     time, values = _history(result, quantity, contact, probe, component)
     if statistic == "value":
@@ -70,7 +67,7 @@ def measure(
     if not inside.any():
         raise CannotMeasure(f"{quantity} has no record between {during}")
     if statistic == "integral":
-        if quantity in {"contact_force", "contact_force_end"}:  # each force acts over a whole step
+        if definition.unit == "force":  # each force acts over a whole step
             return float(values[inside & (time < time[-1])].sum() * (time[1] - time[0])) if time.size > 1 else 0.0
         return float(np.trapezoid(values[inside], time[inside]))
     reduce: dict[str, Any] = {"mean": np.mean, "max": np.max, "min": np.min}
@@ -81,15 +78,15 @@ def _history(
     result: Result, quantity: str, contact: str | None, probe: str | None, component: int
 ) -> tuple[Floats, Floats]:
     arrays = result.arrays
-    time = arrays["time_half" if quantity in HALF_STEP else "time"]
+    time = arrays[str(MEASURABLE[quantity].axis)]
     if quantity == "energy":
         return time, arrays["kinetic_energy"] + arrays["elastic_energy"]
     if quantity not in arrays:
         raise CannotMeasure(f"this run has no {quantity}")
     values = arrays[quantity]
-    if QUANTITIES[quantity].of == "contact":
+    if MEASURABLE[quantity].of == "contact":
         return time, values[:, _axis_index(result, "contact", contact)]
-    if QUANTITIES[quantity].of == "probe":
+    if MEASURABLE[quantity].of == "probe":
         return time, values[:, _axis_index(result, "probe", probe), component]
     return time, values
 
@@ -106,9 +103,9 @@ def _axis_index(result: Result, axis: str, name: str | None) -> int:
 def _scalar(result: Result, quantity: str, contact: str | None) -> float:
     value: Any = result.summary
     path = quantity.split(".")
-    if quantity in QUANTITIES:
+    if quantity in CONTACT_NUMBERS:
         name = result.coordinates["contact"][_axis_index(result, "contact", contact)]
-        path = ["contacts", name, *(["penetration", "largest"] if quantity == "penetration" else [quantity])]
+        path = [name if part == "*" else part for part in MEASURABLE[quantity].path.split(".")]
     for key in path:
         if value is None and path[0] == "exact":
             raise CannotMeasure(f"no true error is known of this run: {result.summary['exact_reason']}")

@@ -7,7 +7,7 @@ import os
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from percuss.results.datasets import fields_dataset, histories_dataset, plain_arrays
+from percuss.results.datasets import definition_attributes, fields_dataset, histories_dataset, plain_arrays
 from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.netcdf import FORMAT, read, write
 
@@ -16,44 +16,6 @@ if TYPE_CHECKING:
 
     from percuss.methods.interfaces import Exact
     from percuss.results.summary import Summary
-
-LONG_NAMES = {
-    "contact_force": "contact force that moves the mass, compression positive",
-    "contact_force_end": "penalty force at the end of the step, judged at t_n+1",
-    "contact_force_exact": "exact contact force, averaged over the step around t_n",
-    "gap": "gap at t_n, open positive",
-    "gap_exact": "exact gap at t_n",
-    "displacement": "displacement at t_n",
-    "velocity": "velocity at t_n, mean of n-1/2 and n+1/2",
-    "kinetic_energy": "kinetic energy at t_n+1/2",
-    "elastic_energy": "staggered strain energy at t_n+1/2",
-    "external_work": "work of loads, supports and drives up to t_n+1/2",
-    "contact_work": "work of the contact forces up to t_n+1/2",
-    "contact_energy": "energy that closed contacts store at t_n+1/2",
-    "energy_error": "closure of the energy ledger over the largest energy so far",
-    "energy_growth": "growth of contact work with contact energy since the first step over the largest energy so far",
-}
-LONG_NAMES_MULTISTAGE = {  # in place of those above for a multi-stage scheme
-    "contact_force": "mean contact force from t_n to t_n+1, compression positive",
-    "contact_force_exact": "exact contact force, averaged from t_n to t_n+1",
-    "velocity": "velocity at t_n",
-    "kinetic_energy": "kinetic energy at t_n+1",
-    "elastic_energy": "strain energy at t_n+1",
-    "external_work": "work of loads, supports and drives up to t_n+1",
-    "contact_work": "work of the contact forces up to t_n+1",
-    "contact_energy": "nothing: what contacts store is not followed",
-    "energy_error": "energy less all work, over the largest energy so far: what the scheme itself gains or loses",
-    "energy_growth": "growth of contact work since the first step over the largest energy so far",
-}
-HALF_STEP = (
-    "kinetic_energy",
-    "elastic_energy",
-    "external_work",
-    "contact_work",
-    "contact_energy",
-    "energy_error",
-    "energy_growth",
-)
 
 
 class Result:
@@ -130,13 +92,9 @@ class Result:
     def histories(self) -> xr.Dataset:
         """Histories on the axis ``time``; energies carry the coordinate ``time_half(time)``."""
         # A multi-stage scheme has its energies, and the force of a step, at other times than a leap-frog scheme.
-        multistage_names = (
-            LONG_NAMES_MULTISTAGE if self.arrays["time_half"].size and self._energies_at_step_end() else {}
-        )
-        out = histories_dataset(self.arrays, self.coordinates, LONG_NAMES | multistage_names, self._attributes())
-        for name in set(HALF_STEP) & set(out.data_vars):  # a file of an earlier version may lack some
-            out[name].attrs["at"] = "time_half"
-        return out
+        multistage = bool(self.arrays["time_half"].size) and self._energies_at_step_end()
+        attributes = definition_attributes("multistage" if multistage else "leap-frog")
+        return histories_dataset(self.arrays, self.coordinates, attributes, self._attributes())
 
     @cached_property
     def fields(self) -> xr.Dataset:

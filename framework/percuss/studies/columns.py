@@ -2,42 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import QUANTITIES, SUMMARY
+from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.errors import nearest, suggestion
 from percuss.results.measures import CannotMeasure, measure
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
-    from percuss.results.summary import ExactErrors, Summary
+    from percuss.results.summary import Summary
     from percuss.studies.layout import MeasureSection
 
-__all__ = ["ERRORS", "METRICS", "Column", "column", "column_by_name", "metric", "worst"]
-
-ERRORS = ("force_error_l1", "force_error_l2", "impulse_error", "displacement_error")
-
-_EXACT = "; of the worst contact"
-METRICS = {
-    "impulse": "sum over contacts of the impulse, step times the force at t_n added up",
-    "peak_force": "largest contact force at any t_n, of the contact with the largest",
-    "penetration": "largest overlap at any t_n, of the contact with the largest",
-    "energy_kept": "1 + work of the contacts over the largest energy put in: at first, and by loads so far",
-    "energy_max": "1 + largest work of the contacts so far over the largest energy put in",
-    "ledger_error": "largest closure of the energy ledger over the largest energy so far",
-    "energy_growth": "largest rise of energy with what contacts store above its smallest, over the largest energy",
-    "force_error_l1": "L1 norm of force less exact force over that of the exact, both averaged over each step" + _EXACT,
-    "force_error_l2": "L2 norm of force less exact force over that of the exact, both averaged over each step" + _EXACT,
-    "impulse_error": "largest error of the cumulative impulse over the largest exact one" + _EXACT,
-    "displacement_error": "L2 norm over all bars of the displacement's error at the end, relative",
-    "noise": "total variation of the force over that of the exact force, both averaged over each step" + _EXACT,
-    "overshoot": "peak force over the exact peak, averaged over each step, less one" + _EXACT,
-    "steps": "number of steps",
-    "node_steps": "number of steps times number of nodes: the cost, whatever the machine; stages are not counted",
-}
+__all__ = ["Column", "column", "column_by_name", "metric"]
 
 
 @dataclass(frozen=True)
@@ -70,7 +49,7 @@ class Column:
         if self.kind == "metric":
             return metric(result, self.name)
         if self.kind == "summary":
-            return _largest(list(_values(result.summary, arguments["path"].split("."))))
+            return _largest(list(values_at(result.summary, arguments["path"])))
         try:
             return measure(result, **arguments)
         except CannotMeasure:
@@ -107,7 +86,7 @@ def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:
         With message and advice, if it is none of these.
     """
     if name in METRICS:
-        return Column(name, METRICS[name], "metric")
+        return Column(name, METRICS[name].metric, "metric")
     plug_ins = {
         measure_name: registry.get("measures", measure_name)
         for registry in registries
@@ -134,7 +113,7 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
     ValueError
         With message, advice and key, if quantity, owner and statistic do not go together.
     """
-    quantity = QUANTITIES.get(section.quantity)
+    quantity = MEASURABLE.get(section.quantity)
     if quantity is None:
         base = column_by_name(section.quantity)
         return (
@@ -154,9 +133,9 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
         raise ValueError(
             f"there is no body '{section.probe.partition('.')[0]}'", suggestion(section.probe, bodies), "probe"
         )
-    if quantity.kind == "history" and section.take == "value" and section.at is None:
+    if quantity.axis is not None and section.take == "value" and section.at is None:
         raise ValueError("missing (the time of the value)", "Add `at:`, or `take: mean` or the like.", "at")
-    if quantity.kind == "scalar" and section.take != "value":
+    if quantity.axis is None and section.take != "value":
         raise ValueError(f"{section.quantity} is one number a run, it has no {section.take}", "Remove `take:`.", "take")
     if section.at is not None and section.during is not None:
         raise ValueError("has both `during` and `at`", "Keep one.", "at")
@@ -190,63 +169,32 @@ def _refuse_mapping(section: MeasureSection) -> Column:
     )
 
 
-def _values(entry: Any, path: list[str]) -> Iterator[Any]:
-    """Yield the values at a dotted path, in which a star stands for all entries."""
-    if not path:
-        yield entry
-    elif isinstance(entry, Mapping):
-        for key in entry if path[0] == "*" else [path[0]]:
-            yield from _values(entry.get(key), path[1:])
-
-
 def _largest(values: list[Any]) -> Any:
     """Return the largest value, or a single value of any type; None, mappings and lists do not count."""
     scalars = [value for value in values if value is not None and not isinstance(value, Mapping | list)]
     return max(scalars, default=None) if len(scalars) > 1 else (scalars[0] if scalars else None)
 
 
-def worst(exact: ExactErrors | None, name: str) -> float | None:
-    """Return a true error of a run, the largest if each contact has its own, or None if it is not known."""
-    if exact is None:
-        return None
-    if name in exact:
-        return exact[name]  # type: ignore[literal-required, no-any-return]
-    errors: list[float | None] = [contact[name] for contact in exact["contacts"].values()]  # type: ignore[literal-required]
-    return max((error for error in errors if error is not None), default=None)
-
-
 def metric(result: Result, name: str) -> Any:
-    """Return the value of a column of `METRICS` for a result."""
-    take = _METRIC.get(name)
-    return take(result.summary) if take is not None else worst(result.summary["exact"], name)
+    """Return the value of a column of `METRICS` for a result, or None if the result has none."""
+    summary, quantity = result.summary, METRICS[name]
+    if not quantity.path:
+        return _computed(summary, name)
+    values = [value for value in values_at(summary, quantity.path) if value is not None]
+    if quantity.over_contacts == "sum":
+        return sum(values)
+    # The force and the overlap of a run without contacts are zero; an error that no contact has is not known.
+    return max(values, default=0.0 if name in CONTACT_NUMBERS else None)
 
 
-def _energy_share(name: Literal["contact_work", "contact_work_max"]) -> Callable[[Summary], float | None]:
-    def share(summary: Summary) -> float | None:
-        # Relative to the energy put in, not to that at the end: a bar thrown upwards has none left where it turns.
-        energy = summary["energy"]
-        if energy.get("ledger_closed") is False:
-            return None  # with an open ledger the contact work is not the energy lost
-        put_in = energy["initial"] + (energy["external_work_max"] or 0.0)
-        return 1.0 + energy[name] / put_in if put_in > 0 else None
-
-    return share
-
-
-_METRIC: dict[str, Callable[[Summary], Any]] = {
-    "impulse": lambda s: sum(contact["impulse"] for contact in s["contacts"].values()),
-    "peak_force": lambda s: max((contact["peak_force"] for contact in s["contacts"].values()), default=0.0),
-    "penetration": lambda s: max(
-        (contact["penetration"]["largest"] for contact in s["contacts"].values()), default=0.0
-    ),
-    "energy_kept": _energy_share("contact_work"),
-    "energy_max": _energy_share("contact_work_max"),
-    "ledger_error": lambda s: s["energy"]["ledger_error"],
-    "energy_growth": lambda s: _largest_growth(s["energy_growth"]),
-    "steps": lambda s: s["steps"],
-    "node_steps": lambda s: s["steps"] * s["nodes"],
-}
-
-
-def _largest_growth(growth: Any) -> Any:
-    return growth.get("largest") if isinstance(growth, Mapping) else growth
+def _computed(summary: Summary, name: str) -> float | None:
+    """Return a metric that is computed from several entries of a summary, or None if it is not known."""
+    if name == "node_steps":
+        return int(summary["steps"] * summary["nodes"])
+    energy = summary["energy"]
+    if energy.get("ledger_closed") is False:
+        return None  # with an open ledger the contact work is not the energy lost
+    # Relative to the energy put in, not to that at the end: a bar thrown upwards has none left where it turns.
+    put_in = energy["initial"] + (energy["external_work_max"] or 0.0)
+    work = energy["contact_work" if name == "energy_kept" else "contact_work_max"]
+    return 1.0 + float(work) / put_in if put_in > 0 else None

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
+from percuss.case.quantities import METRICS
 from percuss.errors import InputError, PercussError, Problem, suggestion
-from percuss.studies.columns import ERRORS, metric, worst
+from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
 from percuss.studies.tasks import tasks
@@ -17,9 +18,7 @@ from percuss.studies.tasks import tasks
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-__all__ = ["ERRORS", "Run", "compare", "metrics", "own_laws", "worst"]
-
-SHOWN = ("impulse", "peak_force", "penetration", "energy_kept", "energy_max", "ledger_error", *ERRORS, "steps")
+__all__ = ["Run", "compare", "metrics", "own_laws"]
 
 
 def compare(
@@ -112,8 +111,8 @@ def own_laws(case: Case) -> list[str]:
 
 
 def metrics(run: Run) -> dict[str, Any]:
-    """Return the numbers of a run that the table of a comparison shows; empty if there is no result."""
+    """Return the numbers of a run by which runs are compared; empty if there is no result."""
     if run.result is None:
         return {}
     seconds = run.result.summary["seconds"]["march"]
-    return {**{name: metric(run.result, name) for name in SHOWN}, "seconds": seconds}
+    return {**{name: metric(run.result, name) for name in METRICS}, "seconds": seconds}

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from percuss.studies.comparison import ERRORS, Run, metrics
+from percuss.case.quantities import TRUE_ERRORS
+from percuss.studies.comparison import Run, metrics
 
 REFINED = "refine"
 ROUND_OFF = 1e-12  # smaller errors are not discretisation errors
@@ -31,7 +32,7 @@ def orders(runs: list[Run]) -> list[dict[str, Any]]:
     for key, series in runs_by_method.items() if any(len(series) > 1 for series in runs_by_method.values()) else ():
         fitted: dict[str, Any] = {"integrator": key[0], "contact": key[1], **dict(key[2])}
         fitted["refine"] = [run.varied[REFINED] for run in series]
-        for name in ERRORS:
+        for name in TRUE_ERRORS:
             errors = [metrics(run).get(name) for run in series]
             fitted[name] = errors
             fitted[f"{name}_order"] = _order(fitted["refine"], errors)

@@ -17,7 +17,7 @@ def study_schema(registry: Registry) -> dict[str, Any]:
     registry
         Registry whose integrators and contact laws appear by name.
     """
-    from percuss.studies.columns import METRICS
+    from percuss.case.quantities import METRICS
 
     schema = schema_of(StudySection, registry)
     properties = schema["properties"]

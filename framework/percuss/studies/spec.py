@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case.case import Case, load
+from percuss.case.quantities import METRICS
 from percuss.case.reader import Reader
 from percuss.case.source import Source
 from percuss.case.specs import Address
@@ -17,7 +18,7 @@ from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
-from percuss.studies.columns import METRICS, Column, column, column_by_name
+from percuss.studies.columns import Column, column, column_by_name
 from percuss.studies.layout import Condition, SampleSection, StudySection
 from percuss.studies.parameters import Sample
 

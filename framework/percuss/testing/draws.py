@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import COMPARED_BY_KIT
 from percuss.errors import PercussError
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject
 
@@ -23,7 +24,6 @@ PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run esti
 TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
 SAFETY_FACTOR = 10.0  # round-off may change a run by this multiple of the effect of the perturbations tried
 FLOOR = 1e-11  # smallest allowed difference, relative to the peak
-COMPARED = ("contact_force", "gap", "displacement")
 
 # the dimension of each word of a unit, as powers of length, mass and time
 POWERS = {
@@ -374,9 +374,9 @@ def largest_difference(result: Any, other: Any, factors: Mapping[str, float] | N
     where that is larger. The histories of `other` are divided by `factors` first.
     """
     worst = 0.0
-    sizes = {name: float(np.abs(result.arrays[name]).max(initial=0.0)) for name in COMPARED}
+    sizes = {name: float(np.abs(result.arrays[name]).max(initial=0.0)) for name in COMPARED_BY_KIT}
     sizes["gap"] = max(sizes["gap"], sizes["displacement"])
-    for name in COMPARED:
+    for name in COMPARED_BY_KIT:
         history, compared = result.arrays[name], other.arrays[name] / (factors or {}).get(name, 1.0)
         # the vectors of a rotated case have another direction and other components, so their norms are compared
         if name == "displacement" and history.ndim == 3:

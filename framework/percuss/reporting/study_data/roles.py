@@ -7,27 +7,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.tasks import TIED
 
+# Labels of the measures, in their order on the page: the comparisons with the exact solution come first.
 MEASURES = {
-    "force_error_l1": "force error, L1",
-    "force_error_l2": "force error, L2",
-    "impulse_error": "error of the cumulative impulse",
-    "displacement_error": "displacement error, L2",
-    "noise": "noise of the force",
-    "overshoot": "overshoot of the peak",
-    "penetration": "largest penetration",
-    "peak_force": "peak force",
-    "impulse": "impulse",
-    "energy_kept": "energy kept at the end",
-    "energy_max": "largest energy",
-    "energy_growth": "growth of energy",
-    "ledger_error": "closure of the energy ledger",
-    "courant_critical": "critical Courant number",
-    "node_steps": "steps times nodes",
+    **{name: quantity.label for name, quantity in QUANTITIES.items() if quantity.against_exact},
+    **{name: quantity.label for name, quantity in QUANTITIES.items() if quantity.path or quantity.metric},
     "seconds.march": "seconds of the march alone",
-    "steps": "steps",
     "seconds": "seconds of the whole row, with loading, compiling, certificate and exact solution",
 }
 
@@ -37,8 +25,7 @@ COSTS = ("node_steps", "seconds", "seconds.march", "steps")
 SECONDS_OF_MARCH = "seconds of the march alone"
 
 # Ranked in addition to all measures with "error" in their names.
-LESS_IS_BETTER = ("penetration", "ledger_error", "energy_growth")
-TRUE_ERRORS = ("force_error_l1", "force_error_l2", "impulse_error", "displacement_error")
+LESS_IS_BETTER = {name for name, quantity in QUANTITIES.items() if quantity.is_error}
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
 
 

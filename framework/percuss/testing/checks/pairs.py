@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.quantities import COMPARED_BY_KIT, QUANTITIES
 from percuss.errors import InputError, RefusedPair, RunError
 from percuss.methods.interfaces import LeapFrog
 from percuss.testing import draws
@@ -188,10 +189,11 @@ def energy_growth(subject: Subject, case: Mapping[str, Any], result: Any) -> flo
     if model.stages is None and contact_energy_known:
         return float(result.summary["energy_growth"]["largest"])
     arrays = result.arrays
-    energy = arrays["kinetic_energy"] + arrays["elastic_energy"] - arrays["external_work"]
+    kinetic, elastic, work = arrays["kinetic_energy"], arrays["elastic_energy"], arrays["external_work"]
+    energy = kinetic + elastic - work
     all_open = (arrays["contact_force"] == 0.0).all(axis=1) & (arrays["gap"] >= 0.0).all(axis=1)
     open_energy = energy[all_open]
-    scale = max(float(np.abs(arrays[k]).max()) for k in ("kinetic_energy", "elastic_energy", "external_work"))
+    scale = max(float(np.abs(part).max()) for part in (kinetic, elastic, work))
     rises = [float(energy.max()) - result.summary["energy"]["initial"]]
     rises += [float((open_energy - np.minimum.accumulate(open_energy)).max())] if open_energy.size else []
     return max(rises) / scale if scale else 0.0
@@ -287,8 +289,7 @@ def check_units(subject: Subject) -> None:
 
     A method with a dimensional constant inside it, or an option with a wrong unit, gives another result in other units.
     """
-    force, length = draws.unit_factor("force"), draws.unit_factor("length")
-    factors = {"contact_force": force, "gap": length, "displacement": length}
+    factors = {name: draws.unit_factor(QUANTITIES[name].unit) for name in COMPARED_BY_KIT}
 
     def compare_units(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = drawn

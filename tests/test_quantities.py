@@ -1,0 +1,129 @@
+"""The table of quantities is the only one, and what stands in it is what a run really has."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.case.quantities import (
+    COMPARED_BY_KIT,
+    COMPARISON_TABLE,
+    CONTACT_NUMBERS,
+    METRICS,
+    QUANTITIES,
+    STUDY_PANELS,
+    STUDY_TABLE,
+    values_at,
+)
+from percuss.studies.columns import metric
+from percuss.testing.draws import POWERS, unit_factor
+from strategies import hunek
+
+PACKAGES = [Path(percuss.__file__).parent, Path(percuss.__file__).parents[2] / "plugins"]
+# Some words are quantities and words of units at once: a dictionary of units may have them.
+NAMES = set(QUANTITIES) - set(POWERS)
+
+
+@pytest.fixture(scope="module")
+def result():
+    case = hunek(10, end=0.3) | {"record": {"fields": 3}}
+    case["method"] = case["method"] | {"contact": {"name": "penalty", "beta_s": 0.5}}
+    return percuss.run(percuss.load(case), compiled=False)
+
+
+def names_in(node):
+    """Return the names of quantities in a literal: its items, or its keys whose values are not computed."""
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        constants = node.elts
+    elif isinstance(node, ast.Dict):
+        computed = ast.Call, ast.Name, ast.Subscript, ast.Attribute
+        constants = [
+            key
+            for key, value in zip(node.keys, node.values, strict=True)
+            if isinstance(value, ast.Lambda) or not any(isinstance(part, computed) for part in ast.walk(value))
+        ]
+    else:
+        return []
+    return [item.value for item in constants if isinstance(item, ast.Constant) and item.value in NAMES]
+
+
+def tables_of_quantities(text):
+    """Return line and names of each literal in a source text that names three quantities or more."""
+    literals = [(node.lineno, names_in(node)) for node in ast.walk(ast.parse(text)) if hasattr(node, "lineno")]
+    return [(line, names) for line, names in literals if len(names) >= 3]
+
+
+def test_no_other_module_has_a_table_of_quantities():
+    others = [
+        f"{file}:{line}: {', '.join(names)}"
+        for package in PACKAGES
+        for file in sorted(package.rglob("*.py"))
+        if file.parts[-2:] != ("case", "quantities.py")
+        for line, names in tables_of_quantities(file.read_text(encoding="utf-8"))
+    ]
+    assert not others, "\n".join(["take these from percuss.case.quantities:", *others])
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("('gap', 'noise', 'steps')", 1),
+        ("f(*['gap', 'noise', 'steps', x])", 1),
+        ("{'gap': 'the gap', 'noise': 'noise', 'steps': 'number of steps'}", 1),
+        ("{'gap': lambda s: s['gap'], 'noise': 'noise', 'steps': ('a', 1)}", 1),
+        ("('gap', 'noise')", 0),
+        ("{'gap': gap[0], 'noise': noise(1), 'steps': steps}", 0),
+        ("{'energy': 1, 'velocity': 2, 'stress': 3}", 0),
+    ],
+)
+def test_a_table_of_quantities_is_recognised(text, count):
+    assert len(tables_of_quantities(text)) == count
+
+
+@pytest.mark.parametrize("name", [name for name, quantity in QUANTITIES.items() if quantity.axis])
+def test_every_history_is_in_a_result(result, name):
+    quantity = QUANTITIES[name]
+    if name == "energy":  # the sum of two histories, see `percuss.results.measures`
+        return
+    dataset = result.fields if quantity.of == "element" else result.histories
+    axes = {"contact": ["contact"], "probe": ["probe", "component"], "element": ["element"], "run": []}
+    assert list(dataset[name].dims) == ["time", *axes[quantity.of]]
+    assert dataset[name].attrs["long_name"] == quantity.definition != ""
+    assert dataset[name].attrs["units"] == quantity.unit
+    assert (dataset[name].attrs.get("at") == "time_half") == (quantity.axis == "time_half")
+    assert np.isfinite(dataset[name]).any()
+
+
+@pytest.mark.parametrize("name", [name for name, quantity in QUANTITIES.items() if not quantity.axis or quantity.path])
+def test_every_number_is_in_a_result(result, name):
+    quantity = QUANTITIES[name]
+    if quantity.path:
+        numbers = list(values_at(result.summary, quantity.path))
+        assert len(numbers) == 1
+        assert isinstance(numbers[0], int | float)
+    assert quantity.path or quantity.metric
+    if quantity.metric:
+        assert isinstance(metric(result, name), int | float)
+
+
+def test_every_history_and_number_of_a_contact_is_in_the_table(result):
+    assert set(result.arrays) - {"time", "time_half"} <= set(QUANTITIES)
+    assert set(result.field_arrays) - {"time", "body", "position"} <= set(QUANTITIES)
+    assert set(result.summary["contacts"]["tip"]) == set(CONTACT_NUMBERS)
+    exact = set(result.summary["exact"]["contacts"]["tip"]) - {"closed"}
+    assert exact == {name for name, quantity in QUANTITIES.items() if quantity.path.startswith("exact.contacts.")}
+
+
+def test_the_words_of_the_table_are_whole():
+    for name, quantity in QUANTITIES.items():
+        assert quantity.label, name
+        assert unit_factor(quantity.unit) > 0, name
+    labels = [quantity.label for quantity in QUANTITIES.values()]
+    assert len(set(labels)) == len(labels)
+
+
+def test_selections_of_quantities_are_of_the_table():
+    assert set(COMPARED_BY_KIT) <= {name for name, quantity in QUANTITIES.items() if quantity.axis}
+    assert {*COMPARISON_TABLE, *STUDY_TABLE, *STUDY_PANELS} <= set(METRICS)
