@@ -317,6 +317,8 @@ def test_components_that_fail_to_load_are_named():
 
     with pytest.raises(InputError, match=r"Plug-in that failed to load: percuss-soft 1.0: ImportError: no soft\."):
         load(mapping(method={"contact": "soft"}), registry=Partial())
+    with pytest.raises(InputError, match=r"unknown key 'hard'[^$]*Plug-in that failed to load: percuss-soft 1.0"):
+        load(mapping(loads={"push": {"hard": 1}}), registry=Partial())
 
 
 def test_source_survives_pickling():

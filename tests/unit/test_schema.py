@@ -8,11 +8,13 @@ from typing import Annotated
 import jsonschema
 import pytest
 import yaml
+from pydantic import Field, ValidationError
 
 import places
 from percuss.case.json_schema import case_schema
 from percuss.case.source import Source
-from percuss.methods.interfaces import ContactLaw, Doc, Gt, LinearLaw, Load, Unit
+from percuss.case.validation import Context, mistakes_in, validate
+from percuss.methods.interfaces import AllowInf, ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
 
 CASES = sorted(places.CASES.glob("*.yaml"))
@@ -168,6 +170,35 @@ def test_other_peoples_components_appear_with_unit_and_description():
     assert validator.is_valid(plain(FULL.replace("{ratio: matched}", "{name: soft, stiffness: 2}")))
     assert not validator.is_valid(plain(FULL.replace("{ratio: matched}", "soft")))
     assert validator.is_valid(plain(FULL.replace("constant: 1", "still: null")))
+
+
+def test_units_and_required_keys_stand_beside_the_descriptions(schema):
+    assert schema["properties"]["time"]["properties"]["end"]["x-unit"] == "time"
+    # A material has no default, as its default component has options without one; an element has.
+    assert set(schema["properties"]["bodies"]["additionalProperties"]["required"]) == {"area", "material"}
+
+
+@dataclass(frozen=True)
+class Loose(ContactLaw):
+    """A law with an option that may be infinite, and one that is a share or a number."""
+
+    name = "loose"
+    summary = "Somebody's law"
+
+    slack: Annotated[float, AllowInf()] = 0.0
+    share: Annotated[str, Field(pattern="^[0-9]+%$")] | Annotated[float, Gt(0)] = 1.0
+
+    def bind(self, points, dt):
+        return LinearLaw("explicit", self.slack)
+
+
+@pytest.mark.parametrize(("option", "value"), [("slack", float("nan")), ("share", "half")])
+def test_each_wrong_place_is_one_mistake(option, value):
+    context = Context(Registry.load(), Path())
+    assert validate(Loose, {"slack": float("inf"), "share": "3%"}, context).slack == float("inf")
+    with pytest.raises(ValidationError) as caught:
+        validate(Loose, {option: value}, context)
+    assert [mistake.path for mistake in mistakes_in(caught.value)] == [(option,)]
 
 
 def test_everything_is_described(schema):
