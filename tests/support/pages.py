@@ -52,6 +52,8 @@ def table(head: tuple[str, ...], lines: Iterator[tuple[str, ...]]) -> str:
 
 def words(schema: dict[str, Any]) -> str:
     """Return what a value is, from its schema."""
+    if "$ref" in schema:
+        return "mapping"
     if "const" in schema:
         return f"`{schema['const']}`"
     if "enum" in schema:
@@ -96,15 +98,17 @@ def keys(
             continue
         entry = resolved(raw, whole)
         default = entry.get("default")
-        shown = "required" if key in required else "" if default in (None, "", [], ()) else f"`{default}`"
+        shown = "required" if key in required else "" if default in (None, "", [], (), {}) else f"`{default}`"
         component = "{name: ...}" in entry.get("description", "") or (key in {"method", "mass"} and "anyOf" in entry)
         value = "a component" if component else words(entry)
         yield f"`{path}{key}`", value, shown, entry.get("description", "")
         if component:
             continue
         inner = entry.get("additionalProperties")
-        if entry.get("properties"):
-            yield from keys(entry, whole, f"{path}{key}.", skip)
+        sections = [resolved(branch, whole) for branch in (entry, *entry.get("anyOf", ()))]
+        section = next((section for section in sections if section.get("properties")), None)
+        if section is not None:
+            yield from keys(section, whole, f"{path}{key}.", skip)
         elif isinstance(inner, dict) and resolved(inner, whole).get("properties"):
             yield from keys(resolved(inner, whole), whole, f"{path}{key}.NAME.", skip)
         elif isinstance(entry.get("items"), dict):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import percuss
+import places
 from percuss.certificate import criteria
 from percuss.certificate.verdict import certificate, settled
 from percuss.results import assemble, exact
@@ -17,7 +17,7 @@ from percuss.solver.march import March
 from percuss.solver.model import Model
 from strategies import hunek
 
-HUNEK = Path(__file__).parent.parent / "cases" / "hunek.yaml"
+HUNEK = places.CASES / "hunek.yaml"
 
 
 def drive(**times):
