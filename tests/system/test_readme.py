@@ -182,6 +182,13 @@ def test_pictures_and_links_lead_somewhere() -> None:
             assert not heading or heading in {text.lower().replace(" ", "-") for text in headings}, link
 
 
+def test_files_named_in_the_pages_are_there() -> None:
+    named = {path for page in PAGES.values() for path in re.findall(r"`((?:\w+/)+\w+\.(?:py|yaml|c))`", page)}
+    assert len(named) > 20
+    roots = (ROOT, ROOT / "framework" / "percuss", ROOT / "tests")
+    assert not [path for path in named if not any((root / path).is_file() for root in roots)]
+
+
 def test_the_first_page_is_short() -> None:
     assert len(README.splitlines()) <= LONGEST
 
