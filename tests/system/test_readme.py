@@ -6,6 +6,7 @@ import shlex
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pages
@@ -13,6 +14,7 @@ import percuss
 import places
 from command_line import percuss_command
 from percuss.methods.registry import Registry
+from percuss.solver.model import Model
 
 ROOT = places.ROOT
 PAGES = {
@@ -180,6 +182,23 @@ def test_pictures_and_links_lead_somewhere() -> None:
             assert target.is_file(), link
             headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
             assert not heading or heading in {text.lower().replace(" ", "-") for text in headings}, link
+
+
+def test_the_lines_of_the_laws_are_those_that_the_page_shows() -> None:
+    section = PAGES["framework"].partition("## The contact equation")[2].partition("\n## ")[0]
+    lines = re.findall(r"^\| `([\w-]+)` \| (.*) \| (.*) \| (.*) \| (.*) \| (.*) \|$", section, re.MULTILINE)
+    assert [line[0] for line in lines] == ["penalty", "bipenalty", "lagrange", "tied"]
+    for name, evaluated, sigma, weights, active, sign in lines:
+        (law,) = Model(percuss.load(places.CASES / "hunek.yaml", {"method.contact": name})).laws
+        linear = law.linear
+        assert linear is not None
+        assert linear.at == ("explicit" if evaluated == "explicitly" else "end"), name
+        assert (np.asarray(linear.sigma) == 0).all() == (sigma == "0"), name
+        assert np.any(linear.gap) == ("gap" in weights.replace("gap rate", "")), name
+        assert np.any(linear.rate) == ("gap rate" in weights), name
+        assert np.any(linear.acceleration) == ("acceleration" in weights), name
+        assert (linear.active == "all") == active.startswith("all"), name
+        assert linear.sign == (">= 0" if sign == "λ ≥ 0" else "free"), name
 
 
 def test_files_named_in_the_pages_are_there() -> None:
