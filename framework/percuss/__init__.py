@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
-CONTRACT = 2
+from percuss.version import CONTRACT
+from percuss.version import __version__ as __version__
 
 _MODULES = {
     "case.case": "Case load",

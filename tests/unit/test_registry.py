@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import percuss
+from percuss import version
 from percuss.errors import PluginError
 from percuss.methods import admission, hookspecs
 from percuss.methods.interfaces import FAMILIES
@@ -504,7 +505,7 @@ def contract(monkeypatch):
     """Let percuss have another contract, and keep those from another one on."""
 
     def do(here, oldest=1):
-        monkeypatch.setattr(percuss, "CONTRACT", here)
+        monkeypatch.setattr(version, "CONTRACT", here)
         monkeypatch.setattr(admission, "OLDEST", oldest)
         monkeypatch.setattr(admission, "CHANGES", {n: f"`bind` takes {n} arguments" for n in range(1, here + 1)})
 

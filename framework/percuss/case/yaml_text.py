@@ -146,7 +146,8 @@ def _checked_aliases(text: str) -> list[tuple[int, int]]:
     Raises
     ------
     NotPlainError
-        If the text is nested too deeply or too large, refers to an unknown anchor, or has more than one document.
+        If the text is nested too deeply or too large, refers to an unknown anchor, has more than one document, or marks
+        a value with the tag ``!`` alone.
     """
     positions: list[tuple[int, int]] = []
     lines: dict[str, int] = {}
@@ -169,6 +170,9 @@ def _checked_aliases(text: str) -> list[tuple[int, int]]:
             raise _fatal_error(_position(event), message, "Give one of them another name.")
         elif anchor is not None:
             lines[anchor] = event.start_mark.line + 1
+        if getattr(event, "tag", None) == "!":
+            # YAML reads what follows as a text, PyYAML by its look: neither is what the other expects.
+            raise _fatal_error(_position(event), "unknown tag !", "A case holds plain values only: leave the tag out.")
         if isinstance(event, yaml.ScalarEvent):
             values += 1
             sizes[anchor] = (1, 0)
@@ -181,15 +185,20 @@ def _checked_aliases(text: str) -> list[tuple[int, int]]:
             levels = max(levels, levels_before)
         elif isinstance(event, yaml.DocumentStartEvent):
             documents += 1
-        if levels > MAX_DEPTH:
-            raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
-        if values > MAX_NODES:
-            message = f"more than {MAX_NODES} values, aliases written out"
-            raise _fatal_error(_position(event), message, "Keep tables in a file.")
-        if documents > 1:
-            message = "expected one document, found a second one"
-            raise _fatal_error(_position(event), message, "Keep one case a file.")
+        _check_limits(event, values, levels, documents)
     return positions
+
+
+def _check_limits(event: Any, values: int, levels: int, documents: int) -> None:
+    """Raise NotPlainError where the text up to an event is too deep, too large or not one document."""
+    if levels > MAX_DEPTH:
+        raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
+    if values > MAX_NODES:
+        message = f"more than {MAX_NODES} values, aliases written out"
+        raise _fatal_error(_position(event), message, "Keep tables in a file.")
+    if documents > 1:
+        message = "expected one document, found a second one"
+        raise _fatal_error(_position(event), message, "Keep one case a file.")
 
 
 class _Document:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import percuss
+from percuss import version
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.files import PACKAGE
@@ -138,9 +139,7 @@ def _class_name(name: str, code: str) -> str:
     """Return the class name: the method's name in camel case, plus ``Method`` if the code or percuss uses that word."""
     class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]+", name))
     return (
-        f"{class_name}Method"
-        if class_name in re.findall(r"\w+", code) or class_name in vars(percuss)["__all__"]
-        else class_name
+        f"{class_name}Method" if class_name in re.findall(r"\w+", code) or class_name in percuss.__all__ else class_name
     )
 
 
@@ -168,10 +167,10 @@ def _file_texts(name: str, kind: str, *, single_file: bool) -> dict[str, str]:
         "my_method": module,
         "MyMethod": _class_name(name, code),
         "@CASE@": f"{file}.yaml",
-        "@CONTRACT@": str(percuss.CONTRACT),
+        "@CONTRACT@": str(version.CONTRACT),
         "@FAMILY@": KINDS[kind],
         "@NEXT@": "\n".join(_next_commands(name, kind, None, single_file=False)),
-        "@PERCUSS@": percuss.__version__,
+        "@PERCUSS@": version.__version__,
         "@SUMMARY@": summary[1] if summary else "",
     }
     return {file: _with_words_replaced(text, words) for file, text in texts.items()}

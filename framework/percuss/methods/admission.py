@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 
-import percuss
+from percuss import version
 from percuss.errors import PluginError, suggestion
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component
 
@@ -87,7 +87,7 @@ def _check_signatures(contract: type[Component], component: type[Component]) -> 
 
 def _check_version(component: type[Component]) -> None:
     """Raise PluginError if a component states a contract that is newer than this percuss or no longer supported."""
-    stated, current = component.contract_version, percuss.CONTRACT
+    stated, current = component.contract_version, version.CONTRACT
     if stated is None:
         return
     if type(stated) is not int or stated < 1:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pluggy
 
-import percuss
+from percuss import version
 from percuss.errors import PluginError, nearest
 from percuss.files import PACKAGE
 
@@ -69,14 +69,14 @@ def definition_place(definition: Any) -> str:
 def error_text(error: BaseException) -> str:
     """Return the text of a plug-in's error; for a name that percuss does not have, suggest the nearest one."""
     text = error.msg if isinstance(error, SyntaxError) else str(error).strip()
-    version = f"percuss {percuss.__version__} (contract {percuss.CONTRACT})"
+    present = f"percuss {version.__version__} (contract {version.CONTRACT})"
     if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
-        text = f"{version} has no module '{error.name}'; a plug-in imports from percuss and percuss.testing alone"
+        text = f"{present} has no module '{error.name}'; a plug-in imports from percuss and percuss.testing alone"
     elif isinstance(error, ImportError) and (missing := _NAME_MISSING.match(text)):
         name, module = missing.groups()
         near = nearest(name, getattr(sys.modules.get(module), "__all__", ()))
         advice = f"did you mean '{near}'?" if near else "was it written for another percuss?"
-        advice = "it stands in percuss itself" if name in percuss.__all__ else advice
+        advice = "it stands in percuss itself" if name in sys.modules["percuss"].__all__ else advice
         advice = f"it is called `{RENAMED[name]}` since contract 2" if name in RENAMED else advice
-        text = f"{version} has no '{name}' in {module}; {advice}"
+        text = f"{present} has no '{name}' in {module}; {advice}"
     return text if isinstance(error, PluginError) else ": ".join(filter(None, (type(error).__name__, text)))

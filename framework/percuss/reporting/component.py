@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import percuss
+from percuss import version
 from percuss.case.json_schema import schema_of
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import describe, fact
@@ -190,8 +190,8 @@ def _region(component: type[Component]) -> str:
 def registry_data(registry: Registry) -> dict[str, Any]:
     """Return all components and all plug-ins that are not usable, in the types of JSON."""
     return {
-        "percuss": percuss.__version__,
-        "contract": percuss.CONTRACT,
+        "percuss": version.__version__,
+        "contract": version.CONTRACT,
         "oldest_contract": OLDEST,
         "components": [
             {

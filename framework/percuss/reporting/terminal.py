@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-import percuss
+from percuss import version
 from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
 from percuss.methods.admission import OLDEST
 from percuss.results.ledger import ledger_words
@@ -244,7 +244,7 @@ def tell_registry(registry: Registry) -> None:
         origin += f", contract {component.contract_version}" if component.contract_version else ""
         table.add_row(family, name, escape(component.summary), escape(origin), escape(source.file))
     console.print(table)
-    console.print(f"percuss {percuss.__version__}, contract {percuss.CONTRACT}; keeps contracts from {OLDEST} on")
+    console.print(f"percuss {version.__version__}, contract {version.CONTRACT}; keeps contracts from {OLDEST} on")
     for broken in registry.broken:
         where = f" ({broken.file})" if broken.file else ""
         console.print(f"[red]not usable[/red] {escape(broken.source)}{escape(where)}: {escape(broken.error)}")

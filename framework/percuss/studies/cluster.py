@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
-import percuss
 from percuss.compiling import LOCK
 from percuss.errors import InputError, Problem, RunError
 from percuss.studies.job_package import Bench, Job
@@ -20,6 +19,7 @@ from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record
 from percuss.studies.workers import Batches
+from percuss.version import __version__
 
 __all__ = ["run_cluster"]
 
@@ -89,7 +89,7 @@ def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop
             batch = batches.take()
             fit_workers = [address for address in client.nthreads() if address not in unfit] if unfit else []
             placement = {"workers": fit_workers} if fit_workers else {}
-            in_flight[client.submit(_work, bench, percuss.__version__, batch, pure=False, **placement)] = batch
+            in_flight[client.submit(_work, bench, __version__, batch, pure=False, **placement)] = batch
         for future in _finished(list(in_flight)):
             batch = in_flight.pop(future)
             try:
@@ -140,6 +140,6 @@ def _work(packed: bytes, version: str, batch: list[Job]) -> tuple[list[Record], 
     """Return the records of a batch and the address of this worker."""
     from distributed import get_worker
 
-    if version != percuss.__version__:
-        raise RunError(f"a worker has percuss {percuss.__version__}, and this is {version}: install the same there")
+    if version != __version__:
+        raise RunError(f"a worker has percuss {__version__}, and this is {version}: install the same there")
     return _bench(packed).records(batch), get_worker().address

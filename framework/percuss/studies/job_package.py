@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import percuss
 from percuss.case.case import Case, load
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
@@ -23,6 +22,7 @@ from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, own_digest, surroundings
 from percuss.studies.perform import LOST, perform_timed
 from percuss.studies.stored_run import Record, record
+from percuss.version import __version__
 
 if TYPE_CHECKING:
     from percuss.case.source import Source
@@ -129,9 +129,7 @@ class Bench:
             for (family, name), source in registry.sources.items()
             if f"{family}/{name}" in components
         }
-        environment = (
-            {**surroundings(), "percuss": f"{percuss.__version__} {own_digest()}"} if self.surroundings else {}
-        )
+        environment = {**surroundings(), "percuss": f"{__version__} {own_digest()}"} if self.surroundings else {}
         for name, digest in components.items():
             if name not in local_digests:
                 raise PluginError(f"{name} is not installed here, and it is where the study was begun")

@@ -9,11 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import percuss
 from percuss.case import overrides
 from percuss.case.case import load
 from percuss.errors import PercussError
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
+from percuss.version import __version__
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -55,7 +55,7 @@ class Keys:
 
     def __init__(self, columns: Sequence[Column], *, nudge: bool, histories: int, repeats: int | None = None) -> None:
         measured = sorted([column.name, column.kind, [list(pair) for pair in column.arguments]] for column in columns)
-        self.surroundings = {**surroundings(), "percuss": f"{percuss.__version__} {own_digest()}"}
+        self.surroundings = {**surroundings(), "percuss": f"{__version__} {own_digest()}"}
         self.common = [self.surroundings, measured, nudge, histories, repeats]
         self.measures = {column.name for column in columns if column.kind == "plug-in"}
         self.components: dict[str, dict[str, str]] = {}

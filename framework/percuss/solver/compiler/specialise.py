@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-import percuss
 from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import function_digest
@@ -32,6 +31,7 @@ from percuss.solver.compiler.fingerprint import (
     plain_function,
     refresh_overloads,
 )
+from percuss.version import __version__
 
 Kernel = Callable[..., Any]
 
@@ -236,7 +236,7 @@ class Specialiser:
 def _versions() -> str:
     from importlib.metadata import version
 
-    return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{percuss.__version__}"
+    return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{__version__}"
 
 
 def jit_disabled() -> bool:
