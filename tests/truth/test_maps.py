@@ -13,7 +13,7 @@ from test_blackbox import CD, ROW_PAIRS, WU, wall
 import percuss
 import places
 from command_line import percuss_command
-from percuss.certificate.verdict import SAFETY, certificate, settled
+from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate, settled
 from percuss.certificate.waves import waves
 from percuss.reporting.stability_figure import stability_figure
 from percuss.solver.model import Model
@@ -267,7 +267,7 @@ def test_the_chosen_step_is_certified_on_every_case(case, pair):
             assert "Krylov" in found["why"] or "other combinations" in found["why"]
             return
     assert found["stable"] == "yes"
-    assert found["margin"] == pytest.approx(SAFETY, rel=1e-6)
+    assert found["margin"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-6)
 
 
 AUTO = {"end": 1e-6, "courant": "auto"}
@@ -289,15 +289,15 @@ def test_the_chosen_step_is_certified(pair, case):
         assert "other combinations" in found["why"]
         return
     assert found["stable"] == "yes"
-    assert found["margin"] <= SAFETY * (1 + 1e-5)
+    assert found["margin"] <= SHARE_OF_CRITICAL_STEP * (1 + 1e-5)
     lets_go = any("until" in load or "from" in load for load in case["loads"].values())
-    assert lets_go or found["margin"] == pytest.approx(SAFETY, rel=1e-5)
+    assert lets_go or found["margin"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-5)
 
 
 def test_a_chosen_step_runs_is_told_and_survives_a_nudge():
     case = percuss.load(hunek(n=20), {"time.courant": "auto"})
     result = percuss.run(case, nudge=True)
-    assert result.summary["courant"] == pytest.approx(SAFETY, rel=1e-9)
+    assert result.summary["courant"] == pytest.approx(SHARE_OF_CRITICAL_STEP, rel=1e-9)
     assert result.summary["exact"]["fragile"] is False
     assert result.provenance["resolved"]["dt"] == result.summary["dt"]
 
@@ -342,4 +342,4 @@ def test_a_path_is_given_once(tmp_path):
 
 def test_a_step_left_open_is_chosen_for_every_point():
     found = percuss.stability(percuss.load(HUNEK), {"method.contact.beta_s": [1, 10], "time.courant": ["auto"]})
-    assert [row["margin"] for row in found] == pytest.approx([SAFETY, SAFETY], rel=1e-6)
+    assert [row["margin"] for row in found] == pytest.approx([SHARE_OF_CRITICAL_STEP, SHARE_OF_CRITICAL_STEP], rel=1e-6)

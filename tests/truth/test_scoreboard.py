@@ -5,7 +5,7 @@ import re
 import pytest
 
 import scoreboard
-from percuss.certificate.verdict import SAFETY
+from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.methods.registry import Registry
 
 pytestmark = pytest.mark.deep
@@ -90,7 +90,7 @@ def test_limits_in_the_prose_are_those_of_the_code():
     integrator = Registry.load().get("integrators", "noh-bathe")
     row = next(line for line in PAGES[2].splitlines() if line.startswith("| `noh-bathe`"))
     assert f"without contact up to a Courant number of {integrator.critical_courant:.3g} |" in row
-    assert f"takes {SAFETY:g} of the critical step" in PAGES[1]
+    assert f"takes {SHARE_OF_CRITICAL_STEP:g} of the critical step" in PAGES[1]
 
 
 def value(table, case, pair, name):

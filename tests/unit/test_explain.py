@@ -11,7 +11,7 @@ import percuss
 import places
 from percuss.case.options import options_of
 from percuss.case.source import Source
-from percuss.certificate.verdict import SAFETY, settled
+from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, settled
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
 from percuss.reporting.component import component_data, component_text
@@ -102,8 +102,8 @@ def test_what_lagrange_multipliers_answer():
 def test_what_chose_itself_is_told_with_its_reason():
     found = told(hunek(20, contact="penalty"), {"time.courant": "auto"})
     critical = found.data["certificate"]["dt_critical"]
-    assert found.data["dt"] == pytest.approx(SAFETY * critical)
-    assert f"chosen as {SAFETY} of the critical step {critical:.9g}" in found.text
+    assert found.data["dt"] == pytest.approx(SHARE_OF_CRITICAL_STEP * critical)
+    assert f"chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {critical:.9g}" in found.text
     assert re.search(r"beta_s auto: 0\.\d+, ", found.text)
     assert found.data["chosen"]["tip"]["beta_s"].startswith("auto")
     assert "as given" in told(hunek(20), {"time": {"end": 0.1, "step": 1e-4}}).text

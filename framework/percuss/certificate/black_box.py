@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.pencil import EDGE, Pencil
+from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
 from percuss.errors import PercussError
 from percuss.solver.march import March
 
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 # Overlap and closing of the base state, relative to a unit perturbation, so that no perturbation opens a contact.
-DEPTH = 64.0
+BASE_OVERLAP = 64.0
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it.
-FAR = 1e12
+OPEN_GAP = 1e12
 # Largest state of which all eigenvalues are computed; of a larger one Arnoldi's iteration finds the largest only.
-DENSE = 240
+LARGEST_DENSE_STATE = 240
 # Number of vectors that Arnoldi's iteration keeps.
-KRYLOV = 24
-# Number of restarts of Arnoldi's iteration, halved for states of `HUGE` entries or more to bound the time.
-RESTARTS = 12
-HUGE = 5000
+KRYLOV_VECTORS = 24
+# Number of restarts of Arnoldi's iteration, halved for states of `LARGE_STATE` entries or more to bound the time.
+ARNOLDI_RESTARTS = 12
+LARGE_STATE = 5000
 # Relative deviation from linearity that counts as round-off.
-LINEAR = 1e-6
+LINEARITY_TOLERANCE = 1e-6
 # Relative change by contact below which a motion counts as unaffected by contact.
-UNFELT = 1e-7
+CONTACT_EFFECT_TOLERANCE = 1e-7
 # Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
 # contact; of more contacts, none, each one alone and all of them are closed.
 MOST_TOGETHER = 3
@@ -89,12 +89,14 @@ class ClosedStepStability:
         Above theta = 1 growth starts so slowly that a modulus of 1 may hide it, so the motions that contact changes
         must decay there. The other motions are those of free bodies.
         """
-        return not self.radius > 1.0 + EDGE and not (_above_one(self.theta) and self.felt_radius > 1.0 - EDGE)
+        return not self.radius > 1.0 + MARGINAL_DISTANCE and not (
+            _above_one(self.theta) and self.felt_radius > 1.0 - MARGINAL_DISTANCE
+        )
 
 
 def _above_one(theta: float | None) -> bool:
     """Return whether contact takes back more than the predicted overlap."""
-    return theta is not None and theta > 1.0 + EDGE
+    return theta is not None and theta > 1.0 + MARGINAL_DISTANCE
 
 
 class ClosedStep:
@@ -136,15 +138,15 @@ class ClosedStep:
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
         self._scale = np.sqrt(lightest) / self.motions.root
         points, order = self._boundary.points, self.march.order
-        points.initial_gap = DEPTH * signs[order]
+        points.initial_gap = BASE_OVERLAP * signs[order]
         if self.model.multistage:
             closed, linear = signs[order] < 0, points.own == 0
             points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
-            points.initial_gap[linear & (points.initial_gap > 0)] = FAR
+            points.initial_gap[linear & (points.initial_gap > 0)] = OPEN_GAP
             points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
             signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
-        speed = np.linalg.lstsq(gaps, DEPTH * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
+        speed = np.linalg.lstsq(gaps, BASE_OVERLAP * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
         out = np.zeros((self.parts, self._scale.size))
         out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
         return out
@@ -175,7 +177,7 @@ class ClosedStep:
         """Return whether the step is linear in the state."""
         state = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
         image, opposite = self(state), self(-0.5 * state)
-        return bool(np.abs(image + 2.0 * opposite).max() <= LINEAR * np.abs(image).max())
+        return bool(np.abs(image + 2.0 * opposite).max() <= LINEARITY_TOLERANCE * np.abs(image).max())
 
 
 class Motions:
@@ -234,7 +236,7 @@ class Motions:
             value, vector = eigh_tridiagonal(
                 diagonal / mass, off / (root[:-1] * root[1:]), select="i", select_range=(top, top)
             )
-            if abs(value[0] * dt**2 / 4.0 - 1.0) < 4.0 * EDGE:
+            if abs(value[0] * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
                 full = np.zeros((self.model.n_nodes, self.model.dim))
                 full[first : first + mass.size] = vector * self.model.body_of(first).mesh.direction
                 columns.append(self.projection @ full.ravel())
@@ -310,13 +312,14 @@ def examine(
         return ClosedStepStability(np.nan, None, conclusive=False)
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.model.multistage else None
     size = step.parts * step.size
-    if size > DENSE and theta is not None:  # Up to theta = 1 the closed step is bounded wherever the free step is.
+    if size > LARGEST_DENSE_STATE and theta is not None:
+        # Up to theta = 1 the closed step is bounded wherever the free step is.
         zeros = np.zeros(len(motions.model.contact_pairs))
         return ClosedStepStability(
             1.0 if motions.pencil.definite(dt, zeros, zeros)[0] else np.inf, theta, conclusive=True
         )
     idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
-    if size > DENSE:
+    if size > LARGEST_DENSE_STATE:
         return ClosedStepStability(
             1.0 if stable_at_longer_step else _largest_modulus(step, idle), theta, conclusive=False
         )
@@ -329,7 +332,7 @@ def examine(
     moduli = np.abs(values)
     # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
     change = matrix - ClosedStep(motions, dt, ()).matrix()
-    felt = np.linalg.norm(change @ vectors, axis=0) > UNFELT * np.linalg.norm(change)
+    felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
     return ClosedStepStability(
         float(moduli.max(initial=0.0)), theta, conclusive=True, felt_radius=float(moduli[felt].max(initial=0.0))
     )
@@ -354,9 +357,9 @@ def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
         x[:, k] = -ends.T @ place[:n]
         size = max(size, float(np.abs(place).max()))
         local = max(np.abs(place[:n] - place[n:]).max(), np.abs(place[:n] + ends @ x[:, k]).max())
-        if max(local, np.abs(rate).max()) > LINEAR * size:
+        if max(local, np.abs(rate).max()) > LINEARITY_TOLERANCE * size:
             return None
-    if size < LINEAR or np.abs(x - x.T).max() > LINEAR * size:
+    if size < LINEARITY_TOLERANCE or np.abs(x - x.T).max() > LINEARITY_TOLERANCE * size:
         return None
     return float(np.linalg.eigvalsh(0.5 * (x + x.T))[-1])
 
@@ -377,10 +380,10 @@ def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
         values = eigs(
             operator,
             k=2,
-            ncv=KRYLOV,
+            ncv=KRYLOV_VECTORS,
             which="LM",
             v0=np.random.default_rng(0).standard_normal(size),
-            maxiter=RESTARTS if size < HUGE else RESTARTS // 2,
+            maxiter=ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2,
             tol=1e-9,
             return_eigenvectors=False,
         )

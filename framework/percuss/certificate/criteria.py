@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.black_box import DENSE, MOST_TOGETHER, Motions, combinations, examine
+from percuss.certificate.black_box import LARGEST_DENSE_STATE, MOST_TOGETHER, Motions, combinations, examine
 from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
-from percuss.certificate.pencil import EDGE, FEW, Pencil, largest_step, largest_step_below
+from percuss.certificate.pencil import MARGINAL_DISTANCE, MOST_TRIED_CONTACTS, Pencil, largest_step, largest_step_below
 from percuss.certificate.scheme_limit import limit_ratio
-from percuss.certificate.unequal_contacts import WORK, ClosedMatrix, unequal_sets
+from percuss.certificate.unequal_contacts import MOST_WORK, ClosedMatrix, unequal_sets
 from percuss.methods.kernel_trial import changes_with_time
 from percuss.solver.contact_rows import delassus_rows
 
@@ -36,9 +36,9 @@ UNALIKE = (
 NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or judge contact at the current gap"
 # Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
-SHORT = 3
+SHORT_BAR_ELEMENTS = 3
 # Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.
-LOOSE = 1e-6
+SEARCH_TOLERANCE = 1e-6
 # Difference of two eps_m / eps_s, relative to their scale and dt^2, below which it is round-off.
 ROUND_OFF = 1e-9
 # Largest group of contacts of which every part is tried, as the number of parts doubles with each contact.
@@ -199,7 +199,7 @@ class PencilCriterion:
         """Return the assessment by the amplification matrix, for groups about which theta alone does not decide."""
         reason = UNALIKE.format(quoted_names(self.model, [int(p) for group in groups for p in group]))
         sets = list(itertools.islice(unequal_sets(groups, laws), MOST_SETS))
-        if len(sets) == MOST_SETS or self._matrix.work(len(sets)) > WORK:
+        if len(sets) == MOST_SETS or self._matrix.work(len(sets)) > MOST_WORK:
             return StepAssessment(
                 False, doubt=f"{reason}; the model is too large to examine all sets of them", conclusive=False
             )
@@ -222,8 +222,8 @@ class PencilCriterion:
 
         Contact can damp all of such a bar, so a step above theta = 1 may be stable.
         """
-        short = any(body.stiffness.size < SHORT for body in self.model.bodies.values())
-        return BlackBoxCriterion(self.model) if short and 2 * self.model.mass.size <= DENSE else None
+        short = any(body.stiffness.size < SHORT_BAR_ELEMENTS for body in self.model.bodies.values())
+        return BlackBoxCriterion(self.model) if short and 2 * self.model.mass.size <= LARGEST_DENSE_STATE else None
 
     @cached_property
     def free(self) -> float:
@@ -244,7 +244,7 @@ class PencilCriterion:
         if not 0.0 < bound < np.inf or not self._unequal_groups(closed_contacts(self.model, bound)):
             return bound
         # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
-        return bound if self.assess_step(bound * (1.0 - EDGE)).stable else np.nan
+        return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).stable else np.nan
 
 
 class RunCriterion:
@@ -346,7 +346,7 @@ class BlackBoxCriterion:
         doubt, radius, theta = "", -1.0, None
         worst: list[int] = []
         closed_sets = self._combinations
-        if self.model.stages is not None and dt > self.free * (1.0 + EDGE):
+        if self.model.stages is not None and dt > self.free * (1.0 + MARGINAL_DISTANCE):
             return StepAssessment(False)
         complete = 2 ** len(self.model.contact_pairs) == len(combinations(len(self.model.contact_pairs)))
         if not complete:
@@ -383,7 +383,7 @@ class BlackBoxCriterion:
     def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
         """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""
         kept = list(unstable)
-        if len(self.model.contact_pairs) <= MOST_TOGETHER or len(kept) > FEW:
+        if len(self.model.contact_pairs) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
             return kept  # All smaller combinations were stable, or there are too many to try.
         for contact in unstable:
             fewer = [other for other in kept if other != contact]
@@ -405,13 +405,16 @@ class BlackBoxCriterion:
 
     @cached_property
     def critical_step(self) -> float:
-        """Largest stable step within the relative tolerance `LOOSE`, or nan where the step is not linear.
+        """Largest stable step within the relative tolerance `SEARCH_TOLERANCE`, or nan where the step is not linear.
 
         A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
         """
         if self.free in {0.0, np.inf}:
             return self.free
-        results = [(closed, examine(self.motions, self.free * (1.0 - EDGE), closed)) for closed in self._combinations]
+        results = [
+            (closed, examine(self.motions, self.free * (1.0 - MARGINAL_DISTANCE), closed))
+            for closed in self._combinations
+        ]
         if not all(stability.linear for _, stability in results):
             return np.nan
         unstable = [closed for closed, stability in results if not stability.stable]
@@ -425,7 +428,7 @@ class BlackBoxCriterion:
             nonlinear_steps.extend(dt for stability in stabilities if not stability.linear)
             return all(stability.linear and stability.stable for stability in stabilities)
 
-        critical = largest_step(is_stable, self.free, LOOSE)
+        critical = largest_step(is_stable, self.free, SEARCH_TOLERANCE)
         return np.nan if nonlinear_steps else critical
 
 

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 # Relative distance from the limit within which a step is marginal.
-EDGE = 1e-9
-STEPS_OF_SEARCH = 60
+MARGINAL_DISTANCE = 1e-9
+SEARCH_STEPS = 60
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
-FEW = 24
+MOST_TRIED_CONTACTS = 24
 
 
 class Pencil:
@@ -121,8 +121,8 @@ class Pencil:
         definite
             Whether the matrix is positive definite.
         limiting
-            Contacts that suffice to make it indefinite while they are closed; up to `FEW` of them none can be left
-            out. Empty where the matrix is definite, or indefinite without contact.
+            Contacts that suffice to make it indefinite while they are closed; if they are at most
+            `MOST_TRIED_CONTACTS`, none can be left out. Empty where the matrix is definite, or indefinite without contact.
         """
         factors = self.factors(dt)
         if factors is None:
@@ -147,7 +147,7 @@ def _limiting_rows(matrix: Floats) -> list[int]:
     """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
 
     The rows with the largest components in the last eigenvector come first, the fewest of them that suffice; of up to
-    `FEW` rows, each that can be left out is then left out.
+    `MOST_TRIED_CONTACTS` rows, each that can be left out is then left out.
     """
 
     def unstable(rows: list[int]) -> bool:
@@ -160,7 +160,7 @@ def _limiting_rows(matrix: Floats) -> list[int]:
         middle = (lo + hi) // 2
         lo, hi = (lo, middle) if unstable(order[:middle]) else (middle, hi)
     kept = order[:hi]
-    for row in kept[::-1] if hi <= FEW else ():
+    for row in kept[::-1] if hi <= MOST_TRIED_CONTACTS else ():
         rest = [other for other in kept if other != row]
         if unstable(rest):
             kept = rest
@@ -169,7 +169,7 @@ def _limiting_rows(matrix: Floats) -> list[int]:
 
 def largest_step_below(stable: Callable[[float], bool], free: float) -> float:
     """Return the largest step up to which `stable` is true, which is `free` where contact does not lower it."""
-    return free if stable(free * (1.0 - 0.1 * EDGE)) else largest_step(stable, free)
+    return free if stable(free * (1.0 - 0.1 * MARGINAL_DISTANCE)) else largest_step(stable, free)
 
 
 def largest_step(stable: Callable[[float], bool], start: float, tolerance: float = 1e-11) -> float:
@@ -185,7 +185,7 @@ def largest_step(stable: Callable[[float], bool], start: float, tolerance: float
             return np.inf
         if lo == start and not stable(hi):
             break
-    for _ in range(STEPS_OF_SEARCH):
+    for _ in range(SEARCH_STEPS):
         middle = 0.5 * (lo + hi)
         if middle in (lo, hi) or hi - lo < tolerance * hi:
             break

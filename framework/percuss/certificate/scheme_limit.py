@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 from percuss.solver.integrator_check import kernel_of
 
 # Growth in a step up to which it counts as round-off.
-GROWTH = 1e-9
+GROWTH_TOLERANCE = 1e-9
 OSCILLATORS = 1001
 
 
@@ -69,7 +69,7 @@ def _limit_ratio(integrator: Integrator, stages: Stages, dt: float) -> float:
             return radii
 
     grid = np.geomspace(1e-3, 1e3, OSCILLATORS)
-    unstable = np.flatnonzero(radius(grid) > 1.0 + GROWTH)
+    unstable = np.flatnonzero(radius(grid) > 1.0 + GROWTH_TOLERANCE)
     if unstable.size == 0:
         return 0.5 * float(np.sqrt(grid[-1]))
     if unstable[0] == 0:
@@ -79,7 +79,7 @@ def _limit_ratio(integrator: Integrator, stages: Stages, dt: float) -> float:
         middle = 0.5 * (lo + hi)
         if middle in (lo, hi):
             break
-        if radius(np.array([middle]))[0] > 1.0 + GROWTH:
+        if radius(np.array([middle]))[0] > 1.0 + GROWTH_TOLERANCE:
             hi = middle
         else:
             lo = middle

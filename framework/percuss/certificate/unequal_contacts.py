@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.certificate.pencil import EDGE
+from percuss.certificate.pencil import MARGINAL_DISTANCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from percuss.certificate.pencil import Pencil
 
 # Growth in a step below which it cannot be told from rounding with certainty.
-SLOW = 1e-7
+GROWTH_RESOLUTION = 1e-7
 # Largest `ClosedMatrix.work` for which a step is examined, to bound the time.
-WORK = 1e8
+MOST_WORK = 1e8
 
 
 class ClosedMatrix:
@@ -101,9 +101,9 @@ class ClosedMatrix:
         doubtful: list[int] | None = None
         for closed in sets:
             radius = self.radius(dt, laws, closed)
-            if radius > 1.0 + SLOW:
+            if radius > 1.0 + GROWTH_RESOLUTION:
                 return False, list(closed)
-            if radius > 1.0 + EDGE and doubtful is None:
+            if radius > 1.0 + MARGINAL_DISTANCE and doubtful is None:
                 doubtful = list(closed)
         return (True, []) if doubtful is None else (None, doubtful)
 

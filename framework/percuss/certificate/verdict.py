@@ -16,7 +16,7 @@ from percuss.certificate.criteria import (
     quoted_names,
 )
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
-from percuss.certificate.pencil import EDGE
+from percuss.certificate.pencil import MARGINAL_DISTANCE
 from percuss.errors import InputError
 from percuss.solver.bodies import tangent_as_declared
 from percuss.solver.model import Model
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
 
 # Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
-LEAST = 1e-4
+SMALLEST_SHARE_OF_FREE_STEP = 1e-4
 # Relative distance above the critical step at which the contacts that limit it are unstable and can be found.
-ABOVE = 1e-6
+DISTANCE_ABOVE_CRITICAL = 1e-6
 # Share of the critical step that is chosen where the case leaves the step open.
-SAFETY = 0.9
+SHARE_OF_CRITICAL_STEP = 0.9
 
 
 Verdict = Literal["yes", "marginal", "no", "unknown"]
@@ -89,7 +89,7 @@ class SettledRun(NamedTuple):
 
 
 def settled(case: Case) -> SettledRun:
-    """Return the model of a case; where the case leaves the step open, choose `SAFETY` times the critical step.
+    """Return the model of a case; where the case leaves the step open, choose a share of the critical step.
 
     Raises
     ------
@@ -110,19 +110,21 @@ def settled(case: Case) -> SettledRun:
         criterion = criterion_of(model, criterion)
         critical = criterion.critical_step
         chosen = (
-            criterion.assess_step(SAFETY * critical)
+            criterion.assess_step(SHARE_OF_CRITICAL_STEP * critical)
             if 0.0 < critical < np.inf
             else StepAssessment(False, conclusive=False)
         )
         # A tiny critical step is no stability: growth may be too slow to show in a single step of that length.
-        if not LEAST * criterion.free < critical < np.inf or not (chosen.conclusive or chosen.stable):
+        if not SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf or not (
+            chosen.conclusive or chosen.stable
+        ):
             message = "expected methods of which some step is known to be stable"
             advice = f"{capitalised(no_step(model, criterion.free))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
-        if critical >= limit * (1.0 - EDGE):
+        if critical >= limit * (1.0 - MARGINAL_DISTANCE):
             return SettledRun(model, criterion)
         limit = critical
-        model = model.with_step(SAFETY * critical)
+        model = model.with_step(SHARE_OF_CRITICAL_STEP * critical)
 
 
 def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
@@ -163,12 +165,12 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
         )
     if assessment.conclusive and assessment.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
-    if assessment.conclusive and 0.0 < critical < free * (1.0 - EDGE):
+    if assessment.conclusive and 0.0 < critical < free * (1.0 - MARGINAL_DISTANCE):
         # The contacts that limit the step are those with which a step just above the critical one is unstable.
-        limiting = criterion.assess_step(critical * (1.0 + ABOVE))
+        limiting = criterion.assess_step(critical * (1.0 + DISTANCE_ABOVE_CRITICAL))
         if not limiting.stable and limiting.conclusive:
             assessment = dataclasses.replace(assessment, worst=limiting.worst, stretch=limiting.stretch)
-    if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + EDGE)):
+    if not assessment.conclusive or (not assessment.stable and critical > model.dt * (1.0 + MARGINAL_DISTANCE)):
         critical = np.nan  # A longer step may be stable where this one is not, so the limit is not known.
     verdict, why = _verdict(criterion, assessment, free, critical)
     energy, energy_why = _energy_guarantee(criterion, assessment, verdict)
@@ -234,7 +236,7 @@ def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, c
     model = criterion.model
     if free == 0.0:
         return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
-    if model.dt > free * (1.0 + EDGE):
+    if model.dt > free * (1.0 + MARGINAL_DISTANCE):
         courant = f"Courant number {model.courant:.6g}"
         return "no", f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow without contact"
     when = ""
@@ -255,10 +257,10 @@ def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, c
 def _compare_with_critical(dt: float, critical: float, combination: str, *, stable: bool) -> tuple[Verdict, str]:
     """Return the verdict from a step and the critical step, nan where that is not known, and the reason in words."""
     margin = np.inf if critical <= 0.0 else dt / critical  # A margin of nan is neither above nor below any number.
-    if margin > 1.0 + EDGE:
+    if margin > 1.0 + MARGINAL_DISTANCE:
         digits = 6 if margin > 1.0 + 1e-5 else 12
         return "no", f"the step {dt:.{digits}g} is above {critical:.{digits}g}, the critical step {combination}"
-    if margin >= 1.0 - EDGE:
+    if margin >= 1.0 - MARGINAL_DISTANCE:
         return "marginal", f"the step is the critical one {combination}"
     if not stable:
         return "no", f"the step {dt:.6g} is unstable {combination}"

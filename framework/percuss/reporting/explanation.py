@@ -11,7 +11,7 @@ import numpy as np
 
 from percuss.case.options import options_of
 from percuss.case.type_words import found
-from percuss.certificate.verdict import SAFETY, certificate
+from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
@@ -179,8 +179,9 @@ def _step_data(model: Model) -> dict[str, Any]:
     if time.step is not None:
         how = f"dt = {model.dt:.9g} as given, Courant number {model.courant:.6g} of {of}"
     elif time.courant == "auto":
+        critical = model.dt / SHARE_OF_CRITICAL_STEP
         how = (
-            f"dt = {model.dt:.9g}, chosen as {SAFETY} of the critical step {model.dt / SAFETY:.9g}: "
+            f"dt = {model.dt:.9g}, chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {critical:.9g}: "
             f"Courant number {model.courant:.6g} of {of}"
         )
     else:

@@ -14,7 +14,7 @@ from percuss.results.exact import exact_solution, sampled
 from percuss.results.provenance import expected_forces, geometry, machine, plugins_used, resolved_methods
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
-from percuss.solver.march import GROWTH, March, Outcome
+from percuss.solver.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.solver.model import Model
 from percuss.solver.recording import field_elements
 from percuss.solver.stop import Stop
@@ -145,7 +145,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
     total = march.boundary.totals[0]
-    allowed = GROWTH * (total.began_with + total.largest_work) + march.noise()
+    allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise()
     if outcome.status != "unstable" and not total.contact_work <= allowed:
         work = f"{total.contact_work:.6g}"
         warnings.append(f"{NOT_VALID}: contact added an energy of {work}, far above all that was put in")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Allowed closure error of the ledger over the largest energy, for linear and for other bodies, and allowed imbalance
 # over the momentum. The identities above hold to round-off for linear bodies only, but the momentum of any body changes
 # by external forces alone.
-CLOSED, CLOSED_NOT_LINEAR, BALANCED = 1e-9, 0.05, 1e-9
+CLOSURE_TOLERANCE, CLOSURE_TOLERANCE_NOT_LINEAR, MOMENTUM_TOLERANCE = 1e-9, 0.05, 1e-9
 ROUND_OFF_UNITS = 4.0  # error of a step in rounding units, as in `percuss.results.energy_growth`
 
 
@@ -97,11 +97,11 @@ def energy_summary(march: March, outcome: Outcome) -> EnergySummary:
 def _allowed_closure(march: March, outcome: Outcome) -> float:
     """Return the allowed closure error of the ledger of a run, over the largest energy."""
     if march.model.why_not_linear:
-        return CLOSED_NOT_LINEAR
+        return CLOSURE_TOLERANCE_NOT_LINEAR
     size = largest(outcome)
     # The round-off of the steps adds up in long runs.
     round_off = ROUND_OFF_UNITS * ROUNDING * float(outcome.totals[0].round_off)
-    return CLOSED + (round_off / size if size > 0 else 0.0)
+    return CLOSURE_TOLERANCE + (round_off / size if size > 0 else 0.0)
 
 
 def momentum_summary(march: March, outcome: Outcome) -> MomentumSummary:
@@ -146,7 +146,9 @@ def momentum_summary(march: March, outcome: Outcome) -> MomentumSummary:
         "impulse_of_supports": supports.tolist(),
         "impulse_of_walls": walls.tolist(),
         "error": imbalance / scale if scale > 0 else 0.0,
-        "balanced": None if outcome.status == "unstable" else bool(imbalance <= BALANCED * max(scale, driven)),
+        "balanced": None
+        if outcome.status == "unstable"
+        else bool(imbalance <= MOMENTUM_TOLERANCE * max(scale, driven)),
     }
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
 STATE_IN_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
-ROUND_OFF = 1e-9
+ROUND_OFF_TOLERANCE = 1e-9
 NO_END = "its stages do not say (`end`) at which state a law judged at the end of the step is to be judged"
 
 
@@ -160,7 +160,7 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
         raise _plugin_error(
             integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"
         )
-    if abs(u[0] - dt) > ROUND_OFF * dt or np.abs(v - [1.0, dt]).max() > ROUND_OFF * max(1.0, dt):
+    if abs(u[0] - dt) > ROUND_OFF_TOLERANCE * dt or np.abs(v - [1.0, dt]).max() > ROUND_OFF_TOLERANCE * max(1.0, dt):
         raise _plugin_error(
             integrator,
             "step must change u and v in place (u += ..., or u[:] = ...), v by dt times an acceleration that is "

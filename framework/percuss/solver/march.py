@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 CHUNK_SECONDS = 0.5
 CHUNK_STEPS = 65536
-GROWTH = 9.0  # contact work beyond this factor times the energy put in stops the run as unstable
+CONTACT_WORK_GROWTH = 9.0  # contact work beyond this factor times the energy put in stops the run as unstable
 KINETIC_GROWTH = 100.0  # kinetic energy beyond this factor times the energy put in stops the run as unstable
-HUGE = 1e300  # a larger energy overflows in the next step, or when it is summed in another order
+LARGEST_ENERGY = 1e300  # a larger energy overflows in the next step, or when it is summed in another order
 SILENT_STRAIN = 1e-10  # the elastic energy of this strain in all elements counts as round-off
 
 Progress = Callable[[int, int], None]
@@ -246,7 +246,10 @@ class March:
         total = self.boundary.totals[0]
         total.energy_before = self._kinetic(self.v)
         total.began_with = max(self.initial_energy(), total.energy_before)
-        total.growth, total.floor = GROWTH, self.noise() if self.model.case.time.on_unstable == "stop" else np.inf
+        total.growth, total.floor = (
+            CONTACT_WORK_GROWTH,
+            self.noise() if self.model.case.time.on_unstable == "stop" else np.inf,
+        )
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
         with interruptible() as interrupted, np.errstate(all="ignore"):
             self._march(outcome, progress, interrupted)
@@ -422,7 +425,7 @@ class March:
         energy_put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
         allowed = KINETIC_GROWTH * energy_put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
-        return bool(kinetic < HUGE and (self._marginal or kinetic <= allowed))
+        return bool(kinetic < LARGEST_ENERGY and (self._marginal or kinetic <= allowed))
 
     def changing_arrays(self) -> list[Any]:
         """Return the arrays that a step changes, always in the same order."""

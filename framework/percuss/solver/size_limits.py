@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 __all__ = ["check_step", "checked_bodies", "memory", "mesh_of_body", "step_count"]
 
-LEAST, MOST = 1e-100, 1e100  # a product of three numbers between these bounds neither overflows nor underflows
+SMALLEST_NUMBER, LARGEST_NUMBER = (
+    1e-100,
+    1e100,
+)  # a product of three numbers between these bounds neither overflows nor underflows
 UNITS = "Choose units in which lengths, masses and times are nearer to 1."
 BYTES_PER_NODE = 400  # for the certificate and the run together, for each node and dimension
 MOST_STEPS = 2**40
@@ -104,10 +107,13 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }
         for quantity, values in quantities.items():
-            outside = np.flatnonzero(~((values >= LEAST) & (values <= MOST)))
+            outside = np.flatnonzero(~((values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)))
             if outside.size:
                 value = float(values[outside[0]])
-                message, advice = f"expected {quantity} between {LEAST:g} and {MOST:g}, found {value:.6g}", UNITS
+                message, advice = (
+                    f"expected {quantity} between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {value:.6g}",
+                    UNITS,
+                )
                 if not value > 0 and _sizes_within_limits(body):
                     message, advice = _not_positive_message(case, body, quantity, int(outside[0]), value)
                 problems.append(case.problem(("bodies", name), message, advice))
@@ -129,7 +135,7 @@ def _sizes_within_limits(body: Body) -> bool:
         material.modulus * body.spec.area / h,
         2.0 * math.sqrt(material.modulus / material.rho) / h if material.modulus > 0 < material.rho else 0.0 * h,
     ]
-    return all(bool(((size >= LEAST) & (size <= MOST)).all()) for size in sizes)
+    return all(bool(((size >= SMALLEST_NUMBER) & (size <= LARGEST_NUMBER)).all()) for size in sizes)
 
 
 def _not_positive_message(case: Case, body: Body, quantity: str, index: int, value: float) -> tuple[str, str]:
@@ -153,10 +159,10 @@ def check_step(case: Case, dt: float) -> None:
     InputError
         If `dt` is out of bounds.
     """
-    if not LEAST <= dt <= MOST:
+    if not SMALLEST_NUMBER <= dt <= LARGEST_NUMBER:
         key = "step" if case.time.step is not None else "courant"
-        message = f"expected a time step between {LEAST:g} and {MOST:g}, found {dt:.6g}"
-        advice = "A step is stable up to about the Courant number 1." if dt > MOST else UNITS
+        message = f"expected a time step between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {dt:.6g}"
+        advice = "A step is stable up to about the Courant number 1." if dt > LARGEST_NUMBER else UNITS
         raise InputError([case.problem(("time", key), message, advice)])
 
 
