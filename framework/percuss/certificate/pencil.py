@@ -122,7 +122,8 @@ class Pencil:
             Whether the matrix is positive definite.
         limiting
             Contacts that suffice to make it indefinite while they are closed; if they are at most
-            `MOST_TRIED_CONTACTS`, none can be left out. Empty where the matrix is definite, or indefinite without contact.
+            `MOST_TRIED_CONTACTS`, none can be left out. Empty where the matrix is definite, or indefinite without
+            contact.
         """
         factors = self.factors(dt)
         if factors is None:
