@@ -24,7 +24,7 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
-LASTING = ("contacts/bipenalty", "contacts/tied", "integrators/noh-bathe")
+LASTING = ("contacts/bipenalty", "contacts/lagrange", "contacts/tied", "integrators/noh-bathe")
 
 
 @pytest.mark.slow

@@ -114,7 +114,7 @@ def struck(law, integrator="wu-predictor-corrector"):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "body", [body if body == "allocates" else pytest.param(body, marks=pytest.mark.deep) for body in BODIES]
+    "body", [body if body == "helper" else pytest.param(body, marks=pytest.mark.deep) for body in BODIES]
 )
 def test_a_penalty_written_as_a_kernel_is_the_penalty(tmp_path, body):
     file = spring(tmp_path, body)

@@ -7,6 +7,7 @@ import itertools
 import math
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 
 import percuss
@@ -102,6 +103,13 @@ PAIRS = [(integrator, law) for integrator in INTEGRATORS for law in LAWS]
 
 def pair_id(pair):
     return f"{pair[0]}+{'-'.join(map(str, pair[1].values()))}"
+
+
+def each_pair(pairs):
+    """Parametrize a test by pairs of methods; those with a law in a variant of its options are deep ones."""
+    plain = [next(law for law in LAWS if law["name"] == name) for name in dict.fromkeys(law["name"] for law in LAWS)]
+    marked = [pytest.param(pair, marks=() if pair[1] in plain else pytest.mark.deep) for pair in pairs]
+    return pytest.mark.parametrize("pair", marked, ids=[pair_id(pair) for pair in pairs])
 
 
 def number(low, high):

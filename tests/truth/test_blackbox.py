@@ -23,7 +23,7 @@ from percuss.solver.compiled import leapfrog_loop
 from percuss.solver.model import Model
 from percuss.testing import Subject
 from percuss.testing.checks.pairs import impact
-from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, hunek, pair_id, rows, with_pair
+from strategies import LAWS, LEAPFROG, PAIRS, REGISTRY, each_pair, hunek, pair_id, rows, with_pair
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 # a tie acts whether its gap is open or closed: no run is one of its bodies by themselves
@@ -182,7 +182,7 @@ def check_the_limit_is_tight(model, judge_class=PencilCriterion):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pair", ROW_PAIRS, ids=pair_id)
+@each_pair(ROW_PAIRS)
 @given(case=rows(moving=False, loads=False, bars=3))
 def test_the_limit_is_tight(pair, case):
     model = drawn_model(case, pair)

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.solver.compiled import leapfrog_loop
-from strategies import INTEGRATORS, LEAPFROG, PAIRS, number, pair_id, rows, run, with_pair
+from strategies import INTEGRATORS, LEAPFROG, PAIRS, each_pair, number, pair_id, rows, run, with_pair
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 CHECK = "energy-never-grows"
 WITHIN = 1e-12
-EACH_PAIR = pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
+EACH_PAIR = each_pair(PAIRS)
 
 
 def finished(case, **kwargs):

@@ -436,6 +436,7 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
     assert moved > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*STAGED, *OWN])
 def test_records_stand_where_they_say(name, files):
     """Energies of record n are those of the motion of record n + 1; one element, so that the probes are all nodes."""
