@@ -363,7 +363,7 @@ def test_a_mass_that_underflows_is_a_matter_of_units():
     ("contact", "reason"),
     [
         ({"name": "row", "rate": 1e-4}, "row weighs the gap rate"),
-        ({"name": "nitsche"}, "nitsche is judged at the current or predicted gap without a compliance"),
+        ({"name": "nitsche"}, "nitsche is evaluated at the current or predicted gap without a compliance"),
         ({"name": "nitsche-kernel"}, "nitsche-kernel has a kernel of its own"),
     ],
 )

@@ -103,7 +103,7 @@ QUANTITIES: dict[str, Quantity] = {
         label="penalty force at the end of the step",
         unit="force",
         axis="time",
-        definition="penalty force at the end of the step, judged at t_n+1",
+        definition="penalty force at the end of the step, evaluated at t_n+1",
     ),
     "contact_force_exact": Quantity(
         of="contact",

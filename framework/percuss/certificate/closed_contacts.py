@@ -149,14 +149,14 @@ def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:
     end = linear.at == "end"
     tie = end and bool(np.all(linear.rate)) and not np.any(linear.gap) and not np.any(linear.sigma)
     reasons = {
-        f"{law} is judged at the end of a step of stages, and no closed form of that is known": end and multistage,
+        f"{law} is evaluated at the end of a step of stages, and no closed form of that is known": end and multistage,
         f"{law} weighs the gap rate, which damps or drives": np.any(linear.rate) and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (linear.active != "all" or linear.sign != "free")
         ),
         f"{law} does not weigh the gap": not np.all(linear.gap) and not tie,
         f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),
-        f"{law} is judged at the current or predicted gap without a compliance (sigma = 0)": (
+        f"{law} is evaluated at the current or predicted gap without a compliance (sigma = 0)": (
             not end and np.any(np.asarray(linear.sigma) <= 0)
         ),
     }

@@ -34,7 +34,7 @@ UNALIKE = (
     "can grow at any theta"
 )
 NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
-EQUALS = "give contacts that share an end the same eps_m / eps_s, or judge contact at the current gap"
+EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 # Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
 SHORT_BAR_ELEMENTS = 3
 # Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.

@@ -130,10 +130,12 @@ def _stage_lines(model: Model) -> list[str]:
     if model.stages is None:
         return []
     times = ", ".join(f"{time:.6g}" for time in model.stages.times)
-    end = "is judged there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
+    end = (
+        "is evaluated there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
+    )
     return [
-        f"    no leap-frog scheme: accelerations, contact included, at {times} of each step; a law judged at the end "
-        f"of the step {end}",
+        f"    no leap-frog scheme: accelerations, contact included, at {times} of each step; a law evaluated at "
+        f"the end of the step {end}",
         "    forces and impulses are those of whole steps; energies stand at the end of each, and their closure counts "
         "what the scheme itself gains or loses",
     ]

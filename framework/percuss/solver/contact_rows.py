@@ -59,8 +59,8 @@ def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
     response = sum(weight * unit_response for weight, unit_response in zip(weights, state.response, strict=True))
     if ((sigma + response * delassus) <= 0).any():
         raise PluginError(
-            f"contact law {bound_law.law.name}: sigma and the response of the judged state are both zero, so no force "
-            "follows; give a compliance, or judge at the end of the step"
+            f"contact law {bound_law.law.name}: sigma and the response of the state at which it is evaluated are both "
+            "zero, so no force follows; give a compliance, or evaluate it at the end of the step"
         )
     records["weight_gap"], records["weight_rate"], records["weight_acceleration"] = weights
     records["sigma"], records["response"] = sigma, response

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
 STATE_IN_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
 ROUND_OFF_TOLERANCE = 1e-9
-NO_END = "its stages do not say (`end`) at which state a law judged at the end of the step is to be judged"
+NO_END = "its stages do not say (`end`) at which state a law evaluated at the end of the step is to be evaluated"
 
 
 def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:

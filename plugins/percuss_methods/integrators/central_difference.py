@@ -21,7 +21,7 @@ class CentralDifference(Integrator):
     """
 
     name = "central-difference"
-    summary = "Central difference, contact judged at the current state"
+    summary = "Central difference, contact evaluated at the current state"
     references = (
         "Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements for Continua and Structures, Wiley 2014",
         "Kolman, Kopacka, Gonzalez, Gabriel, Cho, Plesek, Park: Bi-penalty stabilized explicit finite element "

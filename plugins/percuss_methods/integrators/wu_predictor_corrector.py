@@ -19,7 +19,7 @@ class WuPredictorCorrector(Integrator):
     """
 
     name = "wu-predictor-corrector"
-    summary = "Wu's predictor-corrector, contact judged at the predicted state"
+    summary = "Wu's predictor-corrector, contact evaluated at the predicted state"
     references = (
         "Wu (2003), in the form of section 5 of Kolman et al.",
         "Kolman, Kopacka, Gonzalez, Gabriel, Cho, Plesek, Park: Bi-penalty stabilized explicit finite element "
