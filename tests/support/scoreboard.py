@@ -123,8 +123,8 @@ def findings(table):
     assert bounce[CD, "bipenalty"] < 0 < bounce[WU, "lagrange"] < bounce[WU, "penalty"]
     lines = [
         "**Where bodies hit, it matters more where contact is evaluated than by which law.** The same penalty spring "
-        f"errs {span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies hit, "
-        f"it rings: the total variation of its force is {span(rings)} times that of the exact one, with Wu "
+        f"errs {span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies "
+        f"hit, it rings: the total variation of its force is {span(rings)} times that of the exact one, with Wu "
         f"{span(calm)} times. With Wu its error is {span(found.penalty_apart)} times that of the tied twin, and "
         f"{span(found.penalty_pressed)} times where bodies stay pressed together ({', '.join(PRESSED)}).",
         f"**Lagrange multipliers err {span(found.lagrange)} times as much as the tied twin**, the same with either "
