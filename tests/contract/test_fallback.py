@@ -105,7 +105,7 @@ def nearly_equal(case, one, other):
 
 
 def struck(law, integrator="wu-predictor-corrector"):
-    case = hunek(20, integrator=integrator, contact=law)
+    case = hunek(12, integrator=integrator, contact=law, end=0.5)
     case["bodies"]["long"]["material"] = {"young": 160.0, "density": 0.013}
     case["bodies"]["short"]["velocity"] = -0.1
     case["contacts"]["foot"] = {"body": "short.left", "wall": -0.001}

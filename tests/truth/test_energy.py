@@ -6,7 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from hypothesis import assume, event, given
+from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 import percuss
@@ -170,6 +170,7 @@ def boxed(draw):
 
 @pytest.mark.deep
 @pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair[1]["name"] != "tied"], ids=pair_id)
+@settings(max_examples=max(4, settings.default.max_examples // 3))  # each draw is a long run
 @given(case=boxed())
 def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair, case):
     with mock.patch(
