@@ -11,10 +11,12 @@ It can be computed independently of all others up to one transit time beyond the
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
+
+from percuss.solver.compiler.compile_function import callee, entry
 
 ABSENT, FREE, DRIVEN, WALL = 0, 1, 2, 3  # kinds of a side of a junction; a fixed end is a driven one without load
 
@@ -28,9 +30,9 @@ TRANSIT, IMPEDANCE, GRAVITY = 0, 1, 2
 WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 
 DONE, FULL, STUCK = 0, 1, 2
-# Only `march` is called from Python: the others need no code that unpacks arguments. Copies are loops, because an
-# assignment to a slice compiles the message of an error about shapes, which takes as long as a tenth of all the rest.
-compiled = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# Only `march` is called from Python. Copies are loops, because an assignment to a slice compiles the message of an
+# error about shapes, which takes as long as a tenth of all the rest.
+compiled = partial(callee, error_model="numpy")
 
 INSTANT = 4.0  # number of quanta up to which a duration counts as zero
 MOST_AT_ONCE = 1000  # largest number of consecutive events without duration at a junction
@@ -499,7 +501,7 @@ def earliest(clock: Any) -> int:
     return first
 
 
-@numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
+@partial(entry, cache=True, error_model="numpy")
 def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
     """Compute all junctions up to the end; return DONE, FULL if a history is full, or STUCK.
 

@@ -22,6 +22,8 @@ from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import function_digest
 from percuss.solver import compiled
+from percuss.solver.compiler.compile_function import callee as compile_callee
+from percuss.solver.compiler.compile_function import entry as compile_entry
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
     contents,
@@ -142,7 +144,9 @@ class Specialiser:
     def _compiled(
         self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool, *, kept: bool
     ) -> Kernel:
-        kernel = _COMPILED.get((tag, entry)) or _compile(copy, options, cache=kept and tag not in self._unkept)
+        kernel = _COMPILED.get((tag, entry)) or _compile(
+            copy, options, entry=entry, cache=kept and tag not in self._unkept
+        )
         _COMPILED[tag, entry] = kernel
         return kernel
 
@@ -268,9 +272,6 @@ def _options(function: Any, *, counting: bool, entry: bool, reduction: bool) -> 
         options["forceinline"] = True
     if reduction or getattr(function, "reduction", False):
         options["fastmath"] = ("nsz", "reassoc")
-    options["no_cfunc_wrapper"] = True
-    if not entry:
-        options["no_cpython_wrapper"] = True
     if _counting_can_be_left_out():
         # Always set, because otherwise the option of the calling function applies.
         options["_nrt"] = counting and not _is_part_of_loop(function)
@@ -295,45 +296,23 @@ def _copy(
     return copy
 
 
-def _compile(function: types.FunctionType, options: Mapping[str, Any], *, cache: bool) -> Kernel:
+def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry: bool, cache: bool) -> Kernel:
     import numba
 
     listen()  # the clock has to listen before the first call, which compiles
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])
-    if not cache:
-        return numba.njit(**options)(function)  # type: ignore[no-any-return]
     configured = numba.config.CACHE_DIR
-    if not configured:
+    if cache and not configured:
         import platformdirs
 
         numba.config.CACHE_DIR = platformdirs.user_cache_dir("percuss", appauthor=False)
     try:
-        kernel: Any = numba.njit(cache=True, **options)(function)
+        compile_function = compile_entry if entry else compile_callee
+        return compile_function(function, cache=cache, **options)
     finally:
         numba.config.CACHE_DIR = configured
-    _forgive_lost_modules(kernel._cache)
-    return kernel  # type: ignore[no-any-return]
-
-
-def _forgive_lost_modules(cache: Any) -> None:
-    """Let a cache of machine code that cannot be read begin anew.
-
-    Numba takes union types for equal if their names are, so that in a process that has loaded a single-file plug-in
-    before and after an edit, what it stores for the new version also refers to the module of the old one. Another
-    process does not have that module.
-    """
-    load = cache.load_overload
-
-    def load_or_begin_anew(signature: Any, context: Any) -> Any:
-        try:
-            return load(signature, context)
-        except (ImportError, AttributeError):
-            cache.flush()
-            return None
-
-    cache.load_overload = load_or_begin_anew
 
 
 @functools.cache

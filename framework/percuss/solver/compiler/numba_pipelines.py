@@ -1,0 +1,140 @@
+"""Compilers of numba in which a function is optimised and made machine code of only where Python calls it.
+
+This module names private parts of numba. `percuss.solver.compiler.compile_function` does without it where a version of
+numba is built otherwise.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba import _dynfunc
+from numba.core.caching import CompileResultCacheImpl
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.environment import lookup_environment
+from numba.core.typed_passes import NativeLowering
+
+ENVIRONMENT_PREFIX = "_ZN08NumbaEnv"  # first letters of the name of a variable that refers to a function's globals
+
+
+class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The intermediate code of a callee, never optimised alone and never turned into machine code."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave the code as it is: the entry is optimised with this code inside."""
+
+    def _finalize_final_module(self) -> None:
+        """Make the code ready for linking, and give it to no execution engine."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Return what is stored on disk: the intermediate code, as there is no other."""
+        return self.serialize_using_bitcode()  # type: ignore[no-any-return]
+
+    @classmethod
+    def restored(cls, codegen: Any, stored: tuple[str, str, bytes]) -> CalleeLibrary:
+        """Return the library that `serialize_using_object_code` stored."""
+        name, _, bitcode = stored
+        library = cls(codegen, name)
+        library._final_module = llvm.parse_bitcode(bitcode)
+        library._finalize_final_module()
+        return library
+
+
+def _unreachable_from_python(library: CalleeLibrary, fndesc: Any, environment: Any) -> Any:
+    """Return the function object that numba keeps for a callee: it refers to no machine code."""
+    name = fndesc.qualname.split(".")[-1]
+    return _dynfunc.make_function(fndesc.lookup_module(), name, "compiled callee", 0, environment, (library,))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class CalleeLowering(NativeLowering):  # type: ignore[misc]
+    """The translation of a typed callee into intermediate code."""
+
+    _name = "callee_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Translate the function, and let other compiled functions find it."""
+        state.library = CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered = state["cr"]
+        function = _unreachable_from_python(state.library, lowered.fndesc, lowered.env)
+        state.targetctx.insert_user_function(function, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=function)
+        return True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class EntryLowering(NativeLowering):  # type: ignore[misc]
+    """The translation of a typed entry, with its callees inside, into machine code."""
+
+    _name = "entry_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Translate the function, and tell its machine code where the globals of each callee are."""
+        super().run_pass(state)
+        for variable in state.library._final_module.global_variables:
+            if variable.name.startswith(ENVIRONMENT_PREFIX):
+                environment = lookup_environment(variable.name)
+                if environment is not None:
+                    state.targetctx.codegen().set_env(variable.name, environment)
+        return True
+
+
+class _Compiler(CompilerBase):  # type: ignore[misc]
+    lowering: type[NativeLowering]
+
+    def define_pipelines(self) -> list[Any]:
+        """Return numba's own passes, with another translation in the place of its last but one."""
+        pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        pipeline.passes = [
+            (self.lowering if each is NativeLowering else each, about) for each, about in pipeline.passes
+        ]
+        pipeline._finalized = False
+        pipeline.finalize()
+        return [pipeline]
+
+
+class CalleeCompiler(_Compiler):
+    """The compiler of callees."""
+
+    lowering = CalleeLowering
+
+
+class EntryCompiler(_Compiler):
+    """The compiler of entries."""
+
+    lowering = EntryLowering
+
+
+class CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
+    """What is stored of a callee, and how it is restored."""
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+        """Return the compiled callee from what `CompileResult._reduce` returned."""
+        stored, fndesc, environment, signature, objectmode, lifted, annotation, reload_init, environments = payload
+        for initialise in reload_init:
+            initialise()
+        library = CalleeLibrary.restored(target_context.codegen(), stored)
+        return CompileResult(
+            target_context=target_context,
+            typing_context=target_context.typing_context,
+            library=library,
+            environment=environment,
+            entry_point=_unreachable_from_python(library, fndesc, environment),
+            fndesc=fndesc,
+            type_annotation=annotation,
+            signature=signature,
+            objectmode=objectmode,
+            lifted=lifted,
+            typing_error=None,
+            call_helper=None,
+            metadata=None,
+            reload_init=reload_init,
+            referenced_envs=environments,
+        )
