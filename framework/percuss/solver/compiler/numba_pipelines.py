@@ -21,10 +21,17 @@ ENVIRONMENT_PREFIX = "_ZN08NumbaEnv"  # first letters of the name of a variable 
 
 
 class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """The intermediate code of a callee, never optimised alone and never turned into machine code."""
+    """The intermediate code of a callee, never turned into machine code."""
+
+    has_free_order = False  # whether the terms of a sum may be added in any order
 
     def _optimize_final_module(self) -> None:
-        """Leave the code as it is: the entry is optimised with this code inside."""
+        """Leave the code as it is, because the entry is optimised with this code inside.
+
+        A sum in free order is optimised alone, so that its order, and with it its last bit, is the same in all entries.
+        """
+        if self.has_free_order:
+            super()._optimize_final_module()
 
     def _finalize_final_module(self) -> None:
         """Make the code ready for linking, and give it to no execution engine."""
@@ -60,6 +67,7 @@ class CalleeLowering(NativeLowering):  # type: ignore[misc]
     def run_pass(self, state: Any) -> bool:
         """Translate the function, and let other compiled functions find it."""
         state.library = CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.has_free_order = bool(state.flags.fastmath)
         state.flags.no_compile = True
         super().run_pass(state)
         lowered = state["cr"]
