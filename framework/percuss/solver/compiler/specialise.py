@@ -37,7 +37,7 @@ from percuss.version import __version__
 
 Kernel = Callable[..., Any]
 
-_COMPILED: dict[tuple[str, bool], Kernel] = {}  # kernels that this process has compiled or loaded, by tag and entry
+_COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
 
 # Modules of the loop itself: they contain no kernel of a plug-in, and no function in them allocates.
 OWN_MODULES = (compiled.__name__, slot_functions.__name__)
@@ -130,7 +130,8 @@ class Specialiser:
         options = _options(function, counting=self.counting, entry=entry, reduction=reduction)
         if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
-        tag = self._tag(source, names, bound, closure, options)
+        # Entry or callee is part of the tag: what is stored of a callee cannot be called from Python.
+        tag = self._tag(source, names, bound, closure, {**options, "entry": entry})
         copy = _copy(source, bound, closure, tag)
         kernel: Kernel = copy
         if self.jit:
@@ -144,10 +145,8 @@ class Specialiser:
     def _compiled(
         self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool, *, kept: bool
     ) -> Kernel:
-        kernel = _COMPILED.get((tag, entry)) or _compile(
-            copy, options, entry=entry, cache=kept and tag not in self._unkept
-        )
-        _COMPILED[tag, entry] = kernel
+        kernel = _COMPILED.get(tag) or _compile(copy, options, entry=entry, cache=kept and tag not in self._unkept)
+        _COMPILED[tag] = kernel
         return kernel
 
     def _replacement(self, value: Any, names: frozenset[str]) -> Any:
