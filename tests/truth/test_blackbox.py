@@ -342,7 +342,7 @@ def test_a_lumped_mass_penalty_is_seen(monkeypatch):
             return False, []
         for p, contact_pair in enumerate(self.model.contact_pairs):
             n = np.zeros(count)
-            for node, normal in contact_pair.rows():
+            for node, normal in contact_pair.gap_gradient():
                 n[node] = normal[0]
             matrix += 4 / dt**2 * inertia[p] * np.diag(np.abs(n)) - stiffness[p] * np.outer(n, n)
         return bool((np.linalg.eigvalsh(matrix) > 0).all()), list(range(len(self.model.contact_pairs)))

@@ -201,7 +201,7 @@ class Motions:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
         out = np.zeros((len(self.model.contact_pairs), self.root.size))
         for p, contact_pair in enumerate(self.model.contact_pairs):
-            for node, normal in contact_pair.rows():
+            for node, normal in contact_pair.gap_gradient():
                 out[p, node * self.model.dim : (node + 1) * self.model.dim] += normal
         return np.asarray(self.projection @ (out / self.root).T).T
 

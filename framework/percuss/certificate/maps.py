@@ -122,7 +122,7 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
     if model.why_not_linear:
         return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
     if way == "pencil" and doubts:
-        return _row(varied, way, None, f"nothing follows from the rows: {'; '.join(doubts)}")
+        return _row(varied, way, None, f"the pencil does not cover this: {'; '.join(doubts)}")
     try:
         kinds: dict[str, type[PencilCriterion | BlackBoxCriterion]] = {
             "pencil": PencilCriterion,

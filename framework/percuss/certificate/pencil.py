@@ -81,7 +81,7 @@ class Pencil:
         """Return N of all contacts along the axis of a body, for `count` of its nodes from `first` on, (count, P)."""
         columns = np.zeros((count, len(self.model.contact_pairs)))
         for p, contact_pair in enumerate(self.model.contact_pairs):
-            for node, normal in contact_pair.rows():
+            for node, normal in contact_pair.gap_gradient():
                 if first <= node < first + count:
                     columns[node - first, p] += float(normal @ self.model.body_of(node).mesh.direction)
         return columns

@@ -84,13 +84,13 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> LinearL
         value = np.asarray(getattr(linear_law, field), dtype=float)
         if value.shape not in {(), (count,)}:
             raise PluginError(
-                f"contact law {law}: rows.{field} has shape {value.shape}, expected ({count},) or a number"
+                f"contact law {law}: LinearLaw.{field} has shape {value.shape}, expected ({count},) or a number"
             )
         if not np.isfinite(value).all():
-            raise PluginError(f"contact law {law}: rows.{field} is not finite")
+            raise PluginError(f"contact law {law}: LinearLaw.{field} is not finite")
         coefficients[field] = np.broadcast_to(value, (count,))
     if (coefficients["sigma"] < 0).any():
-        raise PluginError(f"contact law {law}: rows.sigma is negative, expected a compliance of at least 0")
+        raise PluginError(f"contact law {law}: LinearLaw.sigma is negative, expected a compliance of at least 0")
     for field, allowed in (
         ("at", ("explicit", "end")),
         ("active", ("gap < 0", "all")),
@@ -98,7 +98,7 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> LinearL
     ):
         if getattr(linear_law, field) not in allowed:
             raise PluginError(
-                f"contact law {law}: rows.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
+                f"contact law {law}: LinearLaw.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
             )
     return linear_law._replace(during=_intervals(linear_law, law), **coefficients)
 
@@ -118,7 +118,7 @@ def _intervals(linear_law: LinearLaw, law: str) -> Floats | None:
         return np.zeros((0, 2))
     if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
         raise PluginError(
-            f"contact law {law}: rows.during is {linear_law.during!r}, "
+            f"contact law {law}: LinearLaw.during is {linear_law.during!r}, "
             "expected pairs (start, stop), stop not before start"
         )
     return during

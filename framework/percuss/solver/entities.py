@@ -67,8 +67,8 @@ class ContactPair:
     mass: float
     equal_sides: bool
 
-    def rows(self) -> list[tuple[int, Floats]]:
-        """Return the coefficients of N at each side, (node, minus the normal) at the first, plus at the second."""
+    def gap_gradient(self) -> list[tuple[int, Floats]]:
+        """Return the derivative of the gap by the displacement of each side: (node, minus or plus the normal)."""
         return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
 
 

@@ -93,7 +93,10 @@ def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: Se
                 continue
             reason_start = f"{integrator.name} shows {law.name} no acceleration of the gap"
             if "acceleration" not in law.needs_only_response_of:
-                reason = f"{reason_start}, on which its row has a weight: without it {law.name} would be another method"
+                reason = (
+                    f"{reason_start}, on which its linear law has a weight: without it {law.name} would be another "
+                    "method"
+                )
                 raise RefusedPair(integrator.name, law.name, reason, integrator.name)
             if not state.response[2]:
                 reason = (

@@ -343,7 +343,7 @@ class Model:
         sides = []
         for contact_pair in self.contact_pairs:
             pair_sides = []
-            for node, normal in contact_pair.rows():
+            for node, normal in contact_pair.gap_gradient():
                 free = normal.copy()
                 for direction in directions.get(node, ()):
                     free -= (direction @ free) * direction

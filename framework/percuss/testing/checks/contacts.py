@@ -133,8 +133,8 @@ def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
         values = {name: np.asarray(getattr(bound, name), dtype=float) for name in fields}
         for name, value in values.items():
             if value.shape not in {(), (count,)}:
-                raise CheckFailed(f"rows.{name} has shape {value.shape} at {count} points, expected ({count},)")
-        return {f"rows.{name}": np.broadcast_to(value, (count,)) for name, value in values.items()}
+                raise CheckFailed(f"LinearLaw.{name} has shape {value.shape} at {count} points, expected ({count},)")
+        return {f"LinearLaw.{name}": np.broadcast_to(value, (count,)) for name, value in values.items()}
     kernel = getattr(subject.component, "multipliers", None)
     if kernel is None:
         raise CheckFailed(
@@ -192,7 +192,9 @@ def check_coupling(subject: Subject) -> None:
     for options in subject.examples:
         bound = _bound(subject, options, points, dt)
         if isinstance(bound, LinearLaw):
-            raise CheckFailed("it declares `uses_coupling`, and is rows: these are solved together, whatever it says")
+            raise CheckFailed(
+                "it declares `uses_coupling`, and is linear: such laws are solved together, whatever it says"
+            )
         uncoupled = sample_trial(points, dt)
         deep = np.full(5, -1e-3)
         deep.flags.writeable = False

@@ -381,11 +381,11 @@ def check_certificate(subject: Subject) -> None:
             raise NotApplicable(str(refusal)) from None
         contacts = closed_contacts(model, model.dt)
         if contacts.unknown:
-            raise NotApplicable(f"the rows of {', '.join(contacts.unknown)} say nothing; the step itself is the judge")
+            raise NotApplicable(f"the pencil does not cover {', '.join(contacts.unknown)}: only the step itself tells")
         by_pencil, by_black_box = PencilCriterion(model).critical_step, BlackBoxCriterion(model).critical_step
         if not abs(by_pencil - by_black_box) <= 1e-3 * by_pencil:
             raise CheckFailed(
-                f"by the rows the critical step is {by_pencil:.6g}, by the step itself {by_black_box:.6g}"
+                f"by the pencil the critical step is {by_pencil:.6g}, by the step itself {by_black_box:.6g}"
             )
 
     for_all(
