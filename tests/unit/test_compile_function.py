@@ -8,7 +8,7 @@ import pytest
 from percuss.solver.compiler import compile_function
 
 CALLEES = """
-from percuss.solver.compiler.compile_function import callee
+from percuss.solver.compiler.compile_function import compile_callee
 
 def _mean(values, divisor):
     if divisor == 0:
@@ -18,26 +18,26 @@ def _mean(values, divisor):
         total += value / divisor
     return total
 
-mean = callee(_mean, cache=True, error_model="numpy", forceinline=True)
+mean = compile_callee(_mean, cache=True, error_model="numpy", forceinline=True)
 
 def _twice(values, divisor):
     print("divisor", divisor)
     return mean(values, divisor) + mean(values, divisor)
 
-twice = callee(_twice, cache=True, error_model="numpy")
+twice = compile_callee(_twice, cache=True, error_model="numpy")
 """
 ENTRY = """
 import sys
 import numpy as np
 if "plain" in sys.argv:
     sys.modules["percuss.solver.compiler.numba_pipelines"] = None  # as with another version of numba
-from percuss.solver.compiler.compile_function import entry
+from percuss.solver.compiler.compile_function import compile_entry
 from callees import mean, twice
 
 def scaled(values, divisor):
     return FACTOR * twice(values, divisor)
 
-scaled = entry(scaled, cache=True, error_model="numpy")
+scaled = compile_entry(scaled, cache=True, error_model="numpy")
 print(scaled(np.arange(5.0), 4))
 try:
     scaled(np.arange(5.0), 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,6 +14,7 @@ from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, multistage_loop
 from percuss.solver.compiler.fingerprint import layout
+from percuss.solver.compiler.readings import Readings
 from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_error, jit_disabled
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 SWITCHED_OFF = "compilation was switched off for this run"
 DISABLED = "compilation is switched off by NUMBA_DISABLE_JIT"
+KEPT_LOOPS = 64  # number of bound loops that a process keeps
 
 
 @dataclass(frozen=True)
@@ -55,16 +58,23 @@ class LoopParts:
 
 
 class Kernels(NamedTuple):
-    """The bound time loop, and the reasons if it is not compiled."""
+    """The bound time loop, the reasons if it is not compiled, and what its binding has read."""
 
     advance: Callable[..., int]
     compiled: bool
+    readings: Readings
     reasons: tuple[str, ...] = ()
     begin: Callable[..., None] | None = None  # first accelerations of a multi-stage scheme
 
 
+# Bound loops of this process by what they are made of, the one that was used last at the end.
+_BOUND: OrderedDict[Any, Kernels] = OrderedDict()
+
+
 def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> Kernels:
     """Return the bound time loop of a model.
+
+    A loop that this process has bound before is not bound again, unless something that its kernels read has changed.
 
     Parameters
     ----------
@@ -78,8 +88,50 @@ def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> 
     reasons = () if compiled else (SWITCHED_OFF,)
     if compiled and jit_disabled():
         reasons = (DISABLED,)
-    maker = Specialiser(jit=not reasons, counting=counting)
-    return _loop(maker, parts)._replace(compiled=not reasons, reasons=reasons)
+    jit = not reasons
+    known = None if counting else _BOUND.get(_key(parts, jit=jit))
+    if known is not None and known.readings.unchanged(jit=jit):
+        keep(parts, known, jit=jit)
+        return known if jit else known._replace(reasons=reasons)
+    kernels = _loop(Specialiser(jit=jit, counting=counting), parts)._replace(compiled=jit, reasons=reasons)
+    if not counting:
+        keep(parts, kernels, jit=jit)
+    return kernels
+
+
+def keep(parts: LoopParts, kernels: Kernels, *, jit: bool = True) -> None:
+    """Let `bind` return these kernels for a model of the same kinds; the loops used least recently are dropped.
+
+    A loop that turned out to need reference counts, or plain Python, is kept under `jit` too: a compilation that has
+    failed is not tried again.
+    """
+    key = _key(parts, jit=jit)
+    _BOUND[key] = kernels
+    _BOUND.move_to_end(key)
+    while len(_BOUND) > KEPT_LOOPS:
+        _BOUND.popitem(last=False)
+
+
+def _key(parts: LoopParts, *, jit: bool) -> Any:
+    """Return what a bound loop depends on beside what its kernels read: the kernels and the types of their arrays."""
+    bulk_kernels = tuple(
+        (tuple(_slots(element, material).values()), _types(group))
+        for (element, material), group in zip(parts.kinds, parts.groups, strict=True)
+    )
+    laws = tuple((bound_law.kernel, _types(bound_law.kernel_data)) for bound_law in parts.laws)
+    scheme = None
+    if parts.integrator is not None:
+        scheme = integrator_check.kernel_of(parts.integrator), _types(parts.integrator.bind(1.0))
+    return jit, parts.dim, parts.constrained, parts.loaded, bulk_kernels, laws, scheme
+
+
+def _types(value: object) -> Any:
+    """Return the types of nested tuples of arrays and numbers."""
+    if isinstance(value, tuple):
+        return (type(value), *map(_types, value))
+    if isinstance(value, np.ndarray):
+        return type(value), value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
+    return type(value)
 
 
 def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: float) -> Kernels:
@@ -151,7 +203,7 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     )
     filled_maker = maker.with_slots(filled)
     if parts.integrator is None:
-        return Kernels(filled_maker.bind(leapfrog_loop.advance, entry=True), maker.jit)
+        return Kernels(filled_maker.bind(leapfrog_loop.advance, entry=True), maker.jit, maker.readings)
     # One compiled function for all stages: a copy in every stage would compile for long and gain little time.
     filled[slots.accelerations] = filled_maker.bind(multistage_loop.accelerate, entry=True)
     step = filled_maker.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
@@ -160,7 +212,7 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     filled[multistage_loop.take_step] = step.bind(integrator_check.kernel_of(parts.integrator), entry=True)
     filled_maker = filled_maker.with_slots(filled)
     advance = filled_maker.bind(multistage_loop.advance, entry=True)
-    return Kernels(advance, maker.jit, begin=filled_maker.bind(multistage_loop.begin, entry=True))
+    return Kernels(advance, maker.jit, maker.readings, begin=filled_maker.bind(multistage_loop.begin, entry=True))
 
 
 def _over_groups(maker: Specialiser, parts: LoopParts, template: Kernel, pair: Kernel) -> Any:

@@ -14,7 +14,7 @@ from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
 from percuss.interrupt import interruptible
 from percuss.solver import diagnosis, recording
-from percuss.solver.build import Kernels, LoopParts, bind, bind_plain
+from percuss.solver.build import Kernels, LoopParts, bind, bind_plain, keep
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
 from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
 from percuss.solver.compiler.specialise import compile_error
@@ -378,12 +378,16 @@ class March:
     def compile(self) -> None:
         """Compile the loop by a call of no steps; run it as plain Python where a kernel cannot be compiled."""
         error = self._compile_failure()
+        if error is None:
+            return
+        diagnosis.refuse_array_writing(error)
+        self.kernels = bind(self.parts, counting=True)
+        error = self._compile_failure()
         if error is not None:
-            diagnosis.refuse_array_writing(error)
-            self.kernels = bind(self.parts, counting=True)
-            error = self._compile_failure()
-        if error is not None:
-            self.kernels = bind_plain(error, self.parts, self.u.copy(), self.v.copy(), self.model.dt)
+            plain = bind_plain(error, self.parts, self.u.copy(), self.v.copy(), self.model.dt)
+            # Plain Python reads the same kernels, but not which of them numba replaces.
+            self.kernels = plain._replace(readings=self.kernels.readings)
+        keep(self.parts, self.kernels)
 
     def _compile_failure(self) -> Exception | None:
         """Compile the loop by a call of no steps; return the compiler's error, or None."""

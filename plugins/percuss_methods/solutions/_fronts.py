@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from percuss.solver.compiler.compile_function import callee, entry
+from percuss import compile_callee, compile_entry
 
 ABSENT, FREE, DRIVEN, WALL = 0, 1, 2, 3  # kinds of a side of a junction; a fixed end is a driven one without load
 
@@ -32,7 +32,7 @@ WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 DONE, FULL, STUCK = 0, 1, 2
 # Only `march` is called from Python. Copies are loops, because an assignment to a slice compiles the message of an
 # error about shapes, which takes as long as a tenth of all the rest.
-compiled = partial(callee, error_model="numpy")
+compiled = partial(compile_callee, error_model="numpy")
 
 INSTANT = 4.0  # number of quanta up to which a duration counts as zero
 MOST_AT_ONCE = 1000  # largest number of consecutive events without duration at a junction
@@ -501,7 +501,7 @@ def earliest(clock: Any) -> int:
     return first
 
 
-@partial(entry, cache=True, error_model="numpy")
+@partial(compile_entry, cache=True, error_model="numpy")
 def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
     """Compute all junctions up to the end; return DONE, FULL if a history is full, or STUCK.
 

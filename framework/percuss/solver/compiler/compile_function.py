@@ -16,7 +16,7 @@ from typing import Any
 Kernel = Callable[..., Any]
 
 
-def callee(function: types.FunctionType, *, cache: bool = False, **options: Any) -> Kernel:
+def compile_callee(function: types.FunctionType, *, cache: bool = False, **options: Any) -> Kernel:
     """Compile a function for compiled callers alone; a call from Python would crash the process.
 
     Parameters
@@ -35,8 +35,8 @@ def callee(function: types.FunctionType, *, cache: bool = False, **options: Any)
     return _compiled(function, cache, _cache_classes()[1], {"pipeline_class": compilers.CalleeCompiler, **options})
 
 
-def entry(function: types.FunctionType, *, cache: bool = False, **options: Any) -> Kernel:
-    """Compile a function that Python calls, with the code of its callees inside; parameters as in `callee`."""
+def compile_entry(function: types.FunctionType, *, cache: bool = False, **options: Any) -> Kernel:
+    """Compile a function that Python calls, with the code of its callees inside; parameters as in `compile_callee`."""
     options |= {"no_cfunc_wrapper": True}
     compilers = pipelines()
     if compilers is not None:

@@ -19,6 +19,7 @@ import numpy as np
 __all__ = [
     "Fingerprint",
     "contents",
+    "is_fixed",
     "is_foreign",
     "is_overloaded",
     "layout",
@@ -39,6 +40,18 @@ _KEPT_ALIVE: dict[int, object] = {}
 def is_foreign(name: str | None) -> bool:
     """Return whether a module belongs to a package whose functions are identified by their names."""
     return (name or "").split(".")[0] in FOREIGN
+
+
+def is_fixed(value: object) -> bool:
+    """Return whether the fingerprint of a value cannot change: that of a constant, a function or a foreign module."""
+    if isinstance(value, types.ModuleType):
+        return is_foreign(value.__name__)
+    if isinstance(value, tuple):
+        return all(is_fixed(item) for item in value)
+    if isinstance(value, enum.Enum):
+        return False
+    by_name = isinstance(value, (np.generic, np.ufunc, types.FunctionType, types.BuiltinFunctionType))
+    return by_name or isinstance(value, _BY_REPR)
 
 
 def plain_function(value: object) -> types.FunctionType | None:

@@ -22,8 +22,7 @@ from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import function_digest
 from percuss.solver import compiled
-from percuss.solver.compiler.compile_function import callee as compile_callee
-from percuss.solver.compiler.compile_function import entry as compile_entry
+from percuss.solver.compiler.compile_function import compile_callee, compile_entry
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
     contents,
@@ -33,6 +32,7 @@ from percuss.solver.compiler.fingerprint import (
     plain_function,
     refresh_overloads,
 )
+from percuss.solver.compiler.readings import Readings
 from percuss.version import __version__
 
 Kernel = Callable[..., Any]
@@ -56,6 +56,11 @@ class Specialiser:
         Whether kernels of plug-ins may allocate arrays, which needs reference counts.
     about
         A text for everything else the machine code depends on: the layout of the tuples that the kernels receive.
+
+    Attributes
+    ----------
+    readings
+        What this specialiser, and those made by its `with_slots`, have read.
     """
 
     def __init__(
@@ -78,12 +83,13 @@ class Specialiser:
         self._in_progress: set[int] = set()
         self._modules: set[int] = set()  # ids of the modules that are being copied
         self._keep: list[object] = []  # keeps objects alive, as ids are only unique among living objects
+        self.readings = Readings()
 
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
         specialiser = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about)
         specialiser.tags, specialiser._unkept, specialiser._keep = self.tags, self._unkept, self._keep
-        specialiser._slotted = self._slotted
+        specialiser._slotted, specialiser.readings = self._slotted, self.readings
         specialiser.checked = self.checked
         return specialiser
 
@@ -118,8 +124,10 @@ class Specialiser:
             return function  # a recursive call keeps the original function, plain or compiled by its author
         self._in_progress.add(id(function))
         names = named_in(source.__code__)
+        self.readings.function(source)
         bound = {}
         for name in sorted(names & set(source.__globals__)):
+            self.readings.variable(source.__globals__, name)
             replacement = self._replacement(source.__globals__[name], names)
             if replacement is not None:
                 bound[name] = replacement
@@ -163,8 +171,13 @@ class Specialiser:
             return self._bind(slot, reduction=getattr(value, "reduction", False))
         if isinstance(value, types.ModuleType):
             return self._module(value, names)
-        if plain_function(value) is None or (self.jit and is_overloaded(value)):
+        if plain_function(value) is None:
             return None
+        if self.jit:
+            overloaded = is_overloaded(value)
+            self.readings.overload(value, overloaded=overloaded)
+            if overloaded:
+                return None
         return self._bind(value)
 
     def _module(self, module: types.ModuleType, names: frozenset[str]) -> types.ModuleType | None:
@@ -174,6 +187,7 @@ class Specialiser:
         self._modules.add(id(module))  # prevents endless recursion where modules import each other
         bound = {}
         for name in sorted(names):
+            self.readings.attribute(module, name)
             replacement = self._replacement(getattr(module, name, None), names)
             if replacement is not None:
                 bound[name] = replacement
@@ -199,6 +213,7 @@ class Specialiser:
                 fingerprint.whole = fingerprint.whole and self.tags[id(replacement)] not in self._unkept
             else:
                 fingerprint.value(original, names)
+                self.readings.value(original, names)
         if not fingerprint.whole:
             self._unkept.add(fingerprint.tag)
         return fingerprint.tag

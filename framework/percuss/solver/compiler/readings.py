@@ -1,0 +1,71 @@
+"""What the binding of kernels has read, to tell whether binding the same kernels again would give the same code."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from typing import Any
+
+from percuss.solver.compiler.fingerprint import Fingerprint, contents, is_fixed, is_overloaded, refresh_overloads
+
+_MISSING = object()
+
+
+class Readings:
+    """The functions, variables and values that a binding has read, and how they were.
+
+    A kernel that calls another function, or reads another constant, than when it was bound needs other machine code.
+    This is seldom, and to look whether anything has changed takes a twentieth of the time of binding again.
+    """
+
+    def __init__(self) -> None:
+        self._functions: list[tuple[types.FunctionType, Any, Any, Any]] = []
+        self._variables: list[tuple[Mapping[str, Any], str, Any]] = []
+        self._attributes: list[tuple[types.ModuleType, str, Any]] = []
+        self._cells: list[tuple[types.CellType, Any]] = []
+        self._values: list[tuple[Any, frozenset[str], str]] = []
+        self._overloads: list[tuple[Any, bool]] = []
+
+    def function(self, function: types.FunctionType) -> None:
+        """Add the code of a function, its defaults and the content of its closure."""
+        self._functions.append((function, function.__code__, function.__defaults__, function.__kwdefaults__))
+        self._cells += [(cell, contents(cell)) for cell in function.__closure__ or ()]
+
+    def variable(self, namespace: Mapping[str, Any], name: str) -> None:
+        """Add the variable `name` of the globals of a function."""
+        self._variables.append((namespace, name, namespace[name]))
+
+    def attribute(self, module: types.ModuleType, name: str) -> None:
+        """Add an attribute of a module, or that it has none of this name."""
+        self._attributes.append((module, name, getattr(module, name, _MISSING)))
+
+    def value(self, value: Any, names: frozenset[str]) -> None:
+        """Add the content of a value, as far as it is visible to code that refers to `names`."""
+        if not is_fixed(value):
+            self._values.append((value, names, _tag(value, names)))
+
+    def overload(self, function: Any, *, overloaded: bool) -> None:
+        """Add whether numba compiles other code in place of a function."""
+        self._overloads.append((function, overloaded))
+
+    def unchanged(self, *, jit: bool) -> bool:
+        """Return whether everything that was read is as it was; `jit` asks for overloads, too."""
+        if jit:
+            refresh_overloads()
+        return (
+            all(
+                function.__code__ is code and function.__defaults__ is defaults and function.__kwdefaults__ is keywords
+                for function, code, defaults, keywords in self._functions
+            )
+            and all(namespace.get(name, _MISSING) is value for namespace, name, value in self._variables)
+            and all(getattr(module, name, _MISSING) is value for module, name, value in self._attributes)
+            and all(contents(cell) is value for cell, value in self._cells)
+            and all(_tag(value, names) == tag for value, names, tag in self._values)
+            and (not jit or all(is_overloaded(function) is before for function, before in self._overloads))
+        )
+
+
+def _tag(value: Any, names: frozenset[str]) -> str:
+    fingerprint = Fingerprint("")
+    fingerprint.value(value, names)
+    return fingerprint.tag
