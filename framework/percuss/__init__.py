@@ -27,7 +27,7 @@ _MODULES = {
     "certificate.maps": "stability",
     "results.result": "Result open_result",
     "results.runner": "run",
-    "solver.compiler.compile_function": "compile_callee compile_entry",
+    "solver.compiler.specialise": "compiled_function",
     "studies.study": "study",
     "studies.study_table": "Study open_study",
 }
@@ -80,8 +80,7 @@ __all__ = [
     "Unit",
     "accelerations",
     "compare",
-    "compile_callee",
-    "compile_entry",
+    "compiled_function",
     "coupled_gap",
     "coupled_rate",
     "end_of_step",
@@ -142,7 +141,7 @@ if TYPE_CHECKING:
     from percuss.methods.slots import accelerations, coupled_gap, coupled_rate, energy_density, stress
     from percuss.results.result import Result, open_result
     from percuss.results.runner import run
-    from percuss.solver.compiler.compile_function import compile_callee, compile_entry
+    from percuss.solver.compiler.specialise import compiled_function
     from percuss.studies.comparison import compare
     from percuss.studies.study import study
     from percuss.studies.study_table import Study, open_study

@@ -7,16 +7,16 @@ with s the time since the start of the piece, and with two coefficients where al
 kinks.
 A junction (a free, fixed or driven end, an end at a wall, two bars that meet) turns arriving waves into leaving waves.
 It can be computed independently of all others up to one transit time beyond the times reached by its neighbours.
+
+These functions run as plain Python, and compiled where there are many events. Copies are loops, because an assignment
+to a slice compiles the message of an error about shapes, which takes as long as a tenth of all the rest.
 """
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from percuss import compile_callee, compile_entry
 
 ABSENT, FREE, DRIVEN, WALL = 0, 1, 2, 3  # kinds of a side of a junction; a fixed end is a driven one without load
 
@@ -30,9 +30,6 @@ TRANSIT, IMPEDANCE, GRAVITY = 0, 1, 2
 WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 
 DONE, FULL, STUCK = 0, 1, 2
-# Only `march` is called from Python. Copies are loops, because an assignment to a slice compiles the message of an
-# error about shapes, which takes as long as a tenth of all the rest.
-compiled = partial(compile_callee, error_model="numpy")
 
 INSTANT = 4.0  # number of quanta up to which a duration counts as zero
 MOST_AT_ONCE = 1000  # largest number of consecutive events without duration at a junction
@@ -79,7 +76,6 @@ class Limits(NamedTuple):
     quantum: float
 
 
-@compiled
 def shifted(c: Any, s: float, out: Any) -> None:
     """Set `out` to the polynomial `c` with its origin shifted by s."""
     for m in range(c.shape[0]):
@@ -90,7 +86,6 @@ def shifted(c: Any, s: float, out: Any) -> None:
                 out[m] += s * out[m + 1]
 
 
-@compiled
 def value(c: Any, s: float) -> float:
     """Return the value of the polynomial at s."""
     out = c[c.shape[0] - 1]
@@ -99,7 +94,6 @@ def value(c: Any, s: float) -> float:
     return out
 
 
-@compiled
 def derivative(c: Any, order: int, s: float) -> float:
     """Return the derivative of an order of the polynomial at s."""
     out = 0.0
@@ -111,7 +105,6 @@ def derivative(c: Any, order: int, s: float) -> float:
     return out
 
 
-@compiled
 def integral(c: Any, s: float) -> float:
     """Return the integral of the polynomial from 0 to s."""
     out = 0.0
@@ -120,7 +113,6 @@ def integral(c: Any, s: float) -> float:
     return out * s
 
 
-@compiled
 def variation(c: Any, span: float) -> float:
     """Return a bound of the deviation of the polynomial from its value at 0 within the span."""
     reach, out = 1.0, 0.0
@@ -130,7 +122,6 @@ def variation(c: Any, span: float) -> float:
     return out
 
 
-@compiled
 def is_line(c: Any) -> bool:
     """Return whether the polynomial is a straight line."""
     terms = 0
@@ -140,7 +131,6 @@ def is_line(c: Any) -> bool:
     return terms == 0
 
 
-@compiled
 def sign_intervals(c: Any, order: int, span: float, ends: Any, spare: Any) -> int:
     """Write the ends of the intervals of (0, span] in which a derivative of the polynomial keeps its sign.
 
@@ -179,7 +169,6 @@ def sign_intervals(c: Any, order: int, span: float, ends: Any, spare: Any) -> in
     return n
 
 
-@compiled
 def crossing(c: Any, lo: float, hi: float) -> float:
     """Return the zero between lo and hi of a polynomial that is monotone there and not negative at lo."""
     if is_line(c):
@@ -195,7 +184,6 @@ def crossing(c: Any, lo: float, hi: float) -> float:
     return hi
 
 
-@compiled
 def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
     """Return the first point of (0, span) after which the polynomial is negative, or inf."""
     if c[0] - variation(c, span) >= -tolerance:
@@ -210,7 +198,6 @@ def first_negative(c: Any, span: float, tolerance: float, ends: Any, spare: Any)
     return np.inf
 
 
-@compiled
 def closing_time(gap: float, speed: float, half: float) -> float:
     """Return the first time s > 0 at which ``gap - speed s - half s^2`` is zero, or inf."""
     if half == 0.0:
@@ -225,7 +212,6 @@ def closing_time(gap: float, speed: float, half: float) -> float:
     return (root - speed) / (2.0 * half) if half > 0.0 else np.inf
 
 
-@compiled
 def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, spare: Any) -> float:
     """Return the first time at which a gap closes at the closing speed `c`, or inf.
 
@@ -254,7 +240,6 @@ def first_contact(gap: float, c: Any, span: float, tolerance: float, ends: Any, 
     return np.inf
 
 
-@compiled
 def initial_sign(c: Any, tolerance: float, span: float) -> int:
     """Return the sign of the polynomial just after 0: -1, 1, or 0 if all its terms are within the tolerance."""
     reach = 1.0
@@ -268,7 +253,6 @@ def initial_sign(c: Any, tolerance: float, span: float) -> int:
     return 0
 
 
-@compiled
 def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, work: Any) -> bool:
     """Return whether the polynomial `c` that begins at t continues the last piece of a history up to round-off."""
     last = waves.count[h] - 1
@@ -281,7 +265,6 @@ def continues(waves: Any, h: int, t: float, c: Any, scale: float, span: float, w
     return True
 
 
-@compiled
 def measure_sizes(junctions: Junctions, j: int, c: Any) -> None:
     """Increase the sizes of the velocities at a junction to those that arrive there and those that it transmits.
 
@@ -304,7 +287,6 @@ def measure_sizes(junctions: Junctions, j: int, c: Any) -> None:
                 junctions.size[j, k] = max(junctions.size[j, k], share * junctions.size[j, 1 - k])
 
 
-@compiled
 def horizon(junctions: Junctions, j: int, end: float) -> tuple[float, float]:
     """Return the time up to which a junction can be computed, and the shortest transit time of its bars."""
     limit, span = end, np.inf
@@ -316,7 +298,6 @@ def horizon(junctions: Junctions, j: int, end: float) -> tuple[float, float]:
     return limit, span
 
 
-@compiled
 def arriving_piece(
     history: Histories, h: int, i: int, t: float, near: float, late: float, out: Any
 ) -> tuple[int, float]:
@@ -332,7 +313,6 @@ def arriving_piece(
     return i, following
 
 
-@compiled
 def arrivals(junctions: Junctions, waves: Histories, loads: Histories, j: int, near: float, c: Any) -> float:
     """Collect the waves and loads that arrive at a junction now; return the time of the next arrival."""
     t = junctions.clock[j]
@@ -358,7 +338,6 @@ def arrivals(junctions: Junctions, waves: Histories, loads: Histories, j: int, n
     return following
 
 
-@compiled
 def closing_speed(junctions: Junctions, j: int, c: Any) -> float:
     """Set the closing speed of the gap without contact force; return the admittance, its decrease by a unit force."""
     admittance = 0.0
@@ -378,7 +357,6 @@ def closing_speed(junctions: Junctions, j: int, c: Any) -> float:
     return admittance
 
 
-@compiled
 def switch_contact(
     junctions: Junctions, j: int, reach: float, span: float, limits: Limits, c: Any, roots: Any
 ) -> float:
@@ -411,7 +389,6 @@ def switch_contact(
     return np.inf
 
 
-@compiled
 def send_waves(junctions: Junctions, waves: Histories, j: int, near: float, span: float, c: Any) -> None:
     """Append the leaving waves of a junction to their histories, unless they continue the last pieces."""
     t = junctions.clock[j]
@@ -436,7 +413,6 @@ def send_waves(junctions: Junctions, waves: Histories, j: int, near: float, span
         waves.count[h] += 1
 
 
-@compiled
 def has_room(junctions: Junctions, waves: Histories, forces: Forces, j: int) -> bool:
     """Return whether the histories of a junction have room for another event."""
     for k in range(2):
@@ -446,7 +422,6 @@ def has_room(junctions: Junctions, waves: Histories, forces: Forces, j: int) -> 
     return forces.count[j] < forces.times.shape[1] - 1
 
 
-@compiled
 def advance(
     junctions: Junctions,
     waves: Histories,
@@ -491,7 +466,6 @@ def advance(
     return next_time - t
 
 
-@compiled
 def earliest(clock: Any) -> int:
     """Return the number of the junction that is computed the least far."""
     first = 0
@@ -501,7 +475,6 @@ def earliest(clock: Any) -> int:
     return first
 
 
-@partial(compile_entry, cache=True, error_model="numpy")
 def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
     """Compute all junctions up to the end; return DONE, FULL if a history is full, or STUCK.
 

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import functools
+import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss import BodyEnd
+from percuss import BodyEnd, compiled_function
 from percuss_methods.solutions import _fronts as fronts
 from percuss_methods.solutions._fronts import ABSENT, DRIVEN, FREE, WALL
 from percuss_methods.solutions._polynomials import FIT, PiecewisePolynomial, load_history, padded, summed
 
 if TYPE_CHECKING:
     from percuss import ContactProblem, ProblemLoad
+
+
+# Rows of at most so many junctions begin with histories of so many pieces, which plain Python fills.
+FEW_JUNCTIONS, SMALL_CAPACITY = 16, 64
+LARGE_CAPACITY = 256  # pieces of the histories of all other rows
+MOST_PLAIN_SECONDS = 2.0  # seconds that a process spends in plain Python before it compiles the event loop
 
 
 class BarChain:
@@ -165,7 +173,7 @@ class BarChain:
         self.number = np.stack([self.transit[safe], self.impedance[safe], self.gravity[safe]], axis=2)
 
         junction_count, bars, terms = self.side.shape[0], len(self.bodies), self.loads.pieces.shape[2]
-        capacity = 256
+        capacity = SMALL_CAPACITY if junction_count <= FEW_JUNCTIONS else LARGE_CAPACITY
         waves = fronts.Histories(
             np.full((2 * bars, capacity), np.inf),
             np.zeros((2 * bars, capacity, terms)),
@@ -197,13 +205,13 @@ class BarChain:
         # curved loads are approximated with an error of FIT, all others are exact up to round-off
         curved = bool(self.loads.pieces[:, :, 2:].any())
         limits = fronts.Limits(end, 10.0 * FIT if curved else 1e-13, quantum)
-        status = fronts.march(junctions, waves, self.loads, forces, limits)
+        status = _advance(junctions, waves, self.loads, forces, limits)
         while status == fronts.FULL and waves.count.sum() <= most_fronts:
             waves = fronts.Histories(_grown(waves.times, np.inf), _grown(waves.pieces), waves.count)
             forces = fronts.Forces(
                 _grown(forces.times, np.inf), _grown(forces.pieces), _grown(forces.closed), forces.count
             )
-            status = fronts.march(junctions, waves, self.loads, forces, limits)
+            status = _advance(junctions, waves, self.loads, forces, limits)
         admittance = np.where(self.side[:, :, fronts.KIND] == FREE, 1.0 / self.impedance[safe], 0.0).sum(axis=1)
         # a smaller contact force counts as zero
         self.negligible_force = (
@@ -228,6 +236,33 @@ class BarChain:
         """Return the contact force of a junction."""
         n = self.forces.count[j]
         return PiecewisePolynomial(self.forces.times[j, :n], self.forces.pieces[j, :n])
+
+
+class _PlainTime:
+    """Seconds that this process has spent in the event loop as plain Python."""
+
+    seconds = 0.0
+
+
+@functools.cache
+def _compiled_march() -> Any:
+    return compiled_function(fronts.march)
+
+
+def _advance(*arrays: Any) -> int:
+    """Compute events until the histories are full or the end is reached; return the status.
+
+    Most rows of bars have so few fronts that plain Python takes some milliseconds, and compiling some seconds. Both
+    give the same bits.
+    """
+    small = arrays[1].times.shape[1] == SMALL_CAPACITY
+    if not small or _PlainTime.seconds > MOST_PLAIN_SECONDS:
+        return int(_compiled_march()(*arrays))
+    began = time.perf_counter()
+    with np.errstate(all="ignore"):
+        status = fronts.march(*arrays)
+    _PlainTime.seconds += time.perf_counter() - began
+    return status
 
 
 def _grown(array: Any, fill: float = 0.0) -> Any:

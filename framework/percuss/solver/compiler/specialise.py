@@ -56,6 +56,9 @@ class Specialiser:
         Whether kernels of plug-ins may allocate arrays, which needs reference counts.
     about
         A text for everything else the machine code depends on: the layout of the tuples that the kernels receive.
+    inline
+        Whether functions are copied into their callers. A call that is not inlined passes every array as several
+        numbers; code that is inlined takes longer to compile.
 
     Attributes
     ----------
@@ -70,11 +73,13 @@ class Specialiser:
         jit: bool = True,
         counting: bool = False,
         about: str = "",
+        inline: bool = True,
     ) -> None:
         self.slots = dict(slots or {})
         self.jit = jit
         self.counting = counting
         self.about = about
+        self.inline = inline
         self.checked = False  # whether kernels of plug-ins check array indices against the size of the array
         self.tags: dict[int, str] = {}
         self._unkept: set[str] = set()  # tags of code without a source, or that reaches an object without a digest
@@ -87,7 +92,9 @@ class Specialiser:
 
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
-        specialiser = Specialiser({**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about)
+        specialiser = Specialiser(
+            {**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about, inline=self.inline
+        )
         specialiser.tags, specialiser._unkept, specialiser._keep = self.tags, self._unkept, self._keep
         specialiser._slotted, specialiser.readings = self._slotted, self.readings
         specialiser.checked = self.checked
@@ -135,7 +142,7 @@ class Specialiser:
             types.CellType(self._replacement(contents(cell), names) or contents(cell))
             for cell in source.__closure__ or ()
         )
-        options = _options(function, counting=self.counting, entry=entry, reduction=reduction)
+        options = self._options(function, entry=entry, reduction=reduction)
         if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
         # Entry or callee is part of the tag: what is stored of a callee cannot be called from Python.
@@ -218,6 +225,24 @@ class Specialiser:
             self._unkept.add(fingerprint.tag)
         return fingerprint.tag
 
+    def _options(self, function: Any, *, entry: bool, reduction: bool) -> dict[str, Any]:
+        """Return the compiler options: for a jitted function those of its author, without the cache."""
+        if not isinstance(function, types.FunctionType):
+            author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
+            if function.nopython_signatures and not function._can_compile:
+                author_options["signature_or_function"] = tuple(function.nopython_signatures)
+            return author_options
+        options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+        # Functions marked as called are not inlined: copies of whole stages would double the compile time.
+        if self.inline and not entry and not getattr(function, "called", False):
+            options["forceinline"] = True
+        if reduction or getattr(function, "reduction", False):
+            options["fastmath"] = ("nsz", "reassoc")
+        if _counting_can_be_left_out():
+            # Always set, because otherwise the option of the calling function applies.
+            options["_nrt"] = self.counting and not _is_part_of_loop(function)
+        return options
+
     def _tag(
         self,
         source: types.FunctionType,
@@ -250,6 +275,27 @@ class Specialiser:
         return tag
 
 
+def compiled_function(function: Kernel) -> Kernel:
+    """Return a function compiled together with all functions that it calls, or as it is where numba may not compile.
+
+    The machine code is stored in the user's cache folder and is never used after an edit of any of these functions, or
+    of a constant that they read.
+
+    Parameters
+    ----------
+    function
+        A function that numba can compile, of arrays, numbers and tuples of them.
+
+    Returns
+    -------
+    callable
+        The same function. It is compiled when it is first called.
+    """
+    if jit_disabled():
+        return function
+    return Specialiser(counting=True, inline=False).bind(function, entry=True)
+
+
 @functools.cache
 def _versions() -> str:
     from importlib.metadata import version
@@ -270,26 +316,6 @@ def compile_error() -> tuple[type[Exception], ...]:
 
     # The second is no subclass of NumbaError, and several of numba's passes raise the third.
     return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
-
-
-def _options(function: Any, *, counting: bool, entry: bool, reduction: bool) -> dict[str, Any]:
-    """Return the compiler options: those of its author, without the cache, for a jitted function; else the loop's."""
-    if not isinstance(function, types.FunctionType):
-        author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
-        if function.nopython_signatures and not function._can_compile:
-            author_options["signature_or_function"] = tuple(function.nopython_signatures)
-        return author_options
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    # A call that is not inlined passes every array as several numbers. Functions marked as called are not inlined:
-    # copying whole stages into each other would double the compile time.
-    if not entry and not getattr(function, "called", False):
-        options["forceinline"] = True
-    if reduction or getattr(function, "reduction", False):
-        options["fastmath"] = ("nsz", "reassoc")
-    if _counting_can_be_left_out():
-        # Always set, because otherwise the option of the calling function applies.
-        options["_nrt"] = counting and not _is_part_of_loop(function)
-    return options
 
 
 def _is_part_of_loop(function: types.FunctionType) -> bool:
