@@ -205,11 +205,11 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     if parts.integrator is None:
         return Kernels(filled_maker.bind(leapfrog_loop.advance, entry=True), maker.jit, maker.readings)
     # One compiled function for all stages: a copy in every stage would compile for long and gain little time.
-    filled[slots.accelerations] = filled_maker.bind(multistage_loop.accelerate, entry=True)
+    filled[slots.accelerations] = filled_maker.bind(multistage_loop.accelerate, called=True)
     step = filled_maker.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
     step.counting = True  # nearly every kernel of a multi-stage scheme allocates
     step.checked = True
-    filled[multistage_loop.take_step] = step.bind(integrator_check.kernel_of(parts.integrator), entry=True)
+    filled[multistage_loop.take_step] = step.bind(integrator_check.kernel_of(parts.integrator), called=True)
     filled_maker = filled_maker.with_slots(filled)
     advance = filled_maker.bind(multistage_loop.advance, entry=True)
     return Kernels(advance, maker.jit, maker.readings, begin=filled_maker.bind(multistage_loop.begin, entry=True))

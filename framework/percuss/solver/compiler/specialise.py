@@ -100,7 +100,7 @@ class Specialiser:
         specialiser.checked = self.checked
         return specialiser
 
-    def bind(self, function: Kernel, *, entry: bool = False, reduction: bool = False) -> Kernel:
+    def bind(self, function: Kernel, *, entry: bool = False, called: bool = False, reduction: bool = False) -> Kernel:
         """Return `function` with its slots and helpers bound, and compiled if this specialiser compiles.
 
         Parameters
@@ -108,17 +108,18 @@ class Specialiser:
         function
             Template or kernel.
         entry
-            Whether Python calls it. Other functions get no code that unpacks Python objects, which saves half of the
-            compile time; a call from Python would crash the process.
+            Whether Python calls it. A call from Python of any other function would crash the process.
+        called
+            Whether compiled functions call it without a copy of its code in each of them.
         reduction
             Whether it is a sum whose terms may be added in any order.
         """
         with compiler():
             if self.jit:
                 refresh_overloads()
-            return self._bind(function, entry=entry, reduction=reduction)
+            return self._bind(function, entry=entry, called=called, reduction=reduction)
 
-    def _bind(self, function: Kernel, *, entry: bool = False, reduction: bool = False) -> Kernel:
+    def _bind(self, function: Kernel, *, entry: bool = False, called: bool = False, reduction: bool = False) -> Kernel:
         if id(function) in self.tags:
             return function
         cached = self._bound.get(id(function))
@@ -142,7 +143,8 @@ class Specialiser:
             types.CellType(self._replacement(contents(cell), names) or contents(cell))
             for cell in source.__closure__ or ()
         )
-        options = self._options(function, entry=entry, reduction=reduction)
+        called = entry or called or getattr(function, "called", False)
+        options = self._options(function, called=called, reduction=reduction)
         if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
         # Entry or callee is part of the tag: what is stored of a callee cannot be called from Python.
@@ -225,7 +227,7 @@ class Specialiser:
             self._unkept.add(fingerprint.tag)
         return fingerprint.tag
 
-    def _options(self, function: Any, *, entry: bool, reduction: bool) -> dict[str, Any]:
+    def _options(self, function: Any, *, called: bool, reduction: bool) -> dict[str, Any]:
         """Return the compiler options: for a jitted function those of its author, without the cache."""
         if not isinstance(function, types.FunctionType):
             author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
@@ -233,8 +235,8 @@ class Specialiser:
                 author_options["signature_or_function"] = tuple(function.nopython_signatures)
             return author_options
         options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-        # Functions marked as called are not inlined: copies of whole stages would double the compile time.
-        if self.inline and not entry and not getattr(function, "called", False):
+        # Copies of whole stages would double the compile time.
+        if self.inline and not called:
             options["forceinline"] = True
         if reduction or getattr(function, "reduction", False):
             options["fastmath"] = ("nsz", "reassoc")
