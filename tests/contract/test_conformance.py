@@ -25,6 +25,13 @@ def outcome(label, check, partner):
 
 
 LASTING = ("contacts/bipenalty", "contacts/lagrange", "contacts/tied", "integrators/noh-bathe")
+# These checks of a law compile the loop anew, with kernels of their own or in the plane.
+COMPILING = ("no-hidden-state", "dimensions")
+
+
+def is_deep(label, check, partner):
+    """Return whether a check is left to the whole check."""
+    return bool(partner) or label in LASTING or (label.startswith("contacts/") and check.name in COMPILING)
 
 
 @pytest.mark.slow
@@ -36,7 +43,7 @@ LASTING = ("contacts/bipenalty", "contacts/lagrange", "contacts/tied", "integrat
             check,
             partner,
             id=f"{label}-{named(check, partner)}",
-            marks=pytest.mark.deep if partner or label in LASTING else (),
+            marks=pytest.mark.deep if is_deep(label, check, partner) else (),
         )
         for label, check, partner in EVERY
     ],

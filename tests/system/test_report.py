@@ -3,6 +3,7 @@
 import base64
 import copy
 import hashlib
+import itertools
 import json
 import re
 import shutil
@@ -290,6 +291,7 @@ def test_the_command_line_names_what_it_wrote(small, tmp_path):
     assert told.exit_code == 2
 
 
+@pytest.mark.deep
 def test_pictures_for_print(small, tmp_path):
     pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
     paths = written(small, tmp_path / "s.db", None, tmp_path / "figures")
@@ -751,9 +753,15 @@ class Opened:
         self.page.wait_for_timeout(400)
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["small", "large"])
+@pytest.mark.parametrize(
+    ("name", "scheme", "width"),
+    [
+        pytest.param(name, scheme, width, marks=() if pick in {0, 7} else pytest.mark.deep)
+        for pick, (name, scheme, width) in enumerate(
+            itertools.product(["small", "large"], ["light", "dark"], [390, 1280])
+        )
+    ],
+)
 def test_the_page_is_drawn_and_asks_for_nothing(browser, pages, name, width, scheme):
     with Opened(browser, pages / f"{name}.html", width, scheme) as opened:
         assert len(opened.requests) == 1
@@ -796,6 +804,7 @@ def test_sorting_and_filtering(browser, pages, small):
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_every_choice_is_drawn(browser, pages):
     with Opened(browser, pages / "small.html") as opened:
         page = opened.page
@@ -867,7 +876,13 @@ def test_observed_orders_are_told_over_the_mesh(browser, pages, small):
         assert f"wu-predictor-corrector + penalty {order}" in opened.page.inner_text("#vary-note")
 
 
-@pytest.mark.parametrize("path", ["method.contact.beta_s", "refine", "method.contact.ratio"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "method.contact.beta_s",
+        *(pytest.param(path, marks=pytest.mark.deep) for path in ("refine", "method.contact.ratio")),
+    ],
+)
 def test_the_page_and_the_files_draw_the_same_medians(browser, pages, several, path):
     with Opened(browser, pages / "odd.html") as opened:
         drawn = opened.page.evaluate(

@@ -237,7 +237,11 @@ def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
     assert study.as_records()[1]["reason"] == "ZeroDivisionError: division by zero"
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=pytest.mark.deep) if path.stem == "sensitivity" else path for path in SHIPPED],
+    ids=lambda path: path.stem,
+)
 def test_a_shipped_study_is_one(path, tmp_path):
     jsonschema.validate(yaml.safe_load(path.read_text()), study_schema(Registry.load()))
     spec = read_study(path)
@@ -262,7 +266,8 @@ def test_the_shipped_studies_are_there():
 
 # ------------------------------------------------------------------------------------- running and resuming
 
-MANY = {"vary": {"method.contact.beta_s": "0.05:2:log:300"}}
+RUNS = 100
+MANY = {"vary": {"method.contact.beta_s": f"0.05:2:log:{RUNS}"}}
 
 
 @pytest.fixture(scope="module")
@@ -276,17 +281,17 @@ def test_workers_give_what_one_process_gives(whole, tmp_path):
     seen = []
     study = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2, progress=lambda *at: seen.append(at))
     assert same(study.table, whole)
-    assert seen[0] == (0, 300)
-    assert seen[-1] == (300, 300)
+    assert seen[0] == (0, RUNS)
+    assert seen[-1] == (RUNS, RUNS)
     assert seen == sorted(seen)
 
 
 def test_nothing_is_run_twice(whole, tmp_path, monkeypatch):
-    first = percuss.study(given(vary={"method.contact.beta_s": "0.05:2:log:300"}), tmp_path / "a.sqlite", workers=2)
+    first = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2)
     assert first.found == 0
     monkeypatch.setattr("percuss.studies.perform.timed_run", None)
     again = percuss.study(given(**MANY), tmp_path / "a.sqlite")
-    assert again.found == 300
+    assert again.found == RUNS
     assert same(again.table, whole)
 
 
@@ -315,7 +320,7 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
     last = subprocess.run(command(file, "-o", out, "--json"), capture_output=True, text=True, check=True)
     told = json.loads(last.stdout)
     assert told["found"] == (counts[-1] if counts else 0)
-    assert f"{told['found']} of 300 runs are there already" in last.stderr or not told["found"]
+    assert f"{told['found']} of {RUNS} runs are there already" in last.stderr or not told["found"]
     assert same(percuss.open_study(out).table, whole)
 
 
@@ -352,7 +357,7 @@ def test_a_worker_that_dies_costs_nothing(whole, tmp_path):
             killed += 1
     told = json.loads(process.communicate(timeout=120)[0])
     assert killed
-    assert told["counts"] == {"done": 300}
+    assert told["counts"] == {"done": RUNS}
     assert same(percuss.open_study(out).table, whole)
 
 
@@ -536,7 +541,7 @@ def scheduler(tmp_path):
         process.send_signal(signal.SIGTERM)
     for process in started:
         try:
-            process.wait(20)
+            process.wait(3)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -554,7 +559,7 @@ def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, schedu
 
     study = percuss.study(given(**MANY), tmp_path / "a.sqlite", scheduler=address, progress=progress)
     assert killed
-    assert killed[0] < 300
+    assert killed[0] < RUNS
     assert same(study.table, whole)
 
 
@@ -715,7 +720,7 @@ def test_the_table_can_be_exported(tmp_path, whole):
     file = write(tmp_path, **MANY)
     args = command(file, "--workers", 1, "--export", "a.csv")
     done = subprocess.run(args, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert "300 runs: 300 done" in done.stdout
+    assert f"{RUNS} runs: {RUNS} done" in done.stdout
     table = pd.read_csv(tmp_path / "a.csv")
     assert list(table.columns) == list(whole.columns)
     assert (table.impulse == whole.impulse).all()

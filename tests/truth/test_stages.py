@@ -159,6 +159,10 @@ def march(case, steps, dt, scheme, law, push=None, drive=None):
     return bars, np.array([one for one, _ in out]), np.array([one for _, one in out])
 
 
+# Each scheme is compiled for several seconds: the whole check compares all of them.
+ALL_SCHEMES = [
+    pytest.param(scheme, marks=pytest.mark.deep) if scheme in {"alpha", "tchamwa"} else scheme for scheme in SCHEMES
+]
 LAWS_TRIED = {
     "penalty": {"name": "penalty", "beta_s": 0.5},
     "bipenalty": {"name": "bipenalty", "beta_s": 2.0, "ratio": 1.0},
@@ -169,7 +173,7 @@ LAWS_TRIED = {
 @pytest.mark.slow
 @pytest.mark.parametrize("direction", [[1.0], [0.6, -0.8], [2.0 / 3.0, 1.0 / 3.0, -2.0 / 3.0]], ids=len)
 @pytest.mark.parametrize("law", LAWS_TRIED)
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", ALL_SCHEMES)
 def test_the_motion_is_that_of_dense_matrices(scheme, law, direction, files):
     """Supports, drives, forces and gravity, in one to three dimensions."""
     if law == "lagrange" and SCHEMES[scheme][1] is None:
@@ -437,7 +441,9 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*STAGED, *OWN])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.deep) if name == "runge" else name for name in (*STAGED, *OWN)]
+)
 def test_records_stand_where_they_say(name, files):
     """Energies of record n are those of the motion of record n + 1; one element, so that the probes are all nodes."""
     case = oscillator(name, 0.3, {"harmonic": {"value": 0.7, "frequency": 0.3}})

@@ -140,7 +140,7 @@ class Spring(ContactLaw):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_run_after_a_change_uses_the_changed_kernel(tmp_path):
     file = tmp_path / "spring.py"
     file.write_text(LAW)
