@@ -20,6 +20,7 @@ import places
 from percuss.results.exact_only import run_exact
 from percuss.solver.contact_problem import contact_problem
 from percuss.solver.model import Model
+from percuss_methods.solutions import _row
 from strategies import REGISTRY, hunek, number
 
 CASES = places.CASES
@@ -687,6 +688,24 @@ SHARES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4)
 @given(exact_rows(), manners(), SHARES)
 def test_energy_and_momentum_are_conserved(row, manner, shares):
     balanced(row, solved(row, **manner), shares)
+
+
+@pytest.mark.slow
+@MORE
+@given(exact_rows(), manners())
+def test_plain_and_compiled_event_loops_give_the_same_bits(row, manner):
+    """A process computes few fronts in plain Python at first, and compiles when it has spent some time so."""
+    before = _row.MOST_PLAIN_SECONDS
+    try:
+        _row.MOST_PLAIN_SECONDS = math.inf
+        plain = solved(row, **manner).chain
+        _row.MOST_PLAIN_SECONDS = -math.inf
+        compiled = solved(row, **manner).chain
+    finally:
+        _row.MOST_PLAIN_SECONDS = before
+    for one, other in ((plain.waves, compiled.waves), (plain.forces, compiled.forces)):
+        for name, first, second in zip(one._fields, one, other, strict=True):
+            assert first.tobytes() == second.tobytes(), name
 
 
 @MORE
