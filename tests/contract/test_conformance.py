@@ -25,13 +25,17 @@ def outcome(label, check, partner):
 
 
 LASTING = ("contacts/bipenalty", "contacts/lagrange", "contacts/tied", "integrators/noh-bathe")
-# These checks of a law compile the loop anew, with kernels of their own or in the plane.
+# These checks of a law or an integrator compile the loop anew, with kernels of their own or in the plane.
 COMPILING = ("no-hidden-state", "dimensions")
 
 
 def is_deep(label, check, partner):
     """Return whether a check is left to the whole check."""
-    return bool(partner) or label in LASTING or (label.startswith("contacts/") and check.name in COMPILING)
+    return (
+        bool(partner)
+        or label in LASTING
+        or (label.startswith(("contacts/", "integrators/")) and check.name in COMPILING)
+    )
 
 
 @pytest.mark.slow

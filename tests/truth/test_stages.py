@@ -216,7 +216,7 @@ def test_the_motion_is_that_of_dense_matrices(scheme, law, direction, files):
 
 
 @pytest.mark.parametrize("law", LAWS_TRIED)
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", ALL_SCHEMES)
 def test_the_impact_is_that_of_dense_matrices_to_round_off(scheme, law, files):
     if law == "lagrange" and SCHEMES[scheme][1] is None:
         return

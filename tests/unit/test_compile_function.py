@@ -69,7 +69,10 @@ def answer(tmp_path):
     return answer
 
 
-@pytest.mark.parametrize("arguments", [(), ("plain",)], ids=["callees", "plain numba"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "arguments", [(), pytest.param(("plain",), marks=pytest.mark.deep)], ids=["callees", "plain numba"]
+)
 def test_callees_compute_print_and_raise_fresh_and_from_disk(answer, arguments):
     fresh, again, other = answer(1, *arguments), answer(1, *arguments), answer(3, *arguments)
     texts = ["divisor 4", "5.0", "divisor 0", "('the divisor is zero', 0)"]
