@@ -28,3 +28,8 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.get_closest_marker("deep"):
             item.add_marker("slow")
+
+
+def pytest_xdist_auto_num_workers(config):
+    """Return one worker more than there are processors: tests of pages and studies wait for other processes."""
+    return (os.cpu_count() or 1) + 1
