@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.compiling import LOCK
 from percuss.methods import slots
 from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
@@ -89,27 +90,31 @@ def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> 
     if compiled and jit_disabled():
         reasons = (DISABLED,)
     jit = not reasons
-    known = None if counting else _BOUND.get(_key(parts, jit=jit))
-    if known is not None and known.readings.unchanged(jit=jit):
-        keep(parts, known, jit=jit)
-        return known if jit else known._replace(reasons=reasons)
-    kernels = _loop(Specialiser(jit=jit, counting=counting), parts)._replace(compiled=jit, reasons=reasons)
-    if not counting:
-        keep(parts, kernels, jit=jit)
-    return kernels
+    key = None if counting else _key(parts, jit=jit)
+    kernels = _BOUND.get(key)
+    if kernels is None or not kernels.readings.unchanged(jit=jit):
+        kernels = _loop(Specialiser(jit=jit, counting=counting), parts)._replace(compiled=jit)
+    if key is not None:
+        _remember(key, kernels)
+    return kernels if jit else kernels._replace(reasons=reasons)
 
 
-def keep(parts: LoopParts, kernels: Kernels, *, jit: bool = True) -> None:
-    """Let `bind` return these kernels for a model of the same kinds; the loops used least recently are dropped.
+def keep(parts: LoopParts, kernels: Kernels) -> None:
+    """Let `bind` return these kernels in the place of those that could not be compiled for such a model.
 
-    A loop that turned out to need reference counts, or plain Python, is kept under `jit` too: a compilation that has
-    failed is not tried again.
+    A loop that turned out to need reference counts, or plain Python, is kept so: a compilation that has failed is not
+    tried again.
     """
-    key = _key(parts, jit=jit)
-    _BOUND[key] = kernels
-    _BOUND.move_to_end(key)
-    while len(_BOUND) > KEPT_LOOPS:
-        _BOUND.popitem(last=False)
+    _remember(_key(parts, jit=True), kernels)
+
+
+def _remember(key: Any, kernels: Kernels) -> None:
+    """Keep a bound loop as the one that was used last; the loops used least recently are dropped."""
+    with LOCK:
+        _BOUND[key] = kernels
+        _BOUND.move_to_end(key)
+        while len(_BOUND) > KEPT_LOOPS:
+            _BOUND.popitem(last=False)
 
 
 def _key(parts: LoopParts, *, jit: bool) -> Any:
