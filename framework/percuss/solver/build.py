@@ -13,7 +13,7 @@ from percuss.compiling import LOCK
 from percuss.methods import slots
 from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
-from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, multistage_loop
+from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, linked, multistage_loop
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.readings import Readings
 from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_error, jit_disabled
@@ -58,14 +58,24 @@ class LoopParts:
     loaded: bool
 
 
+class PlainLoop(NamedTuple):
+    """The time loop in plain Python."""
+
+    advance: Callable[..., int]
+    begin: Callable[..., None] | None = None  # first accelerations of a multi-stage scheme
+
+    def for_another_model(self) -> PlainLoop:
+        """Return the loop itself, as it holds no arrays of a model."""
+        return self
+
+
 class Kernels(NamedTuple):
     """The bound time loop, the reasons if it is not compiled, and what its binding has read."""
 
-    advance: Callable[..., int]
+    loop: Any  # `PlainLoop`, or `LinkedLoop` or `LinkedStages` of `percuss.solver.compiler.linking`
     compiled: bool
     readings: Readings
     reasons: tuple[str, ...] = ()
-    begin: Callable[..., None] | None = None  # first accelerations of a multi-stage scheme
 
 
 # Bound loops of this process by what they are made of, the one that was used last at the end.
@@ -93,9 +103,10 @@ def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> 
     key = None if counting else _key(parts, jit=jit)
     kernels = _BOUND.get(key)
     if kernels is None or not kernels.readings.unchanged(jit=jit):
-        kernels = _loop(Specialiser(jit=jit, counting=counting), parts)._replace(compiled=jit)
+        kernels = _loop(Specialiser(jit=jit, counting=counting), parts)
     if key is not None:
         _remember(key, kernels)
+    kernels = kernels._replace(loop=kernels.loop.for_another_model())
     return kernels if jit else kernels._replace(reasons=reasons)
 
 
@@ -105,7 +116,7 @@ def keep(parts: LoopParts, kernels: Kernels) -> None:
     A loop that turned out to need reference counts, or plain Python, is kept so: a compilation that has failed is not
     tried again.
     """
-    _remember(_key(parts, jit=True), kernels)
+    _remember(_key(parts, jit=True), kernels._replace(loop=kernels.loop.for_another_model()))
 
 
 def _remember(key: Any, kernels: Kernels) -> None:
@@ -170,7 +181,11 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
         if integrator_failure is not None:
             reasons[f"integrator {parts.integrator.name}"] = integrator_failure
     if not reasons:
-        raise error
+        from percuss.solver.compiler.linking import CannotLink
+
+        if not isinstance(error, CannotLink):
+            raise error
+        return bind(parts, compiled=False)._replace(reasons=(str(error),))
     sentences = tuple(f"{part} cannot be compiled: {_telling_line(failure)}" for part, failure in reasons.items())
     return bind(parts, compiled=False)._replace(reasons=sentences)
 
@@ -193,31 +208,66 @@ def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
     forces: Kernel = bulk.advance_bars if parts.dim == 1 else bulk.advance_bodies
     if parts.integrator is not None:
         forces = multistage_loop.force_group
-    filled: dict[Any, Any] = {
-        leapfrog_loop.elastic: _over_groups(maker, parts, bulk.elastic_group, bulk.sum_over_groups),
-        leapfrog_loop.kernel_laws: custom_laws.bind(maker, parts.laws),
-    }
-    if not parts.constrained:
-        unused = leapfrog_loop.impose_velocity, leapfrog_loop.add_contact_reactions
-        filled |= dict.fromkeys(unused, leapfrog_loop.no_work)
-    if not parts.loaded:
-        unused = leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
-        filled |= dict.fromkeys(unused, leapfrog_loop.no_work)
-    filled[leapfrog_loop.bulk if parts.integrator is None else multistage_loop.forces] = _over_groups(
-        maker, parts, forces, bulk.each_group
-    )
-    filled_maker = maker.with_slots(filled)
+    update = _over_groups(maker, parts, forces, bulk.each_group)
+    energy = _over_groups(maker, parts, bulk.elastic_group, bulk.sum_over_groups)
+    laws = custom_laws.bind(maker, parts.laws)
+    return (_linked_loop if maker.jit else _plain_loop)(maker, parts, update, energy, laws)
+
+
+def _plain_loop(maker: Specialiser, parts: LoopParts, update: Kernel, energy: Kernel, laws: Kernel) -> Kernels:
+    """Return the loop as plain Python, with the kernels in the place of its slots."""
+    filled: dict[Any, Any] = {leapfrog_loop.elastic: energy, leapfrog_loop.kernel_laws: laws}
     if parts.integrator is None:
-        return Kernels(filled_maker.bind(leapfrog_loop.advance, entry=True), maker.jit, maker.readings)
-    # One compiled function for all stages: a copy in every stage would compile for long and gain little time.
-    filled[slots.accelerations] = filled_maker.bind(multistage_loop.accelerate, called=True)
-    step = filled_maker.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
-    step.counting = True  # nearly every kernel of a multi-stage scheme allocates
-    step.checked = True
-    filled[multistage_loop.take_step] = step.bind(integrator_check.kernel_of(parts.integrator), called=True)
-    filled_maker = filled_maker.with_slots(filled)
-    advance = filled_maker.bind(multistage_loop.advance, entry=True)
-    return Kernels(advance, maker.jit, maker.readings, begin=filled_maker.bind(multistage_loop.begin, entry=True))
+        filled[leapfrog_loop.bulk] = update
+        return Kernels(PlainLoop(maker.with_slots(filled).bind(leapfrog_loop.advance)), False, maker.readings)
+    filled[multistage_loop.forces] = update
+    filled[slots.accelerations] = maker.with_slots(filled).bind(multistage_loop.accelerate)
+    filled[multistage_loop.take_step] = maker.with_slots(filled).bind(integrator_check.kernel_of(parts.integrator))
+    maker = maker.with_slots(filled)
+    loop = PlainLoop(maker.bind(multistage_loop.advance), maker.bind(multistage_loop.begin))
+    return Kernels(loop, False, maker.readings)
+
+
+def _linked_loop(maker: Specialiser, parts: LoopParts, update: Kernel, energy: Kernel, laws: Kernel) -> Kernels:
+    """Return the compiled loop, the same for all methods, which calls the kernels by their addresses."""
+    from percuss.solver.compiler.linking import LinkedLoop, LinkedStages, at, call
+
+    filled: dict[Any, Any] = {
+        linked.at: at,
+        linked.call: call,
+        leapfrog_loop.bulk: linked.bulk,
+        leapfrog_loop.elastic: linked.elastic,
+        leapfrog_loop.kernel_laws: linked.kernel_laws,
+        multistage_loop.forces: linked.forces,
+        multistage_loop.take_step: linked.take_step,
+        slots.accelerations: linked.accelerations,
+    }
+    # What a model does not have is left out of a leap-frog loop, as every function in it takes time to compile.
+    unused: list[Kernel] = []
+    if not parts.constrained:
+        unused += leapfrog_loop.impose_velocity, leapfrog_loop.add_contact_reactions
+    if not parts.loaded:
+        unused += leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
+    own = maker.with_slots({**filled, **dict.fromkeys(unused, leapfrog_loop.no_work)})
+
+    def entrance(maker: Specialiser, kernel: Kernel, template: Kernel = linked.entrance) -> Kernel:
+        return maker.with_slots({linked.kernel: kernel, linked.at: at}).bind(template, linked=True)
+
+    entrances = {"strain energy": entrance(maker, energy)}
+    if parts.laws:
+        entrances["contact laws"] = entrance(maker, laws)
+    if parts.integrator is None:
+        entrances["bulk update"] = entrance(maker, update)
+        return Kernels(LinkedLoop(own.bind(leapfrog_loop.advance, entry=True), entrances), True, maker.readings)
+    entrances["internal forces"] = entrance(maker, update)
+    entrances["accelerations of a stage"] = entrance(own, multistage_loop.accelerate)
+    scheme = maker.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
+    scheme.counting = True  # nearly every kernel of a multi-stage scheme allocates
+    scheme.checked = True
+    step = integrator_check.kernel_of(parts.integrator)
+    entrances["step of a scheme"] = entrance(scheme, step, linked.entrance_of_step)
+    advance, begin = own.bind(multistage_loop.advance, entry=True), own.bind(multistage_loop.begin, entry=True)
+    return Kernels(LinkedStages(advance, begin, entrances), True, maker.readings)
 
 
 def _over_groups(maker: Specialiser, parts: LoopParts, template: Kernel, pair: Kernel) -> Any:

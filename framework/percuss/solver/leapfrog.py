@@ -88,10 +88,11 @@ class LeapFrogStepper:
         self, kernels: Kernels, amplitudes: LoadAmplitudes, record: Record, first: int, count: int, u: Floats, v: Floats
     ) -> int:
         loop, model = self.loop, self.model
-        return kernels.advance(
+        done: int = kernels.loop.advance(
             loop.groups, loop.masses, loop.boundary, loop.laws, amplitudes, record, u, v, model.dim, model.dt, first,
             count,
         )  # fmt: skip
+        return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
         """Return displacement and velocity after one step without loads, (2, nodes * dim)."""

@@ -127,8 +127,7 @@ class MultistageStepper:
         system.speed[:] = self.amplitudes(0, 1).speed[0]
         # The last stage is evaluated, and its time has to be t = 0.
         system.clock[0] = -system.times[-1] * model.dt
-        if kernels.begin is not None:
-            kernels.begin(system, *self.state)
+        kernels.loop.begin(system, system.times.size - 1, *self.state)
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
@@ -137,9 +136,10 @@ class MultistageStepper:
     def _advance(
         self, kernels: Kernels, amplitudes: StageAmplitudes, record: Record, first: int, count: int, state: State
     ) -> int:
-        return kernels.advance(
+        done: int = kernels.loop.advance(
             self.system, self.stages.numbers, amplitudes, record, *state, self.model.dt, first, count
         )
+        return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
         """Return the nodal state after one step without loads, (levels, nodes * dim)."""

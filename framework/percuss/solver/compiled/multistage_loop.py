@@ -28,7 +28,7 @@ from percuss.solver.compiled.leapfrog_loop import (
     snapshot,
     work_of_nodal_forces,
 )
-from percuss.solver.compiled.marks import called, not_kept
+from percuss.solver.compiled.marks import called
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -148,7 +148,6 @@ def add_along(constraint: Any, boundary_dofs: Any, axes: Floats, values: Floats,
 
 
 @called
-@not_kept
 def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats, nodal: int) -> None:
     """Solve the contact equation of a stage, and add the accelerations and reactions by its multipliers."""
     boundary, entries, points = system.boundary, system.boundary.entries, system.boundary.points
@@ -183,10 +182,10 @@ def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats, n
 
 
 @called
-def begin(system: System, u: Floats, v: Floats, kept: Floats) -> None:
-    """Set the arrays kept between steps to the acceleration of the present state, evaluated as in the last stage."""
+def begin(system: System, stage: int, u: Floats, v: Floats, kept: Floats) -> None:
+    """Set the arrays kept between steps to the acceleration of the present state, evaluated as in the given stage."""
     for i in range(kept.shape[0]):
-        accelerations(system, system.times.size - 1, u, v, kept[i])
+        accelerations(system, stage, u, v, kept[i])
 
 
 # ------------------------------------------------------------------------------------------------------ whole steps
@@ -245,7 +244,6 @@ def advance(
 
 
 @called
-@not_kept
 def prepare_step(system: System, amplitudes: StageAmplitudes, s: int, n: int, u: Floats, v: Floats, dt: float) -> None:
     """Set amplitudes, prescribed velocities and time of the step, and reset the entries that collect its impulses."""
     stages = system.times.size
@@ -267,7 +265,6 @@ def prepare_step(system: System, amplitudes: StageAmplitudes, s: int, n: int, u:
 
 
 @called
-@not_kept
 def momentum(system: System, body_force: Any, v: Floats) -> float:
     """Return the scalar product of a body force's acceleration at amplitude 1 and the momentum of its nodes."""
     total = 0.0
@@ -279,7 +276,6 @@ def momentum(system: System, body_force: Any, v: Floats) -> float:
 
 
 @called
-@not_kept
 def impose_velocities(system: System, u: Floats, v: Floats, dt: float, after: bool) -> None:
     """Set the velocities prescribed by supports and drives before or after the step; add the impulse to the reaction.
 
@@ -311,7 +307,6 @@ def impose_velocities(system: System, u: Floats, v: Floats, dt: float, after: bo
 
 
 @called
-@not_kept
 def sum_reactions(system: System, v: Floats, dt: float) -> float:
     """Add up the reactions of the step; return their work."""
     boundary, work = system.boundary, 0.0
@@ -329,7 +324,6 @@ def sum_reactions(system: System, v: Floats, dt: float) -> float:
 
 
 @called
-@not_kept
 def work_of_body_forces(system: System, v: Floats, dt: float) -> float:
     """Return the work of the body forces in the step."""
     work = 0.0

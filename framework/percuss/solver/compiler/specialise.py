@@ -39,6 +39,7 @@ Kernel = Callable[..., Any]
 
 _COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
 
+LINKING = "percuss.solver.compiler.linking"
 # Modules of the loop itself: they contain no kernel of a plug-in, and no function in them allocates.
 OWN_MODULES = (compiled.__name__, slot_functions.__name__)
 
@@ -100,7 +101,15 @@ class Specialiser:
         specialiser.checked = self.checked
         return specialiser
 
-    def bind(self, function: Kernel, *, entry: bool = False, called: bool = False, reduction: bool = False) -> Kernel:
+    def bind(
+        self,
+        function: Kernel,
+        *,
+        entry: bool = False,
+        linked: bool = False,
+        called: bool = False,
+        reduction: bool = False,
+    ) -> Kernel:
         """Return `function` with its slots and helpers bound, and compiled if this specialiser compiles.
 
         Parameters
@@ -109,6 +118,8 @@ class Specialiser:
             Template or kernel.
         entry
             Whether Python calls it. A call from Python of any other function would crash the process.
+        linked
+            Whether compiled functions call it by its address (`percuss.solver.compiler.linking`).
         called
             Whether compiled functions call it without a copy of its code in each of them.
         reduction
@@ -117,10 +128,22 @@ class Specialiser:
         with compiler():
             if self.jit:
                 refresh_overloads()
-            return self._bind(function, entry=entry, called=called, reduction=reduction)
+            return self._bind(function, entry=entry, linked=linked, called=called, reduction=reduction)
 
-    def _bind(self, function: Kernel, *, entry: bool = False, called: bool = False, reduction: bool = False) -> Kernel:
+    def _bind(
+        self,
+        function: Kernel,
+        *,
+        entry: bool = False,
+        linked: bool = False,
+        called: bool = False,
+        reduction: bool = False,
+    ) -> Kernel:
         if id(function) in self.tags:
+            return function
+        definition = getattr(function, "__wrapped__", None)
+        if definition is not None and function.__module__ == LINKING:  # an instruction for the compiler, not a function
+            self.tags[id(function)] = function_digest(definition)[0]
             return function
         cached = self._bound.get(id(function))
         if cached is not None:
@@ -143,26 +166,27 @@ class Specialiser:
             types.CellType(self._replacement(contents(cell), names) or contents(cell))
             for cell in source.__closure__ or ()
         )
+        entry = entry or linked
         called = entry or called or getattr(function, "called", False)
         options = self._options(function, called=called, reduction=reduction)
         if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
         # Entry or callee is part of the tag: what is stored of a callee cannot be called from Python.
-        tag = self._tag(source, names, bound, closure, {**options, "entry": entry})
+        tag = self._tag(source, names, bound, closure, {**options, "entry": entry, "linked": linked})
+        if linked:
+            options["no_cpython_wrapper"] = True
         copy = _copy(source, bound, closure, tag)
         kernel: Kernel = copy
         if self.jit:
-            kernel = self._compiled(copy, options, tag, entry, kept=entry or not getattr(function, "not_kept", False))
+            kernel = self._compiled(copy, options, tag, entry)
         self._in_progress.discard(id(function))
         self._bound[id(function)] = kernel
         self.tags[id(kernel)] = tag
         self._keep += [function, kernel]
         return kernel
 
-    def _compiled(
-        self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool, *, kept: bool
-    ) -> Kernel:
-        kernel = _COMPILED.get(tag) or _compile(copy, options, entry=entry, cache=kept and tag not in self._unkept)
+    def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
+        kernel = _COMPILED.get(tag) or _compile(copy, options, entry=entry, cache=tag not in self._unkept)
         _COMPILED[tag] = kernel
         return kernel
 
