@@ -43,10 +43,6 @@ class LoopParts:
         The integrator of a multi-stage scheme, None for a leap-frog scheme.
     dim
         Dimension of the model.
-    constrained
-        Whether the model has supports or drives.
-    loaded
-        Whether the model has forces on nodes or bodies.
     """
 
     kinds: Sequence[tuple[Any, Any]]
@@ -54,8 +50,6 @@ class LoopParts:
     laws: Sequence[BoundLaw]
     integrator: Integrator | None
     dim: int
-    constrained: bool
-    loaded: bool
 
 
 class PlainLoop(NamedTuple):
@@ -138,7 +132,7 @@ def _key(parts: LoopParts, *, jit: bool) -> Any:
     scheme = None
     if parts.integrator is not None:
         scheme = integrator_check.kernel_of(parts.integrator), _types(parts.integrator.bind(1.0))
-    return jit, parts.dim, parts.constrained, parts.loaded, bulk_kernels, laws, scheme
+    return jit, parts.dim, bulk_kernels, laws, scheme
 
 
 def _types(value: object) -> Any:
@@ -242,13 +236,7 @@ def _linked_loop(maker: Specialiser, parts: LoopParts, update: Kernel, energy: K
         multistage_loop.take_step: linked.take_step,
         slots.accelerations: linked.accelerations,
     }
-    # What a model does not have is left out of a leap-frog loop, as every function in it takes time to compile.
-    unused: list[Kernel] = []
-    if not parts.constrained:
-        unused += leapfrog_loop.impose_velocity, leapfrog_loop.add_contact_reactions
-    if not parts.loaded:
-        unused += leapfrog_loop.apply_nodal_forces, leapfrog_loop.work_of_loads
-    own = maker.with_slots({**filled, **dict.fromkeys(unused, leapfrog_loop.no_work)})
+    own = maker.with_slots(filled)
 
     def entrance(maker: Specialiser, kernel: Kernel, template: Kernel = linked.entrance) -> Kernel:
         return maker.with_slots({linked.kernel: kernel, linked.at: at}).bind(template, linked=True)

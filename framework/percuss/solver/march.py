@@ -108,8 +108,6 @@ class March:
             self.kernel_laws,
             None if model.stages is None else model.case.method.integrator,
             dim,
-            constrained=bool(model.constraints),
-            loaded=bool(model.nodal_forces or model.body_forces),
         )
         self.record, self.time = recording.empty_record(model, self.probes, self.place)
         self._saved: list[Any] = []

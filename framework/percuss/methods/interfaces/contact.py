@@ -152,8 +152,8 @@ class Trial(NamedTuple):
 class ContactLaw(Component, contract="contacts"):
     """A method that enforces contact: a linear law if it can be written as such, otherwise a kernel `multipliers`.
 
-    A law whose `bind` returns `LinearLaw` is complete. Any other law returns a NamedTuple of its own arrays and has a
-    static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`, compression
+    A law whose `bind` returns `LinearLaw` is complete. Any other law returns a NamedTuple of arrays and numbers and
+    has a static method ``multipliers(bound, trial, multiplier)`` that fills the (P,) array `multiplier`, compression
     positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call all multipliers
     are nan; a multiplier that the kernel leaves unset ends the run with an error that names the contact. The other
     arguments of the kernel are read-only, and nothing may be kept from one call to the next.

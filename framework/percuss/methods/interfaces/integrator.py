@@ -75,8 +75,9 @@ class Integrator(Component, contract="integrators"):
     `Stages` and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that advances displacement u
     and velocity v, flat arrays, from t_n to t_{n+1}, *in place*. In it, ``percuss.accelerations(system, stage, u, v,
     a)``, imported by name, sets the array `a`, of the size of u, to ``M^-1 (f_ext - f_int(u) + N lambda)`` at the time
-    of that stage; only contact uses v. Values that the scheme keeps from step to step are rows of `kept`, (kept, size
-    of u)::
+    of that stage; only contact uses v. The arrays passed to it are contiguous, as u, v and all that NumPy computes from
+    them are, and `system` is only passed on. Values that the scheme keeps from step to step are rows of `kept`, (kept,
+    size of u)::
 
         @staticmethod
         def step(numbers, system, u, v, kept, dt):  # velocity Verlet; kept = 1, Stages(times=(1.0,))

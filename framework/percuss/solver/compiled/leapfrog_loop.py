@@ -283,19 +283,13 @@ def write_back(boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
         u[q.dof] = q.old_u + dt * q.new_v
 
 
-def no_work(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
-    """Return zero work, in place of the next four functions where a model has no loads, or no supports and drives."""
-    return 0.0
-
-
-def apply_nodal_forces(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
-    """Add the velocity change by forces on single nodes; return 0, as `work_of_nodal_forces` computes their work."""
+def apply_nodal_forces(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> None:
+    """Add the velocity change by forces on single nodes."""
     for i in range(boundary.nodal_forces.size):
         nodal_force = boundary.nodal_forces[i]
         scale = dt * nodal_force.inverse_mass * amplitudes.force[s, nodal_force.column]
         for d in range(dim):
             boundary.boundary_dofs[nodal_force.place + d].new_v += scale * boundary.axes[nodal_force.axis + d]
-    return 0.0
 
 
 def impose_velocity(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
