@@ -11,7 +11,7 @@ import pytest
 from numba.core import types
 
 import percuss
-from percuss.solver.compiler.linking import Block, CannotLink, at, call
+from percuss.solver.compiler.linking import Block, CannotLink, at, call, form_of, structure
 from percuss.solver.march import March
 from percuss.solver.model import Model
 from strategies import hunek
@@ -55,13 +55,31 @@ def test_compiled_code_reads_from_a_block_what_was_put_into_it(flag):
     helper = numba.njit(weighed)
     kind = types.CPointer(numba.typeof(data))
     read = numba.cfunc(types.float64(kind))(lambda place: helper(at(place)))
-    block = Block(data, "the test")
+    block = Block(data, form_of(numba.typeof(data)))
     assert ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(read.address)(block.address) == weighed(data)
 
 
 def test_other_values_are_refused():
-    with pytest.raises(CannotLink, match=r"the law cannot be compiled: .+ not a str"):
-        Block((1.0, "a text"), "the law")
+    for value in ("a text", None, [1.0], (1.0, {"a": 1})):
+        with pytest.raises(CannotLink, match="not a "):
+            structure((1.0, value))
+
+
+def test_values_of_one_structure_have_one_type():
+    """And values of another type have another structure."""
+    line = np.arange(6.0)
+    fixed = line[:]
+    fixed.flags.writeable = False
+    values = [
+        1, 1.0, True, 1j, np.int8(1), np.float32(1.0), (), (1,), (1, 1), (1, (1,)), Inner(True, line, np.int8(1)),
+        line, fixed, line[::2], line.reshape(2, 3), line.reshape(2, 3).T, line.astype(np.int64), line.view(np.recarray),
+        np.zeros(2, dtype=[("a", "f8"), ("b", "i8")]), np.zeros(2, dtype=[("a", "f8"), ("c", "i8")]),
+    ]  # fmt: skip
+    others = [2, 2.5, False, 3j, np.int8(2), np.float32(0.5), (), (3,), (2, 3), (3, (4,)), Inner(False, line + 1, 4)]
+    for one in values:
+        for other in [*values, *others]:
+            same_type = numba.typeof(one) == numba.typeof(other)
+            assert same_type or structure(one) != structure(other), (one, other)
 
 
 def test_a_call_with_other_arguments_than_declared_is_not_compiled():

@@ -9,10 +9,11 @@ the block.
 
 from __future__ import annotations
 
+import copy
 import functools
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, Self
 
 import numba
 import numpy as np
@@ -97,8 +98,8 @@ def at(_typing: Any, data: Any) -> Any:
     return data.dtype(data), generate
 
 
-def address_of(kernel: Kernel, kind: str, data: Any) -> int:
-    """Return the address of the machine code of a kernel for data of the same types as `data`.
+def address_of(kernel: Kernel, kind: str, data_type: Any) -> int:
+    """Return the address of the machine code of a kernel.
 
     Parameters
     ----------
@@ -106,11 +107,11 @@ def address_of(kernel: Kernel, kind: str, data: Any) -> int:
         A compiled function of the data and the tuple of its arguments.
     kind
         Key of `signatures`.
-    data
-        The data.
+    data_type
+        Type of the data.
     """
     result, arguments = signatures()[kind]
-    passed = types.misc.CPointer(numba.typeof(data)), arguments
+    passed = types.misc.CPointer(data_type), arguments
     dispatcher: Any = kernel
     if passed not in dispatcher.overloads:
         dispatcher.compile(result(*passed))
@@ -130,30 +131,38 @@ class Block:
     ----------
     value
         A number, an array, or a tuple of such values, nested as it may be. The block keeps its arrays alive.
-    of
-        What the value belongs to, for the message of an error.
+    form
+        The places of its numbers, as `form_of` returns them for its type.
 
     Attributes
     ----------
     address
         Address of the block.
+    """
+
+    def __init__(self, value: Any, form: str) -> None:
+        self._value = value
+        self._memory = np.zeros(struct.calcsize(form) // 8 + 1, dtype=np.int64)
+        struct.pack_into(form, self._memory.data, 0, *_numbers(value))
+        self.address = int(self._memory.ctypes.data)
+
+
+def structure(value: Any) -> Any:
+    """Return what the type of a value in compiled code depends on, far sooner than numba finds that type.
 
     Raises
     ------
     CannotLink
-        If the value contains anything else.
+        If the value contains anything else than numbers, arrays, and tuples of them.
     """
-
-    def __init__(self, value: Any, of: str) -> None:
-        self._value = value
-        try:
-            numbers = list(_numbers(value))
-        except TypeError as error:
-            raise CannotLink(f"{of} cannot be compiled: compiled kernels read numbers and arrays, {error}") from None
-        form = _form(numba.typeof(value))
-        self._memory = np.zeros(struct.calcsize(form) // 8 + 1, dtype=np.int64)
-        struct.pack_into(form, self._memory.data, 0, *numbers)
-        self.address = int(self._memory.ctypes.data)
+    if isinstance(value, tuple):
+        return (type(value), *map(structure, value))
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        return value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
+    if not isinstance(value, (bool, int, float, complex, np.bool, np.number)):
+        raise CannotLink(f"not a {type(value).__name__}")
+    return type(value)
 
 
 def _numbers(value: Any) -> Iterator[Any]:
@@ -166,14 +175,11 @@ def _numbers(value: Any) -> Iterator[Any]:
         yield from (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
     elif isinstance(value, (complex, np.complexfloating)):
         yield from (value.real, value.imag)
-    elif isinstance(value, (bool, int, float, np.bool, np.integer, np.floating)):
-        yield value
     else:
-        raise TypeError(f"not a {type(value).__name__}")
+        yield value
 
 
-@functools.cache
-def _form(kind: Any) -> str:
+def form_of(kind: Any) -> str:
     """Return the places of the numbers of a type in compiled code, as a format of the module `struct`."""
     form, end = "=", 0
     for offset, layout in _places(cpu_target.target_context.get_data_type(kind), 0):
@@ -222,38 +228,55 @@ class LinkedLoop:
 
     def __init__(self, compiled_advance: Kernel, entrances: Mapping[str, Kernel]) -> None:
         self.compiled_advance, self.entrances = compiled_advance, entrances
+        # Form of the block, and addresses of the kernels, of each structure of data that was met.
+        self._known: dict[Any, tuple[str, list[int]]] = {}
         # The links to the values that came last. Another thread may replace them at any time: a caller of compiled code
         # has to hold the links until the call has returned.
         self._last: dict[str, _Links] = {}
 
-    def for_another_model(self) -> LinkedLoop:
+    def for_another_model(self) -> Self:
         """Return the same loop, without links to the arrays of this model."""
-        return type(self)(self.compiled_advance, self.entrances)
+        loop = copy.copy(self)
+        loop._last = {}
+        return loop
 
     def advance(self, groups: Any, masses: Any, boundary: Any, laws: Any, *others: Any) -> Any:
         """Make steps; arguments and result are those of the function that was compiled."""
         bodies, contacts = self._once("bodies", groups, self._bodies), self._once("laws", laws, self._laws)
         return self.compiled_advance(bodies.links, masses, boundary, contacts.links, *others)
 
-    def _once(self, kind: str, value: Any, link: Callable[[Any], _Links]) -> _Links:
-        links = self._last.get(kind)
+    def _once(self, name: str, value: Any, link: Callable[[Any], _Links]) -> _Links:
+        links = self._last.get(name)
         if links is None or links.value is not value:
-            links = self._last[kind] = link(value)
+            links = self._last[name] = link(value)
         return links
 
     def _bodies(self, groups: Any) -> _Links:
-        block = Block(groups, "the bodies")
-        update, energy = self._address(self.update, groups), self._address("strain energy", groups)
-        return _Links(groups, LinkedBodies(block.address, update, energy), block)
+        block, addresses = self._link(groups, "the bodies", self.update, "strain energy")
+        return _Links(groups, LinkedBodies(block.address, *addresses), block)
 
     def _laws(self, laws: Any) -> _Links:
         if "contact laws" not in self.entrances:
             return _Links(laws, LinkedLaws(0, 0, 0))
-        block = Block(laws, "the contact laws")
-        return _Links(laws, LinkedLaws(laws[0], block.address, self._address("contact laws", laws)), block)
+        block, addresses = self._link(laws, "the contact laws", "contact laws")
+        return _Links(laws, LinkedLaws(laws[0], block.address, *addresses), block)
 
-    def _address(self, kind: str, data: Any) -> int:
-        return address_of(self.entrances[kind], kind, data)
+    def _link(self, data: Any, of: str, *kinds: str) -> tuple[Block, list[int]]:
+        """Return a block with the data of one or more kernels, and the addresses of these kernels."""
+        try:
+            key = kinds, structure(data)
+        except CannotLink as error:
+            raise CannotLink(f"{of} cannot be compiled: compiled kernels read numbers and arrays, {error}") from None
+        known = self._known.get(key)
+        if known is None:
+            data_type = numba.typeof(data)
+            known = form_of(data_type), [address_of(self.entrances[kind], kind, data_type) for kind in kinds]
+            self._known[key] = known
+        form, addresses = known
+        try:
+            return Block(data, form), addresses
+        except struct.error as error:  # an integer of more than 64 bits
+            raise CannotLink(f"{of} cannot be compiled: {error}") from None
 
 
 class LinkedStages(LinkedLoop):
@@ -273,10 +296,6 @@ class LinkedStages(LinkedLoop):
         super().__init__(compiled_advance, entrances)
         self.compiled_begin = compiled_begin
 
-    def for_another_model(self) -> LinkedStages:
-        """Return the same loop, without links to the arrays of this model."""
-        return type(self)(self.compiled_advance, self.compiled_begin, self.entrances)
-
     def advance(self, system: Any, numbers: Any, *others: Any) -> Any:
         """Make steps; arguments and result are those of the function that was compiled."""
         linked = self._once("system", system, self._system)
@@ -291,11 +310,9 @@ class LinkedStages(LinkedLoop):
     def _system(self, system: Any) -> _Links:
         bodies, laws = self._once("bodies", system.groups, self._bodies), self._once("laws", system.laws, self._laws)
         linked = system._replace(groups=bodies.links, laws=laws.links)
-        block = Block(linked, "the system")
-        accelerate = self._address("accelerations of a stage", linked)
-        return _Links(system, (linked, LinkedSystem(block.address, accelerate)), bodies, laws, block)
+        block, addresses = self._link(linked, "the system", "accelerations of a stage")
+        return _Links(system, (linked, LinkedSystem(block.address, *addresses)), bodies, laws, block)
 
     def _step(self, system: _Links, numbers: Any) -> _Links:
-        data = numbers, system.links[1]
-        block = Block(data, "the step")
-        return _Links(system.value, LinkedStep(block.address, self._address("step of a scheme", data)), block, system)
+        block, addresses = self._link((numbers, system.links[1]), "the step", "step of a scheme")
+        return _Links(system.value, LinkedStep(block.address, *addresses), block, system)
