@@ -6,8 +6,11 @@ import pytest
 
 import percuss
 import places
+from percuss.certificate.criteria import PencilCriterion
+from percuss.certificate.pencil import largest_step
 from percuss.certificate.verdict import certificate
 from percuss.solver.model import Model
+from strategies import hunek
 
 HUNEK = places.CASES / "hunek.yaml"
 BAR = {"material": {"young": 1.0, "density": 1.0}, "area": 1.0}
@@ -122,3 +125,42 @@ def test_what_no_step_cures_is_told():
     assert found["cure"].startswith("set scale of penalty to at most 0.9999")
     cured = {**law, "scale": float(found["cure"].split()[-1])}
     assert certificate(Model(percuss.load(HUNEK, {"method.contact": cured})))["stable"] == "yes"
+
+
+@pytest.mark.parametrize("limit", [0.7, 1.0, 3.3, 1e-7])
+@pytest.mark.parametrize(
+    ("excess", "most_trials"),
+    [
+        (lambda x: math.copysign(1.0, x), 80),
+        (math.tanh, 30),
+        (lambda x: 1.0 if x > 0.1 else 10.0 * x if x > 0.0 else max(x, -1.0), 40),
+    ],
+    ids=["yes or no", "smooth", "with a corner"],
+)
+def test_the_search_ends_at_the_limit_on_its_stable_side(limit, excess, most_trials):
+    trials = []
+
+    def tried(dt):
+        trials.append(dt)
+        return excess(dt / limit - 1.0)
+
+    found = largest_step(tried, 1.0)
+    assert limit * (1.0 - 1e-11) <= found <= limit
+    assert found in trials
+    assert len(trials) <= most_trials
+
+
+def test_a_search_without_a_limit_says_so():
+    assert largest_step(lambda dt: 1.0, 1.0) == 0.0
+    assert largest_step(lambda dt: -1.0, 1.0) == math.inf
+
+
+def test_a_search_takes_few_trials_where_contact_limits_the_step():
+    """Bisection would take 38."""
+    model = Model(percuss.load(hunek(40, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5})))
+    criterion = PencilCriterion(model.stretches()[0].model)
+    trials = []
+    excess = criterion._excess
+    criterion._excess = lambda dt: trials.append(dt) or excess(dt)
+    assert 0.0 < criterion.critical_step < criterion.free
+    assert len(trials) <= 16

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.integrator_check import scheme
+from percuss.solver.integrator_check import unchecked_scheme
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw
@@ -81,7 +81,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         doubts.append(reason)
 
     guarantees = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
-    stages, (*_, table) = scheme(model.case.method.integrator, dt)
+    stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
     if model.why_not_linear:
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if stages is not None:

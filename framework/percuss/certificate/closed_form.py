@@ -86,4 +86,4 @@ class ClosedFormCriterion:
     @property
     def critical_step(self) -> float:
         """Largest stable step, which is 2/omega where contact does not lower it."""
-        return largest_step_below(self._stable, self.free)
+        return largest_step_below(lambda dt: -1.0 if self._stable(dt) else 1.0, self.free)

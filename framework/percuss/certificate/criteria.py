@@ -27,6 +27,7 @@ from percuss.solver.contact_rows import delassus_rows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from percuss.methods.interfaces import Floats
     from percuss.solver.model import Model
 
 UNALIKE = (
@@ -175,21 +176,30 @@ class PencilCriterion:
 
     def _assess_by_pencil(self, dt: float, laws: ClosedContacts) -> StepAssessment:
         """Return the assessment of a step by the inertia of the pencil and by theta."""
-        current = ~laws.predicted
         if self.limit_ratio == 0.0:
             return StepAssessment(False)
-        definite, limiting = self.pencil.definite(
-            dt / self.limit_ratio,
-            np.where(current, laws.stiffness, 0.0),
-            np.where(current, laws.inertia, 0.0),
-            laws.tied,
-        )
+        definite, limiting = self.pencil.definite(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
         theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
             return StepAssessment(definite, limiting, theta)
         if self._black_box is not None:
             return dataclasses.replace(self._black_box.assess_step(dt), theta=theta)
         return StepAssessment(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
+
+    def _excess(self, dt: float) -> float:
+        """Return how far a step is above the critical one, from -1 to 1, continuous and 0 at the critical step."""
+        if self.limit_ratio == 0.0:
+            return 1.0
+        laws = closed_contacts(self.model, dt)
+        theta = self.theta(dt, laws)[0] or 0.0
+        if theta > 1.0 and self._black_box is not None:
+            assessment = self._assess_by_pencil(dt, laws)
+            return -1.0 if assessment.stable and assessment.conclusive else 1.0
+        softening = self.pencil.largest_softening(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
+        if np.isinf(softening) or np.isinf(theta):
+            return 1.0
+        excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
+        return max(*excess, np.finfo(float).tiny) if softening >= 1.0 else max(excess)
 
     def _unequal_groups(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
@@ -236,15 +246,16 @@ class PencilCriterion:
         if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
             return self.free
 
-        def is_stable(dt: float) -> bool:
-            assessment = self._assess_by_pencil(dt, closed_contacts(self.model, dt))
-            return assessment.stable and assessment.conclusive
-
-        bound = largest_step_below(is_stable, self.free)
+        bound = largest_step_below(self._excess, self.free)
         if not 0.0 < bound < np.inf or not self._unequal_groups(closed_contacts(self.model, bound)):
             return bound
         # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
         return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).stable else np.nan
+
+
+def _at_current_state(laws: ClosedContacts) -> tuple[Floats, Floats]:
+    """Return eps_s and eps_m of the contacts evaluated at the current state, 0 for the others, (P,) each."""
+    return np.where(laws.predicted, 0.0, laws.stiffness), np.where(laws.predicted, 0.0, laws.inertia)
 
 
 class RunCriterion:
@@ -423,12 +434,12 @@ class BlackBoxCriterion:
             return self.free
         nonlinear_steps: list[float] = []
 
-        def is_stable(dt: float) -> bool:
+        def excess(dt: float) -> float:
             stabilities = [examine(self.motions, dt, closed) for closed in unstable]
             nonlinear_steps.extend(dt for stability in stabilities if not stability.linear)
-            return all(stability.linear and stability.stable for stability in stabilities)
+            return -1.0 if all(stability.linear and stability.stable for stability in stabilities) else 1.0
 
-        critical = largest_step(is_stable, self.free, SEARCH_TOLERANCE)
+        critical = largest_step(excess, self.free, SEARCH_TOLERANCE)
         return np.nan if nonlinear_steps else critical
 
 
@@ -446,5 +457,5 @@ def free_step(pencil: Pencil) -> float:
     if step is None:
         if len(_FREE_STEPS) >= 256:
             _FREE_STEPS.clear()  # This is safe while another thread is in this function.
-        step = _FREE_STEPS[key] = largest_step(lambda dt: pencil.factors(dt) is not None, 2.0 / pencil.model.omega)
+        step = _FREE_STEPS[key] = pencil.free_step()
     return step

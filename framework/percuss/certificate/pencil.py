@@ -9,6 +9,7 @@ enter through the small matrix ``N^T ((4/dt^2) M - K)^-1 N``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 # Relative distance from the limit within which a step is marginal.
 MARGINAL_DISTANCE = 1e-9
-SEARCH_STEPS = 60
+MOST_TRIALS = 200  # steps tried in the search for the critical one
+SMALLEST_RELATIVE_TOLERANCE = 4.0 * float(np.finfo(float).eps)  # the least that SciPy accepts
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
 MOST_TRIED_CONTACTS = 24
 
@@ -125,23 +127,56 @@ class Pencil:
             `MOST_TRIED_CONTACTS`, none can be left out. Empty where the matrix is definite, or indefinite without
             contact.
         """
+        harmful, softening = self._softening(dt, stiffness, inertia, tied)
+        if softening is None:
+            return False, []
+        if not harmful.size or np.linalg.eigvalsh(softening)[-1] < 1.0:
+            return True, []
+        return False, [int(p) for p in harmful[_limiting_rows(softening)]]
+
+    def largest_softening(self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int] = ()) -> float:
+        """Return the number that is below 1 where `definite` is true; inf where no contact is needed to make it false.
+
+        It is the largest share of the dynamic stiffness ``(4/dt^2) M - K`` that closed contacts take away, and varies
+        continuously with dt.
+        """
+        harmful, softening = self._softening(dt, stiffness, inertia, tied)
+        if softening is None:
+            return np.inf
+        return float(np.linalg.eigvalsh(softening)[-1]) if harmful.size else 0.0
+
+    def _softening(
+        self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int]
+    ) -> tuple[Any, Floats | None]:
+        """Return the contacts that soften the step, and their softening; None where it is unstable without contact."""
         factors = self.factors(dt)
         if factors is None:
-            return False, []
+            return np.zeros(0, dtype=np.int64), None
         excess = stiffness - 4.0 * inertia / dt**2
         harmful = np.flatnonzero(excess > 0)
         if harmful.size == 0:
-            return True, []
+            return harmful, np.zeros((0, 0))
         root = np.sqrt(excess[harmful])
         compliance = self.compliance(factors)
         if len(tied):
             tie = list(tied)
             held = np.linalg.pinv(compliance[np.ix_(tie, tie)], rcond=1e-12, hermitian=True)
             compliance = compliance - compliance[:, tie] @ held @ compliance[tie]
-        softening = root[:, None] * compliance[np.ix_(harmful, harmful)] * root
-        if np.linalg.eigvalsh(softening)[-1] < 1.0:
-            return True, []
-        return False, [int(p) for p in harmful[_limiting_rows(softening)]]
+        return harmful, root[:, None] * compliance[np.ix_(harmful, harmful)] * root
+
+    def free_step(self) -> float:
+        """Return the largest step that is stable without contact, 2 over the highest frequency of the bodies."""
+        from scipy.linalg import eigvalsh_tridiagonal
+
+        highest = 0.0
+        for _, mass, diagonal, off in self.bodies:
+            root = 1.0 / np.sqrt(mass)
+            last = mass.size - 1
+            values = eigvalsh_tridiagonal(
+                diagonal * root**2, off * root[:-1] * root[1:], select="i", select_range=(last, last)
+            )
+            highest = max(highest, float(values[0]))
+        return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
 
 def _limiting_rows(matrix: Floats) -> list[int]:
@@ -168,30 +203,46 @@ def _limiting_rows(matrix: Floats) -> list[int]:
     return sorted(kept)
 
 
-def largest_step_below(stable: Callable[[float], bool], free: float) -> float:
-    """Return the largest step up to which `stable` is true, which is `free` where contact does not lower it."""
-    return free if stable(free * (1.0 - 0.1 * MARGINAL_DISTANCE)) else largest_step(stable, free)
+def largest_step_below(excess: Callable[[float], float], free: float) -> float:
+    """Return the largest stable step, `free` where contact does not lower it; `excess` is that of `largest_step`."""
+    return free if excess(free * (1.0 - 0.1 * MARGINAL_DISTANCE)) <= 0.0 else largest_step(excess, free)
 
 
-def largest_step(stable: Callable[[float], bool], start: float, tolerance: float = 1e-11) -> float:
-    """Return the largest step, within a relative `tolerance`, up to which `stable` is true, searching from `start`."""
+def largest_step(excess: Callable[[float], float], start: float, tolerance: float = 1e-11) -> float:
+    """Return the largest step, within a relative `tolerance`, up to which steps are stable, searching from `start`.
+
+    Parameters
+    ----------
+    excess
+        A number at most 0 where a step is stable, and above 0 where it is not, between -1 and 1. Where it varies
+        continuously with the step a few trials suffice; where it is only -1 or 1 each trial halves the bracket.
+    start
+        Step at which the search begins.
+    tolerance
+        Relative distance from the limit within which the returned step lies. It is stable itself.
+    """
+    from scipy.optimize import brentq
+
+    trials: dict[float, float] = {}
+
+    def tried(dt: float) -> float:
+        if dt not in trials:
+            trials[dt] = excess(dt)
+        return trials[dt]
+
     lo = hi = start
-    while not stable(lo):
+    while tried(lo) > 0.0:
         hi, lo = lo, 0.5 * lo
         if lo < 1e-12 * start:
             return 0.0
-    while hi == lo or stable(hi):
+    while tried(hi) <= 0.0:
         lo, hi = hi, 2.0 * hi
         if hi > 1e3 * start:
-            return np.inf
-        if lo == start and not stable(hi):
-            break
-    for _ in range(SEARCH_STEPS):
-        middle = 0.5 * (lo + hi)
-        if middle in (lo, hi) or hi - lo < tolerance * hi:
-            break
-        if stable(middle):
-            lo = middle
-        else:
-            hi = middle
-    return lo
+            return math.inf
+    distance = 0.25 * tolerance * lo
+    root = float(brentq(tried, lo, hi, xtol=distance, rtol=SMALLEST_RELATIVE_TOLERANCE, maxiter=MOST_TRIALS))
+    unstable = min(dt for dt, value in trials.items() if value > 0.0)
+    stable = max(dt for dt, value in trials.items() if value <= 0.0 and dt < unstable)
+    below = root - 2.0 * distance
+    # The limit may have been approached from above alone.
+    return below if stable < below and tried(below) <= 0.0 else stable
