@@ -37,7 +37,7 @@ class PiecewisePolynomial:
 
     def _locate(self, t: Any) -> tuple[Any, Any]:
         """Return the number of the piece at t and the time since it began."""
-        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, self.times.size - 1)
+        i = np.maximum(np.searchsorted(self.times, t, side="right") - 1, 0)
         return i, t - self.times[i]
 
     def __call__(self, t: Any) -> Any:

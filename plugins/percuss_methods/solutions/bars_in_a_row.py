@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -97,6 +97,12 @@ def _has_transverse_part(vector: Floats, axis: Floats) -> bool:
     """Return whether a vector has a part across the unit vector of an axis, beyond round-off."""
     size = float(np.linalg.norm(vector))
     return bool(size > 0 and np.linalg.norm(vector - (vector @ axis) * axis) > 1e-9 * size)
+
+
+@cache
+def _gauss_legendre(count: int) -> tuple[Floats, Floats]:
+    """Return points and weights of the Gauss-Legendre quadrature between -1 and 1."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 class ChainContact(ExactContact):
@@ -237,8 +243,8 @@ class ChainSolution(Exact):
             inside = times[(times > time - chain.transit[b]) & (times < time)]
             distance = (time - inside) * chain.speed[b]
             breaks += (distance if sign > 0 else chain.length[b] - distance).tolist()
-        edges = np.unique(np.clip(breaks, 0.0, chain.length[b]))
-        nodes, weights = np.polynomial.legendre.leggauss(chain.waves.pieces.shape[2])
+        edges = np.unique(np.minimum(np.maximum(breaks, 0.0), chain.length[b]))
+        nodes, weights = _gauss_legendre(chain.waves.pieces.shape[2])
         half = 0.5 * np.diff(edges)
         x = edges[:-1, None] + half[:, None] * (1.0 + nodes)
         return [(x.ravel(), (half[:, None] * weights).ravel())]
