@@ -114,6 +114,7 @@ class PencilCriterion:
         for p, row in enumerate(others):
             for q, value in row.items():
                 self.delassus[p, q] = value
+        self._shares_ends = any(others)
 
     def _groups(self, laws: ClosedContacts) -> list[tuple[Any, bool]]:
         """Return the groups of contacts that share ends, each with whether its F is symmetric.
@@ -203,6 +204,8 @@ class PencilCriterion:
 
     def _unequal_groups(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
+        if not self._shares_ends:
+            return []
         return [group for group, symmetric in self._groups(laws) if not symmetric]
 
     def _assess_by_matrix(self, dt: float, laws: ClosedContacts, groups: list[Any]) -> StepAssessment:
@@ -247,7 +250,9 @@ class PencilCriterion:
             return self.free
 
         bound = largest_step_below(self._excess, self.free)
-        if not 0.0 < bound < np.inf or not self._unequal_groups(closed_contacts(self.model, bound)):
+        if not self._shares_ends or not 0.0 < bound < np.inf:
+            return bound
+        if not self._unequal_groups(closed_contacts(self.model, bound)):
             return bound
         # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
         return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).stable else np.nan

@@ -164,8 +164,7 @@ class ChainSolution(Exact):
             for k, sign in ((0, -1.0), (1, 1.0)):
                 b = chain.bar[j, k]
                 if b >= 0:
-                    x = chain.length[b] if k == 0 else 0.0
-                    out = out + sign * self._line_displacement(b, np.full(time.shape, x), time)
+                    out = out + sign * self._line_displacement(b, chain.length[b] if k == 0 else 0.0, time)
             return out
 
         return gap
