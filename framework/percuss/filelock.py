@@ -1,7 +1,7 @@
-"""Lock on the file of a study, so that only one process at a time writes to it.
+"""Locks between processes: on the file of a study, and on the compilation of a function.
 
-The operating system keeps the lock, so that it is released when the process that holds it ends, even by a crash. The
-lock file beside the study's file describes that process.
+The operating system keeps a lock, so that it is released when the process that holds it ends, even by a crash. The
+lock file beside a study's file describes that process.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import datetime as dt
 import json
 import os
 import socket
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,9 @@ from typing import IO, Any
 
 from percuss.errors import InputError, Problem
 
-__all__ = ["BusyError", "locked"]
+__all__ = ["BusyError", "in_turn", "locked"]
+
+WAIT_SECONDS = 0.02  # between two attempts to get a lock
 
 
 class BusyError(InputError):
@@ -70,6 +73,25 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
         with contextlib.suppress(OSError):
             lock_file.unlink()
         file.close()
+
+
+@contextmanager
+def in_turn(lock_file: Path, longest_wait: float) -> Iterator[None]:
+    """Wait until no other process is in this context, then enter it; enter anyway after `longest_wait` seconds.
+
+    The lock file stays where it is. Where it cannot be written nobody waits for anybody.
+    """
+    try:
+        lock_file.parent.mkdir(parents=True, exist_ok=True)
+        file = lock_file.open("a+", encoding="utf-8")
+    except OSError:
+        yield
+        return
+    with file:  # closing the file releases the lock
+        until = time.monotonic() + longest_wait
+        while not _try_lock(file) and time.monotonic() < until:
+            time.sleep(WAIT_SECONDS)
+        yield
 
 
 def _acquired(path: Path, lock_file: Path) -> IO[str]:

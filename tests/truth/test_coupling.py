@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import dense
 import percuss
 from percuss.reporting.explanation import explanation
-from percuss.solver.compiler.specialise import jit_disabled
+from percuss.solver.compiler.compile_function import jit_disabled
 from percuss.solver.march import March
 from percuss.solver.model import Model
 

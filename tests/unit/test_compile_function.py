@@ -83,3 +83,62 @@ def test_callees_compute_print_and_raise_fresh_and_from_disk(answer, arguments):
 
 def test_this_version_of_numba_has_what_callees_need():
     assert compile_function.pipelines() is not None
+
+
+TOGETHER = """
+import sys, time
+from pathlib import Path
+from numba.core.compiler import CompilerBase
+from percuss.solver.compiler.compile_function import compile_entry
+
+folder, count = Path(sys.argv[1]), int(sys.argv[2])
+compile_all = CompilerBase._compile_bytecode
+
+def slowly(self):
+    time.sleep(1.0)
+    print("compiled")
+    if "dies" in sys.argv:
+        sys.stdout.flush()
+        os._exit(1)
+    return compile_all(self)
+
+CompilerBase._compile_bytecode = slowly
+
+def added(x):
+    return x + 1.0
+
+import os
+entry = compile_entry(added, cache=True)
+(folder / f"ready {os.getpid()}").touch()
+while len(list(folder.glob("ready *"))) < count:
+    time.sleep(0.01)
+print(entry(2.0))
+"""
+
+
+def together(tmp_path, *arguments):
+    """Return what three processes print that need the same function at the same time; `arguments` are of the first."""
+    program = tmp_path / "together.py"
+    program.write_text(TOGETHER)
+    processes = [
+        subprocess.Popen(
+            [sys.executable, str(program), str(tmp_path), "3", *(arguments if k == 0 else ())],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PATH": ""},
+        )
+        for k in range(3)
+    ]
+    return [process.communicate(timeout=120)[0].split() for process in processes]
+
+
+@pytest.mark.slow
+def test_of_several_processes_one_compiles(tmp_path):
+    assert sorted(together(tmp_path)) == [["3.0"], ["3.0"], ["compiled", "3.0"]]
+
+
+@pytest.mark.deep
+def test_nobody_waits_for_a_process_that_has_died(tmp_path):
+    first, *others = together(tmp_path, "dies")
+    assert first in (["compiled"], ["3.0"])
+    assert sorted(others) == [["3.0"], ["compiled", "3.0"]] or first == ["3.0"]

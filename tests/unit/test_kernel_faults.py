@@ -7,7 +7,7 @@ import pytest
 
 import percuss
 from percuss.cli.main import app
-from percuss.solver.compiler.specialise import jit_disabled
+from percuss.solver.compiler.compile_function import jit_disabled
 from percuss.solver.march import March
 from percuss.solver.model import Model
 

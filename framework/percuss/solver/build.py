@@ -14,9 +14,10 @@ from percuss.methods import slots
 from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, linked, multistage_loop
+from percuss.solver.compiler.compile_function import jit_disabled
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.readings import Readings
-from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_error, jit_disabled
+from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_error
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integrator

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import types
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 Kernel = Callable[..., Any]
@@ -39,9 +40,13 @@ def compile_entry(function: types.FunctionType, *, cache: bool = False, **option
     """Compile a function that Python calls, with the code of its callees inside; parameters as in `compile_callee`."""
     options |= {"no_cfunc_wrapper": True}
     compilers = pipelines()
-    if compilers is not None:
-        options["pipeline_class"] = compilers.EntryCompiler
-    return _compiled(function, cache, _cache_classes()[0], options)
+    if compilers is None:
+        return _compiled(function, cache, _cache_classes()[0], options)
+    compiler = compilers.compiler_of_one_entry()
+    kernel: Any = _compiled(function, cache, _cache_classes()[0], {"pipeline_class": compiler, **options})
+    if cache and not jit_disabled():
+        compiler.cache = kernel._cache
+    return kernel  # type: ignore[no-any-return]
 
 
 def _compiled(function: types.FunctionType, cache: bool, cache_class: Any, options: dict[str, Any]) -> Kernel:
@@ -49,9 +54,16 @@ def _compiled(function: types.FunctionType, cache: bool, cache_class: Any, optio
 
     # A function with given signatures is compiled as soon as it is made, and looks for its cache then.
     kernel: Any = numba.njit(cache=cache and "signature_or_function" in options, **options)(function)
-    if cache and not numba.config.DISABLE_JIT:
+    if cache and not jit_disabled():
         kernel._cache = cache_class(function)
     return kernel  # type: ignore[no-any-return]
+
+
+def jit_disabled() -> bool:
+    """Return whether numba is configured not to compile (``NUMBA_DISABLE_JIT=1``)."""
+    import numba
+
+    return bool(numba.config.DISABLE_JIT)
 
 
 @functools.cache
@@ -78,7 +90,24 @@ def _cache_classes() -> tuple[Any, Any]:
         Numba takes union types for equal if their names are, so that in a process that has loaded a single-file
         plug-in before and after an edit, what it stores for the new version also refers to the module of the old one.
         Another process does not have that module.
+
+        Attributes
+        ----------
+        stored
+            The compiled function that was stored last.
         """
+
+        stored: Any = None
+
+        @property
+        def lock_file(self) -> Path:
+            """File on which a process holds a lock while it compiles the function for this cache."""
+            return Path(self.cache_path) / f"{self._impl.filename_base}.lock"
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            """Store the function compiled for a signature, unless it was stored already."""
+            if data is not self.stored:
+                super().save_overload(sig, data)
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             """Return the function compiled for a signature, or None."""

@@ -16,7 +16,11 @@ from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.environment import lookup_environment
 from numba.core.typed_passes import NativeLowering
+from numba.core.typing import signature as typing_signature
 
+from percuss.filelock import in_turn
+
+LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 ENVIRONMENT_PREFIX = "_ZN08NumbaEnv"  # first letters of the name of a variable that refers to a function's globals
 
 
@@ -115,9 +119,39 @@ class CalleeCompiler(_Compiler):
 
 
 class EntryCompiler(_Compiler):
-    """The compiler of entries."""
+    """The compiler of entries. Of several processes that need the same entry, one compiles it and the others load it.
+
+    Attributes
+    ----------
+    cache
+        The cache of the entry; None where it is not stored. Each entry with a cache has a compiler class of its own.
+    """
 
     lowering = EntryLowering
+    cache: Any = None
+
+    def compile_extra(self, function: Any) -> Any:
+        """Compile the function, or load it once another process has compiled it."""
+        if self.cache is None:
+            return super().compile_extra(function)
+        state = self.state
+        key = state.args if state.return_type is None else typing_signature(state.return_type, *state.args)
+        with in_turn(self.cache.lock_file, LONGEST_WAIT):
+            compiled = self.cache.load_overload(key, state.targetctx)
+            if compiled is None:
+                compiled = super().compile_extra(function)
+                self.cache.save_overload(key, compiled)
+            self.cache.stored = compiled  # the caller stores it once more
+            return compiled
+
+
+def compiler_of_one_entry() -> type[EntryCompiler]:
+    """Return a compiler class whose `cache` belongs to one entry."""
+
+    class Compiler(EntryCompiler):
+        """The compiler of one entry."""
+
+    return Compiler
 
 
 class CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]

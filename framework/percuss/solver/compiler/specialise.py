@@ -22,7 +22,7 @@ from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import function_digest
 from percuss.solver import compiled
-from percuss.solver.compiler.compile_function import compile_callee, compile_entry
+from percuss.solver.compiler.compile_function import compile_callee, compile_entry, jit_disabled
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
     contents,
@@ -327,13 +327,6 @@ def _versions() -> str:
     from importlib.metadata import version
 
     return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{__version__}"
-
-
-def jit_disabled() -> bool:
-    """Return whether numba is configured not to compile (``NUMBA_DISABLE_JIT=1``)."""
-    import numba
-
-    return bool(numba.config.DISABLE_JIT)
 
 
 def compile_error() -> tuple[type[Exception], ...]:
