@@ -353,6 +353,7 @@ def test_a_lumped_mass_penalty_is_seen(monkeypatch):
         limit_of(unlike_pair(CD))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [WU, CD])
 def test_a_contact_that_acts_twice_is_seen(integrator, monkeypatch):
     def twice(points, entries, special, dt):

@@ -206,6 +206,7 @@ def test_the_stress_of_linear_bars_is_youngs_modulus_times_strain():
 # --------------------------------------------------------------------------------------------- the accounts
 
 
+@pytest.mark.slow
 def test_energy_that_grows_in_a_soft_bar_fails_the_run(tmp_path, softer):
     (tmp_path / "case.yaml").write_text(yaml.safe_dump(soft(40, tension=0.1, courant=0.9, end=2.0)), encoding="utf-8")
     done = command("run", tmp_path / "case.yaml", "--plugin", softer)
@@ -256,6 +257,7 @@ def test_the_accounts_of_drawn_rows_of_linear_bars_close(case, law):
     assert summary["momentum"]["balanced"] is True
 
 
+@pytest.mark.slow
 def test_forces_in_balance_are_no_momentum_out_of_nowhere():
     case = hunek(10)
     case["bodies"]["short"]["velocity"] = 0.0
@@ -462,6 +464,7 @@ def kit(plugin, family, name, check):
     return next(perform(one, subject, partner) for one, partner in checks_of(subject) if one.name == check)
 
 
+@pytest.mark.slow
 def test_a_failure_of_the_kit_prints_a_case_that_runs(tmp_path):
     outcome = kit(LEAKING, "elements", "leaking", "runs")
     assert outcome.status == "failed"

@@ -1133,6 +1133,7 @@ def torn_from(one, x, end, least):
     return edges[torn[0]] if torn.size else np.inf
 
 
+@pytest.mark.slow
 @MORE
 @given(exact_rows(), st.lists(number(0.05, 0.95), min_size=1, max_size=2, unique=True))
 def test_a_bar_cut_twice_is_one_bar_as_long_as_no_cut_is_in_tension(row, cuts):

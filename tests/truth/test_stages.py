@@ -493,6 +493,7 @@ def test_the_exact_force_is_that_of_the_same_time(name, files):
     assert errors["impulse_error"] == pytest.approx(np.abs(summed - true).max() / np.abs(true).max(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_constant_force_brings_its_impulse_whenever_it_acts(files):
     """Switched on and off within steps."""
     for name in (*STAGED, "verlet", "runge"):
@@ -542,6 +543,7 @@ def test_plain_python_gives_the_same_numbers(law):
         assert np.abs(one.arrays[name] - other.arrays[name]).max() <= 1e-12 * scale
 
 
+@pytest.mark.slow
 def test_a_kernel_that_cannot_be_compiled_runs_in_python(tmp_path, files):
     text = VERLET.replace("verlet", "slow").replace(
         "        u += dt * v\n", '        names = {"dt": dt, "half": [object(), 0.5]}\n        u += names["dt"] * v\n'

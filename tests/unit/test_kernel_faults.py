@@ -145,6 +145,7 @@ def test_an_error_in_the_march_is_one_message(file, compiled, mistake, what, lin
     assert "(in step " in text
 
 
+@pytest.mark.slow
 def test_the_command_line_prints_the_message_and_writes_nothing(file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("numba.config.DISABLE_JIT", True)

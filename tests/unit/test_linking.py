@@ -116,6 +116,7 @@ class Law(ContactLaw):
 """
 
 
+@pytest.mark.slow
 def test_a_law_whose_data_compiled_code_cannot_read_runs_in_python_and_says_why(tmp_path):
     file = tmp_path / "law.py"
     file.write_text(TEXT)
