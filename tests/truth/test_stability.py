@@ -2,12 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import percuss
 import places
 from percuss.certificate.criteria import PencilCriterion
-from percuss.certificate.pencil import largest_step
+from percuss.certificate.pencil import largest_eigenvalue, largest_step
 from percuss.certificate.verdict import certificate
 from percuss.solver.model import Model
 from strategies import hunek
@@ -164,3 +165,40 @@ def test_a_search_takes_few_trials_where_contact_limits_the_step():
     criterion._excess = lambda dt: trials.append(dt) or excess(dt)
     assert 0.0 < criterion.critical_step < criterion.free
     assert len(trials) <= 16
+
+
+@pytest.mark.parametrize("pattern", ["chain", "star", "full", "two chains", "diagonal"])
+def test_the_largest_eigenvalue_is_that_of_the_full_matrix(pattern):
+    rng = np.random.default_rng(3)
+    size = 60
+    i, j = np.indices((size, size))
+    coupled = {
+        "chain": np.abs(i - j) <= 1,
+        "star": (i == 0) | (j == 0) | (i == j),
+        "full": i >= 0,
+        "two chains": (np.abs(i - j) <= 2) & ((i < 30) == (j < 30)),
+        "diagonal": i == j,
+    }[pattern]
+    values = rng.normal(size=(size, size))
+    order = rng.permutation(size)
+    matrix = np.where(coupled, values + values.T, 0.0)[np.ix_(order, order)]
+    assert largest_eigenvalue(matrix) == pytest.approx(np.linalg.eigvalsh(matrix)[-1], rel=1e-12)
+
+
+def test_bars_with_a_single_free_node_have_a_critical_step():
+    """Two bars of one element, each held at its far end, press against one another."""
+    case = hunek(1, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5}, end=0.1)
+    case["bodies"]["long"]["bar"]["elements"] = 1
+    case["bodies"]["short"] |= {"fixed": ["left"], "velocity": 0.0}
+    model = Model(percuss.load(case))
+    found = certificate(model)
+    # one node on each side: 4/dt^2 M - K - beta_s EA/h [[1, -1], [-1, 1]] is singular at the critical step
+    stiffness = [float(body.stiffness[0]) for body in model.bodies.values()]
+    mass = [float(body.mass[0]) for body in model.bodies.values()]
+    penalty = 0.5 * min(stiffness)
+    matrix = np.diag(stiffness) + penalty * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    highest = np.linalg.eigvals(matrix / np.array(mass)[:, None]).real.max()
+    assert found["dt_critical"] == pytest.approx(2.0 / math.sqrt(highest), rel=1e-10)
+    assert found["dt_critical_free"] == pytest.approx(
+        2.0 / math.sqrt(max(k / m for k, m in zip(stiffness, mass, strict=True))), rel=1e-12
+    )

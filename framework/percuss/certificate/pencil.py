@@ -9,6 +9,7 @@ enter through the small matrix ``N^T ((4/dt^2) M - K)^-1 N``.
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 # Relative distance from the limit within which a step is marginal.
 MARGINAL_DISTANCE = 1e-9
+SMALL_MATRIX = 32  # rows up to which a matrix is taken as full
 MOST_TRIALS = 200  # steps tried in the search for the critical one
 SMALLEST_RELATIVE_TOLERANCE = 4.0 * float(np.finfo(float).eps)  # the least that SciPy accepts
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
@@ -60,46 +62,58 @@ class Pencil:
             if hi > lo:
                 self.bodies.append((body.start + lo, body.mass[lo:hi], diagonal[lo:hi], -body.stiffness[lo : hi - 1]))
 
+        # Nodes in contact, ascending, and for each its contacts with their N along the axis of the body.
+        at_node: dict[int, list[tuple[int, float]]] = {}
+        for p, contact_pair in enumerate(model.contact_pairs):
+            for node, normal in contact_pair.gap_gradient():
+                along = float(normal @ model.body_of(node).mesh.direction)
+                at_node.setdefault(node, []).append((p, along))
+        self._contact_nodes = sorted(at_node)
+        self._at_node = at_node
+
     @staticmethod
     def _free_along(directions: list[Floats], axis: Floats) -> bool:
         return all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
 
-    def factors(self, dt: float) -> list[Any] | None:
-        """Return banded Cholesky factors of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
-        from scipy.linalg import LinAlgError, cholesky_banded
+    def factors(self, dt: float) -> list[tuple[Floats, Floats]] | None:
+        """Return the factors L D L^T of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
+        from scipy.linalg.lapack import dpttrf
 
         out = []
         for _, mass, diagonal, off in self.bodies:
-            banded = np.zeros((2, mass.size))
-            banded[0, 1:] = -off
-            banded[1] = 4.0 / dt**2 * mass - diagonal
-            try:
-                out.append(cholesky_banded(banded, check_finite=False))
-            except LinAlgError:
+            *factor, failed = dpttrf(4.0 / dt**2 * mass - diagonal, -off if off.size else np.zeros(1))
+            if failed:
                 return None
+            out.append(tuple(factor))
         return out
 
     def normals(self, first: int, count: int) -> Floats:
         """Return N of all contacts along the axis of a body, for `count` of its nodes from `first` on, (count, P)."""
         columns = np.zeros((count, len(self.model.contact_pairs)))
-        for p, contact_pair in enumerate(self.model.contact_pairs):
-            for node, normal in contact_pair.gap_gradient():
-                if first <= node < first + count:
-                    columns[node - first, p] += float(normal @ self.model.body_of(node).mesh.direction)
+        for node, p, normal in self._contacts_between(first, first + count):
+            columns[node - first, p] += normal
         return columns
 
-    def compliance(self, factors: list[Any]) -> Floats:
-        """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
-        from scipy.linalg import cho_solve_banded
+    def _contacts_between(self, start: int, stop: int) -> list[tuple[int, int, float]]:
+        """Return node, contact and N along the axis, for all contacts of the nodes from `start` to before `stop`."""
+        nodes = self._contact_nodes[
+            bisect.bisect_left(self._contact_nodes, start) : bisect.bisect_left(self._contact_nodes, stop)
+        ]
+        return [(node, p, normal) for node in nodes for p, normal in self._at_node[node]]
 
-        contact_pairs = self.model.contact_pairs
-        out = np.zeros((len(contact_pairs), len(contact_pairs)))
+    def compliance(self, factors: list[tuple[Floats, Floats]]) -> Floats:
+        """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
+        from scipy.linalg.lapack import dpttrs
+
+        out = np.zeros((len(self.model.contact_pairs),) * 2)
         for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
-            columns = self.normals(first, mass.size)
-            touched = np.flatnonzero(columns.any(axis=0))
-            if touched.size:
-                solved = cho_solve_banded((factor, False), columns[:, touched], check_finite=False)
-                out[np.ix_(touched, touched)] += columns[:, touched].T @ solved
+            contacts = self._contacts_between(first, first + mass.size)
+            touched = sorted({p for _, p, _ in contacts})
+            columns = np.zeros((mass.size, len(touched)))
+            for node, p, normal in contacts:
+                columns[node - first, touched.index(p)] += normal
+            if touched:
+                out[np.ix_(touched, touched)] += columns.T @ dpttrs(*factor, columns)[0]
         return out
 
     def definite(
@@ -130,7 +144,7 @@ class Pencil:
         harmful, softening = self._softening(dt, stiffness, inertia, tied)
         if softening is None:
             return False, []
-        if not harmful.size or np.linalg.eigvalsh(softening)[-1] < 1.0:
+        if not harmful.size or largest_eigenvalue(softening) < 1.0:
             return True, []
         return False, [int(p) for p in harmful[_limiting_rows(softening)]]
 
@@ -143,7 +157,7 @@ class Pencil:
         harmful, softening = self._softening(dt, stiffness, inertia, tied)
         if softening is None:
             return np.inf
-        return float(np.linalg.eigvalsh(softening)[-1]) if harmful.size else 0.0
+        return largest_eigenvalue(softening) if harmful.size else 0.0
 
     def _softening(
         self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int]
@@ -179,6 +193,32 @@ class Pencil:
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
 
+def largest_eigenvalue(matrix: Floats) -> float:
+    """Return the largest eigenvalue of a symmetric matrix of which most entries are zero where it is large.
+
+    A contact is coupled to those on the same bodies only, so that a suitable order of the contacts gives a matrix with
+    few diagonals.
+    """
+    from scipy.linalg import eigh, eigvals_banded
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    size = matrix.shape[0]
+    if size <= SMALL_MATRIX:
+        return float(np.linalg.eigvalsh(matrix)[-1])
+    last = (size - 1, size - 1)
+    order = reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)
+    ordered = matrix[np.ix_(order, order)]
+    rows, columns = np.nonzero(ordered)
+    width = int(np.abs(rows - columns).max(initial=0))
+    if width > size // 8:
+        return float(eigh(matrix, eigvals_only=True, subset_by_index=last)[0])
+    band = np.zeros((width + 1, size))
+    for k in range(width + 1):
+        band[k, : size - k] = np.diagonal(ordered, k)
+    return float(eigvals_banded(band, lower=True, select="i", select_range=last)[0])
+
+
 def _limiting_rows(matrix: Floats) -> list[int]:
     """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
 
@@ -187,7 +227,7 @@ def _limiting_rows(matrix: Floats) -> list[int]:
     """
 
     def unstable(rows: list[int]) -> bool:
-        return bool(rows) and bool(np.linalg.eigvalsh(matrix[np.ix_(rows, rows)])[-1] >= 1.0)
+        return bool(rows) and largest_eigenvalue(matrix[np.ix_(rows, rows)]) >= 1.0
 
     component = np.abs(np.linalg.eigh(matrix)[1][:, -1])
     order = [int(row) for row in np.argsort(-component, kind="stable")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 import itertools
 import math
@@ -257,7 +258,14 @@ class Model:
 
     def body_of(self, node: int) -> Body:
         """Return the body that contains a node."""
-        return next(body for body in self.bodies.values() if body.start <= node < body.stop)
+        bodies, starts = self._places
+        return bodies[bisect.bisect_right(starts, node) - 1]
+
+    @cached_property
+    def _places(self) -> tuple[list[Body], list[int]]:
+        """The bodies, and the first node of each."""
+        bodies = list(self.bodies.values())
+        return bodies, [body.start for body in bodies]
 
     def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
         """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.

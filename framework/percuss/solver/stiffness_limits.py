@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,11 +31,15 @@ def stiffness_limits(
     uses = Counter(node for contact_pair in contact_pairs for node in contact_pair.nodes)
     supported = {constraint.node for constraint in constraints if constraint.load is None}
     reserve: dict[int, float] = {}
+    of_alike: dict[Any, list[float]] = {}  # bodies of the same mass and stiffness are looked at once
     for body in bodies:
         ends = [node for node in (body.start, body.stop - 1) if node in uses]
         if ends:
             step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
-            reserve.update(end_reserves(body, step, ends))
+            alike = step, tuple(node - body.start for node in ends), body.mass.tobytes(), body.stiffness.tobytes()
+            if alike not in of_alike:
+                of_alike[alike] = list(end_reserves(body, step, ends).values())
+            reserve.update(zip(ends, of_alike[alike], strict=True))
     with np.errstate(divide="ignore"):
         softness = [
             sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in supported)
