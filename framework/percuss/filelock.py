@@ -79,7 +79,7 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
 def in_turn(lock_file: Path, longest_wait: float) -> Iterator[None]:
     """Wait until no other process is in this context, then enter it; enter anyway after `longest_wait` seconds.
 
-    The lock file stays where it is. Where it cannot be written nobody waits for anybody.
+    The lock file stays where it is. Where it cannot be written or locked nobody waits for anybody.
     """
     try:
         lock_file.parent.mkdir(parents=True, exist_ok=True)
@@ -87,11 +87,17 @@ def in_turn(lock_file: Path, longest_wait: float) -> Iterator[None]:
     except OSError:
         yield
         return
-    with file:  # closing the file releases the lock
+    with file:
         until = time.monotonic() + longest_wait
-        while not _try_lock(file) and time.monotonic() < until:
-            time.sleep(WAIT_SECONDS)
-        yield
+        held = False
+        with contextlib.suppress(OSError):  # the file system has no locks
+            while not (held := _try_lock(file)) and time.monotonic() < until:
+                time.sleep(WAIT_SECONDS)
+        try:
+            yield
+        finally:
+            if held:
+                _unlock(file)
 
 
 def _acquired(path: Path, lock_file: Path) -> IO[str]:
@@ -103,7 +109,15 @@ def _acquired(path: Path, lock_file: Path) -> IO[str]:
         except OSError as error:
             message = f"cannot write here: {error.strerror}"
             raise InputError([Problem(str(path), "", message, "Name another file with -o.")]) from error
-        if not _try_lock(file):
+        try:
+            free = _try_lock(file)
+        except OSError as error:
+            file.close()
+            message = f"cannot lock this file: {error.strerror}"
+            raise InputError(
+                [Problem(str(path), "", message, "Name a file on another file system with -o.")]
+            ) from error
+        if not free:
             file.seek(0)
             try:
                 holder = json.loads(file.read())
@@ -120,16 +134,30 @@ def _acquired(path: Path, lock_file: Path) -> IO[str]:
 
 
 def _try_lock(file: IO[str]) -> bool:
-    """Lock an open file and return True, or return False if another process or thread holds the lock."""
+    """Lock an open file and return True, or return False if another process or thread holds the lock.
+
+    Raises
+    ------
+    OSError
+        If the file system has no locks.
+    """
     try:
         import fcntl
     except ImportError:  # Windows has no fcntl.
         return _try_lock_on_windows(file)
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         return False
     return True
+
+
+def _unlock(file: IO[str]) -> None:
+    """Release the lock on a file, also for processes that were forked while it was held."""
+    with contextlib.suppress(ImportError):  # on Windows closing the file releases the lock
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def _try_lock_on_windows(file: IO[str]) -> bool:

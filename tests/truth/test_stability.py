@@ -8,7 +8,7 @@ import pytest
 import percuss
 import places
 from percuss.certificate.criteria import PencilCriterion
-from percuss.certificate.pencil import largest_eigenvalue, largest_step
+from percuss.certificate.pencil import largest_eigenvalue, largest_step, largest_step_below
 from percuss.certificate.verdict import certificate
 from percuss.solver.model import Model
 from strategies import hunek
@@ -149,6 +149,21 @@ def test_the_search_ends_at_the_limit_on_its_stable_side(limit, excess, most_tri
     assert limit * (1.0 - 1e-11) <= found <= limit
     assert found in trials
     assert len(trials) <= most_trials
+
+
+@pytest.mark.parametrize("limit", [0.6180339, 1.0, 2.7])
+@pytest.mark.parametrize(
+    "excess",
+    [lambda x: max(x, 0.0), lambda x: max(x, 0.0) - (x < -0.5), lambda x: x**5, lambda x: math.nan if x > 0 else -1.0],
+    ids=["zero below", "zero just below", "flat", "no number above"],
+)
+def test_the_search_ends_at_the_limit_whatever_the_excess_is_beside_it(limit, excess):
+    found = largest_step(lambda dt: excess(dt / limit - 1.0), 1.0)
+    assert limit * (1.0 - 1.1e-11) <= found <= limit
+
+
+def test_a_search_below_the_free_step_never_ends_above_it():
+    assert largest_step_below(lambda dt: 1.0 if 0.9 < dt < 1.0 else -1.0, 1.0) == pytest.approx(0.9, rel=1e-10)
 
 
 def test_a_search_without_a_limit_says_so():

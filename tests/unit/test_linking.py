@@ -11,6 +11,7 @@ import pytest
 from numba.core import types
 
 import percuss
+from percuss.solver.compiler import specialise
 from percuss.solver.compiler.linking import Block, CannotLink, at, call, form_of, structure
 from percuss.solver.march import March
 from percuss.solver.model import Model
@@ -21,6 +22,8 @@ class Inner(NamedTuple):
     flag: bool
     table: np.ndarray
     small: np.int8
+    word: np.uint32
+    sure: np.bool
 
 
 class Data(NamedTuple):
@@ -38,6 +41,9 @@ def weighed(data):
     total = 2.0 * data.number + 3.0 * data.inner.small + 5.0 * data.single
     if data.inner.flag:
         total += 7.0
+    if data.inner.sure:
+        total += 2.0**20
+    total += 2.0**-20 * data.inner.word
     for i in range(data.inner.table.shape[0]):
         for j in range(data.inner.table.shape[1]):
             total += (11.0 + 3 * i + j) * data.inner.table[i, j]
@@ -50,7 +56,7 @@ def weighed(data):
 def test_compiled_code_reads_from_a_block_what_was_put_into_it(flag):
     column = np.arange(12.0).reshape(4, 3)[:, 1]
     column.flags.writeable = False
-    inner = Inner(flag, np.array([[1.5, -2.0], [0.25, 8.0]]), np.int8(-3))
+    inner = Inner(flag, np.array([[1.5, -2.0], [0.25, 8.0]]), np.int8(-3), np.uint32(2**32 - 5), np.bool(not flag))
     data = Data(0.5, inner, np.float32(1.25), (4, -5), 2.0 - 3.0j, column, ())
     helper = numba.njit(weighed)
     kind = types.CPointer(numba.typeof(data))
@@ -60,8 +66,9 @@ def test_compiled_code_reads_from_a_block_what_was_put_into_it(flag):
 
 
 def test_other_values_are_refused():
-    for value in ("a text", None, [1.0], (1.0, {"a": 1})):
-        with pytest.raises(CannotLink, match="not a "):
+    masked = np.ma.array([1.0, 2.0], mask=[True, False])
+    for value in ("a text", None, [1.0], (1.0, {"a": 1}), np.longdouble(1.0), 2**63, -(2**63) - 1, masked):
+        with pytest.raises(CannotLink, match=r"not an? "):
             structure((1.0, value))
 
 
@@ -71,11 +78,25 @@ def test_values_of_one_structure_have_one_type():
     fixed = line[:]
     fixed.flags.writeable = False
     values = [
-        1, 1.0, True, 1j, np.int8(1), np.float32(1.0), (), (1,), (1, 1), (1, (1,)), Inner(True, line, np.int8(1)),
+        1, 1.0, True, 1j, np.int8(1), np.float32(1.0), (), (1,), (1, 1), (1, (1,)),
+        Inner(True, line, np.int8(1), np.uint32(1), np.True_),
         line, fixed, line[::2], line.reshape(2, 3), line.reshape(2, 3).T, line.astype(np.int64), line.view(np.recarray),
         np.zeros(2, dtype=[("a", "f8"), ("b", "i8")]), np.zeros(2, dtype=[("a", "f8"), ("c", "i8")]),
+        np.zeros(2, dtype=np.dtype([("a", "f8"), ("b", "i8")], align=True)), np.uint8(1), np.True_, 2**62,
     ]  # fmt: skip
-    others = [2, 2.5, False, 3j, np.int8(2), np.float32(0.5), (), (3,), (2, 3), (3, (4,)), Inner(False, line + 1, 4)]
+    others = [
+        2,
+        2.5,
+        False,
+        3j,
+        np.int8(2),
+        np.float32(0.5),
+        (),
+        (3,),
+        (2, 3),
+        (3, (4,)),
+        Inner(False, line + 1, 4, 5, False),
+    ]
     for one in values:
         for other in [*values, *others]:
             same_type = numba.typeof(one) == numba.typeof(other)
@@ -141,3 +162,55 @@ def test_a_loop_that_is_kept_for_the_next_run_keeps_no_arrays_of_this_one(integr
     del march
     gc.collect()
     assert [reference() for reference in references] == [None] * 3
+
+
+STRIDED = """
+from dataclasses import dataclass
+import numpy as np
+from percuss import Integrator, Stages, accelerations
+
+@dataclass(frozen=True)
+class Verlet(Integrator):
+    \"\"\"Velocity Verlet that asks for accelerations in every second entry of an array.\"\"\"
+
+    name = "strided"
+    summary = "velocity Verlet"
+    critical_courant = 1.0
+    kept = 1
+
+    def bind(self, dt):
+        return Stages(times=(1.0,))
+
+    @staticmethod
+    def step(numbers, system, u, v, kept, dt):
+        v += 0.5 * dt * kept[0]
+        u += dt * v
+        both = np.zeros((u.size, 2))
+        accelerations(system, 0, u, v, both[:, 0])
+        kept[0, :] = both[:, 0]
+        v += 0.5 * dt * kept[0]
+"""
+
+
+@pytest.mark.slow
+def test_a_scheme_that_asks_for_accelerations_in_a_strided_array_runs_in_python_and_says_why(tmp_path):
+    file = tmp_path / "scheme.py"
+    file.write_text(STRIDED)
+    case = hunek(4, integrator="strided", contact={"name": "penalty", "beta_s": 0.25}, end=0.05)
+    result = percuss.run(percuss.load(case, plugins=[file]))
+    assert result.summary["compiled"] is False
+    (why,) = result.summary["compiled_why"]
+    assert "integrator strided" in why
+    assert "accelerations of a stage" in why
+
+
+def test_a_layout_of_the_loop_is_part_of_every_tag(monkeypatch):
+    """Machine code reads the fields of the loop's tuples by position."""
+    specialise._versions.cache_clear()
+    before = specialise._versions()
+    monkeypatch.setattr(
+        specialise, "content_digest", lambda content: "another digest" if b"class Bulk" in content else ""
+    )
+    specialise._versions.cache_clear()
+    assert specialise._versions() != before
+    specialise._versions.cache_clear()

@@ -197,7 +197,7 @@ class PencilCriterion:
             assessment = self._assess_by_pencil(dt, laws)
             return -1.0 if assessment.stable and assessment.conclusive else 1.0
         softening = self.pencil.largest_softening(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
-        if np.isinf(softening) or np.isinf(theta):
+        if not (np.isfinite(softening) and np.isfinite(theta)):
             return 1.0
         excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
         return max(*excess, np.finfo(float).tiny) if softening >= 1.0 else max(excess)

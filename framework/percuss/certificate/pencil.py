@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 MARGINAL_DISTANCE = 1e-9
 SMALL_MATRIX = 32  # rows up to which a matrix is taken as full
 MOST_TRIALS = 200  # steps tried in the search for the critical one
+SMALLEST_NUMBER = float(np.finfo(float).tiny)
 SMALLEST_RELATIVE_TOLERANCE = 4.0 * float(np.finfo(float).eps)  # the least that SciPy accepts
 # Largest number of contacts of which each is tried whether it can be left out, to bound the time.
 MOST_TRIED_CONTACTS = 24
@@ -186,10 +187,12 @@ class Pencil:
         for _, mass, diagonal, off in self.bodies:
             root = 1.0 / np.sqrt(mass)
             last = mass.size - 1
+            squared = diagonal * root**2
+            scale = float(squared.max()) or 1.0  # LAPACK does not scale, and units may be of any size
             values = eigvalsh_tridiagonal(
-                diagonal * root**2, off * root[:-1] * root[1:], select="i", select_range=(last, last)
+                squared / scale, off * root[:-1] * root[1:] / scale, select="i", select_range=(last, last)
             )
-            highest = max(highest, float(values[0]))
+            highest = max(highest, scale * float(values[0]))
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
 
@@ -245,7 +248,8 @@ def _limiting_rows(matrix: Floats) -> list[int]:
 
 def largest_step_below(excess: Callable[[float], float], free: float) -> float:
     """Return the largest stable step, `free` where contact does not lower it; `excess` is that of `largest_step`."""
-    return free if excess(free * (1.0 - 0.1 * MARGINAL_DISTANCE)) <= 0.0 else largest_step(excess, free)
+    just_below = free * (1.0 - 0.1 * MARGINAL_DISTANCE)
+    return free if excess(just_below) <= 0.0 else largest_step(excess, just_below)
 
 
 def largest_step(excess: Callable[[float], float], start: float, tolerance: float = 1e-11) -> float:
@@ -267,7 +271,9 @@ def largest_step(excess: Callable[[float], float], start: float, tolerance: floa
 
     def tried(dt: float) -> float:
         if dt not in trials:
-            trials[dt] = excess(dt)
+            value = excess(dt)
+            # The search ends where a value is 0, although longer steps may be stable, too.
+            trials[dt] = 1.0 if math.isnan(value) else value if value > 0.0 else min(value, -SMALLEST_NUMBER)
         return trials[dt]
 
     lo = hi = start
@@ -280,9 +286,23 @@ def largest_step(excess: Callable[[float], float], start: float, tolerance: floa
         if hi > 1e3 * start:
             return math.inf
     distance = 0.25 * tolerance * lo
-    root = float(brentq(tried, lo, hi, xtol=distance, rtol=SMALLEST_RELATIVE_TOLERANCE, maxiter=MOST_TRIALS))
-    unstable = min(dt for dt, value in trials.items() if value > 0.0)
-    stable = max(dt for dt, value in trials.items() if value <= 0.0 and dt < unstable)
-    below = root - 2.0 * distance
-    # The limit may have been approached from above alone.
-    return below if stable < below and tried(below) <= 0.0 else stable
+    root, _ = brentq(
+        tried,
+        lo,
+        hi,
+        xtol=distance,
+        rtol=SMALLEST_RELATIVE_TOLERANCE,
+        maxiter=MOST_TRIALS,
+        full_output=True,
+        disp=False,
+    )
+    # The limit may have been approached from one side only.
+    near = [root - 2.0 * distance, root + 2.0 * distance]
+    while True:
+        unstable = min(dt for dt, value in trials.items() if value > 0.0)
+        stable = max(dt for dt, value in trials.items() if value <= 0.0 and dt < unstable)
+        middle = 0.5 * (stable + unstable)
+        if unstable - stable <= tolerance * unstable or middle in (stable, unstable):
+            return stable
+        inside = [dt for dt in near if stable < dt < unstable]
+        tried(inside[0] if inside else middle)

@@ -178,9 +178,12 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
     if not reasons:
         from percuss.solver.compiler.linking import CannotLink
 
-        if not isinstance(error, CannotLink):
+        if isinstance(error, CannotLink):
+            return bind(parts, compiled=False)._replace(reasons=(str(error),))
+        if parts.integrator is None:
             raise error
-        return bind(parts, compiled=False)._replace(reasons=(str(error),))
+        # Every kernel can be compiled by itself: what the step passes to `accelerations` cannot.
+        reasons[f"integrator {parts.integrator.name}"] = error
     sentences = tuple(f"{part} cannot be compiled: {_telling_line(failure)}" for part, failure in reasons.items())
     return bind(parts, compiled=False)._replace(reasons=sentences)
 
@@ -284,5 +287,8 @@ def _slots(element: Any, material: Any) -> dict[Any, Any]:
 def _telling_line(error: Exception) -> str:
     """Return the line of a compiler's message that states the reason."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    linking = [line.removeprefix("TypingError: ") for line in lines if ": the arguments are " in line]
+    if linking:
+        return linking[0]
     telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "<source", "- Resol"))]
     return (telling or lines or ["no reason given"])[0]

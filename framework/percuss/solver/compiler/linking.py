@@ -26,6 +26,9 @@ from numba.extending import intrinsic
 from percuss.solver.compiled.linked import EXAMPLES, LinkedBodies, LinkedLaws, LinkedStep, LinkedSystem
 
 Kernel = Callable[..., Any]
+# The values that data may contain, in tuples; a subclass may mean more than its numbers, as a masked array does.
+ARRAYS = frozenset({np.ndarray, np.recarray, np.memmap})
+NUMBERS = (bool, int, float, complex, np.bool, np.integer, np.float32, np.float64, np.complex64, np.complex128)
 _FORMATS = {
     ("double", 8): "d",
     ("float", 4): "f",
@@ -118,7 +121,10 @@ def address_of(kernel: Kernel, kind: str, data_type: Any) -> int:
     compiled = dispatcher.overloads[passed]
     if compiled.signature.return_type != result:
         raise TypingError(f"{kind}: the kernel returns {compiled.signature.return_type}, expected {result}")
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    address = int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    if address == 0:  # the loop would take it for a kernel that is not there
+        raise CannotLink(f"{kind} cannot be compiled: its machine code has no address")
+    return address
 
 
 # -------------------------------------------------------------------------------------------------- blocks of memory
@@ -157,11 +163,14 @@ def structure(value: Any) -> Any:
     """
     if isinstance(value, tuple):
         return (type(value), *map(structure, value))
-    if isinstance(value, np.ndarray):
-        flags = value.flags
-        return value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
-    if not isinstance(value, (bool, int, float, complex, np.bool, np.number)):
+    if type(value) in ARRAYS:
+        dtype, flags = value.dtype, value.flags
+        arrangement = flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
+        return dtype, dtype.isalignedstruct, value.ndim, *arrangement
+    if not isinstance(value, NUMBERS):
         raise CannotLink(f"not a {type(value).__name__}")
+    if isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise CannotLink("not an integer of more than 64 bits")
     return type(value)
 
 
@@ -175,8 +184,10 @@ def _numbers(value: Any) -> Iterator[Any]:
         yield from (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
     elif isinstance(value, (complex, np.complexfloating)):
         yield from (value.real, value.imag)
+    elif isinstance(value, np.unsignedinteger):
+        yield int(value.view(f"i{value.itemsize}"))  # the same bits
     else:
-        yield value
+        yield int(value) if isinstance(value, np.bool) else value
 
 
 def form_of(kind: Any) -> str:
@@ -269,14 +280,14 @@ class LinkedLoop:
             raise CannotLink(f"{of} cannot be compiled: compiled kernels read numbers and arrays, {error}") from None
         known = self._known.get(key)
         if known is None:
-            data_type = numba.typeof(data)
+            try:
+                data_type = numba.typeof(data)
+            except ValueError as error:  # as for an array of objects
+                raise CannotLink(f"{of} cannot be compiled: {error}") from None
             known = form_of(data_type), [address_of(self.entrances[kind], kind, data_type) for kind in kinds]
             self._known[key] = known
         form, addresses = known
-        try:
-            return Block(data, form), addresses
-        except struct.error as error:  # an integer of more than 64 bits
-            raise CannotLink(f"{of} cannot be compiled: {error}") from None
+        return Block(data, form), addresses
 
 
 class LinkedStages(LinkedLoop):
@@ -299,7 +310,9 @@ class LinkedStages(LinkedLoop):
     def advance(self, system: Any, numbers: Any, *others: Any) -> Any:
         """Make steps; arguments and result are those of the function that was compiled."""
         linked = self._once("system", system, self._system)
-        step = self._once("step", system, lambda _: self._step(linked, numbers))
+        step = self._last.get("step")
+        if step is None or step.value[0] is not linked or step.value[1] is not numbers:
+            step = self._last["step"] = self._step(linked, numbers)
         return self.compiled_advance(linked.links[0], step.links, *others)
 
     def begin(self, system: Any, *others: Any) -> None:
@@ -315,4 +328,4 @@ class LinkedStages(LinkedLoop):
 
     def _step(self, system: _Links, numbers: Any) -> _Links:
         block, addresses = self._link((numbers, system.links[1]), "the step", "step of a scheme")
-        return _Links(system.value, LinkedStep(block.address, *addresses), block, system)
+        return _Links((system, numbers), LinkedStep(block.address, *addresses), block)

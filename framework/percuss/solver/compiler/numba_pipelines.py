@@ -141,6 +141,8 @@ class EntryCompiler(_Compiler):
             if compiled is None:
                 compiled = super().compile_extra(function)
                 self.cache.save_overload(key, compiled)
+            else:
+                state.targetctx.insert_user_function(compiled.entry_point, compiled.fndesc, [compiled.library])
             self.cache.stored = compiled  # the caller stores it once more
             return compiled
 

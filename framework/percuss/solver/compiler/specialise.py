@@ -14,13 +14,14 @@ import functools
 import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
-from percuss.methods.source_digest import function_digest
+from percuss.methods.source_digest import content_digest, function_digest
 from percuss.solver import compiled
 from percuss.solver.compiler.compile_function import compile_callee, compile_entry, jit_disabled
 from percuss.solver.compiler.fingerprint import (
@@ -326,7 +327,10 @@ def compiled_function(function: Kernel) -> Kernel:
 def _versions() -> str:
     from importlib.metadata import version
 
-    return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{__version__}"
+    # Machine code names the tuples of the loop and reads their fields by position.
+    files = sorted(Path(compiled.__file__).parent.glob("*.py"))
+    loop = content_digest(b"".join(file.read_bytes() for file in files))
+    return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{__version__};{loop}"
 
 
 def compile_error() -> tuple[type[Exception], ...]:
