@@ -62,6 +62,7 @@ def test_every_check_says_what_it_demands():
     assert all(len(text.split()) >= 8 and text.endswith(".") for text in demands.values())
 
 
+@pytest.mark.slow
 def test_every_check_applies_to_something():
     """A check that applies to nothing that is registered checks nothing."""
     applies = {}

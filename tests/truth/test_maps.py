@@ -100,6 +100,7 @@ def test_a_value_that_is_wrong_is_a_row_unless_all_are():
         percuss.stability(case, {}, {}, ["pensil"])
 
 
+@pytest.mark.slow
 def test_the_command_line_saves_draws_and_prints(tmp_path):
     pytest.importorskip("matplotlib")
     args = ["stability", SDNV, "--set", "bodies.beam.bar.elements=8", "--set", f"method.integrator={CD}"]

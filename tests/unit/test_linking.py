@@ -153,6 +153,7 @@ def test_a_law_whose_data_compiled_code_cannot_read_runs_in_python_and_says_why(
     assert np.abs(result.arrays["contact_force"] - truth.arrays["contact_force"]).max() < 1e-12 * peak
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
 def test_a_loop_that_is_kept_for_the_next_run_keeps_no_arrays_of_this_one(integrator):
     model = Model(percuss.load(hunek(6, integrator=integrator, end=0.1)))

@@ -342,6 +342,7 @@ def test_a_long_history_keeps_its_extremes():
     assert np.all(np.diff(boundary) > 0)
 
 
+@pytest.mark.slow
 def test_a_title_is_never_mathematics(good, tmp_path):
     result = fresh(good)
     result.provenance["case"]["title"] = "costs $1 and $\\nonsense{ 2\nin two lines"
@@ -349,6 +350,7 @@ def test_a_title_is_never_mathematics(good, tmp_path):
     assert "costs $1 and $\\nonsense{ 2 in two lines" in words(run_figure.figure_of(result))
 
 
+@pytest.mark.slow
 def test_a_saved_result_gives_the_same_picture(good, tmp_path):
     good.save(tmp_path / "a.nc")
     again = open_result(tmp_path / "a.nc")
@@ -385,6 +387,7 @@ def test_runs_of_one_label_are_all_in_the_legend(good):
     assert [text.get_text().strip() for text in axes.get_legend().get_texts()][:3] == ["a", "a (2)", "a (3)"]
 
 
+@pytest.mark.slow
 def test_more_than_six_runs_stand_beside_each_other(good):
     rows = [{"label": f"run {k}", "result": good} for k in range(8)]
     figure = comparison_figure.comparison_figure(rows)
