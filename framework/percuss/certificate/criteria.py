@@ -188,7 +188,7 @@ class PencilCriterion:
         return StepAssessment(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
 
     def _excess(self, dt: float) -> float:
-        """Return how far a step is above the critical one, from -1 to 1, continuous and 0 at the critical step."""
+        """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step."""
         if self.limit_ratio == 0.0:
             return 1.0
         laws = closed_contacts(self.model, dt)

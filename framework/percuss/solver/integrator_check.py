@@ -41,7 +41,7 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
 
 
 def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
-    """Return what `scheme` returns, without trial steps: for an integrator that has passed them at another step."""
+    """Return stages and states as `scheme` does, for an integrator that has passed the trial steps at another step."""
     definition = integrator.bind(dt)
     if isinstance(definition, LeapFrog):
         return None, (definition,)

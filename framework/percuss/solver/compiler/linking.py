@@ -40,7 +40,7 @@ _FORMATS = {
 
 
 class CannotLink(NotImplementedError):
-    """Error: the data of a kernel contain something else than numbers and arrays."""
+    """Error: a kernel cannot be called by its address, as its data contain something else than numbers and arrays."""
 
 
 @functools.cache
@@ -154,7 +154,7 @@ class Block:
 
 
 def structure(value: Any) -> Any:
-    """Return what the type of a value in compiled code depends on, far sooner than numba finds that type.
+    """Return classes and dtypes in a value, on which its type in compiled code depends; numba finds that type slowly.
 
     Raises
     ------
