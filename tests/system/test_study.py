@@ -386,7 +386,7 @@ def test_a_run_that_always_kills_its_worker_is_a_lost_row(tmp_path):
 
 @pytest.mark.deep
 def test_ctrl_c_keeps_what_is_finished(tmp_path):
-    slow = law(tmp_path, fate="time.sleep(0.004)")  # no machine ends 60 such runs before the key is pressed
+    slow = law(tmp_path, fate="time.sleep(float(os.environ.get('SECONDS_TO_BIND', '0')))")
     given_study = {"methods": {"contacts": ["mine"]}, "vary": {"method.contact.beta_s": "0.05:2:log:60"}}
     file, out = write(tmp_path, **given_study), tmp_path / "a.sqlite"
     before = 0
@@ -396,6 +396,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            env=os.environ | {"SECONDS_TO_BIND": "0.05"},  # no machine ends 60 such runs before the key is pressed
         )
         begun = time.monotonic()
         while process.poll() is None and time.monotonic() - begun < 60:
