@@ -174,7 +174,7 @@ def boxed(draw):
 @given(case=boxed())
 def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair, case):
     with mock.patch(
-        "percuss.results.exact.exact_solution", return_value=(None, "", "not asked for")
+        "percuss.results.assemble.exact_solution", return_value=(None, "", "not asked for")
     ):  # it takes minutes
         result = finished(with_pair(case, pair))
     certificate, found = result.summary["certificate"], result.summary["energy_growth"]

@@ -46,6 +46,8 @@ LARGE_STATE = 5000
 LINEARITY_TOLERANCE = 1e-6
 # Relative change by contact below which a motion counts as unaffected by contact.
 CONTACT_EFFECT_TOLERANCE = 1e-7
+# Modulus from which on growth counts as equally fast, so that its square is finite.
+LARGEST_RADIUS = 1e100
 # Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
 # contact; of more contacts, none, each one alone and all of them are closed.
 MOST_TOGETHER = 3
@@ -69,6 +71,9 @@ class ClosedStepStability:
         Error that a kernel raised deep in contact; empty if it raised none.
     felt_radius
         Above theta = 1 the largest modulus of the motions that contact changes; infinite where it was not computed.
+    distance_to_flip
+        Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: an undamped motion begins to
+        grow where its two eigenvalues meet at -1. Infinite where the eigenvalues were not computed.
     """
 
     radius: float
@@ -76,6 +81,7 @@ class ClosedStepStability:
     conclusive: bool
     failure: str = ""
     felt_radius: float = np.inf
+    distance_to_flip: float = np.inf
 
     @property
     def linear(self) -> bool:
@@ -92,6 +98,22 @@ class ClosedStepStability:
         return not self.radius > 1.0 + MARGINAL_DISTANCE and not (
             _above_one(self.theta) and self.felt_radius > 1.0 - MARGINAL_DISTANCE
         )
+
+    @property
+    def excess(self) -> float:
+        """Signed distance of the step from the critical one, -1 to 1: at most 0 where it is stable, else above 0.
+
+        Where the motions are not damped it varies continuously with the step, which shortens a search.
+        """
+        if not self.linear:
+            return 1.0
+        from_theta = -np.inf if self.theta is None else self.theta - 1.0
+        if self.stable:
+            distance = max(-self.distance_to_flip, from_theta if from_theta < 0.0 else -np.inf)
+        else:
+            radius = min(self.radius, LARGEST_RADIUS)
+            distance = max((radius - 1.0) ** 2 / radius, from_theta, np.finfo(float).tiny)
+        return float(distance / (1.0 + abs(distance))) if np.isfinite(distance) else float(np.sign(distance))
 
 
 def _above_one(theta: float | None) -> bool:
@@ -114,30 +136,30 @@ class ClosedStep:
 
     def __init__(self, motions: Motions, dt: float, closed: Sequence[int]) -> None:
         self.motions = motions
-        inactive = motions.model.inactive_points(0.5 * motions.model.dt)
-        self.model = motions.model.without_loads(dt, motions.pencil.constraints, inactive)
+        self.march = motions.march(dt)
+        self.model = self.march.model
         self.closed = sorted(closed)
         self.size = motions.basis.shape[1]
-        self.march = March(self.model)
-        self.march.compile()
         self.parts = self.march.stepper.levels
-        self._record = self.march.record._replace(every=2**62, last=-1, field_every=0)
-        self._boundary = self.march.boundary
-        self._boundary.totals[0].floor = np.inf
-        self._start = self._hold_contacts()
+        # The contact points are shared by all combinations of closed contacts at this step.
+        points = self.march.boundary.points.copy()
+        self._start = self._hold_contacts(points)
+        self._held = [(name, points[name]) for name in ("initial_gap", "always", "never_pulls")]
+        self._write_points()
         self._after = self._step(self._start)
         # A closed contact whose law does not act at that time counts as open.
-        acts = (self._boundary.points.multiplier != 0) | ((self._boundary.points.own == 0) & self.model.multistage)
+        points = self.march.boundary.points
+        acts = (points.multiplier != 0) | ((points.own == 0) & self.model.multistage)
         self.acting = [p for p, acting in zip(self.march.order, acts, strict=True) if acting and p in self.closed]
 
-    def _hold_contacts(self) -> Floats:
+    def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
         signs = np.ones(len(self.model.contact_pairs))
         signs[self.closed] = -1.0
         nodes = [node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes]
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
         self._scale = np.sqrt(lightest) / self.motions.root
-        points, order = self._boundary.points, self.march.order
+        order = self.march.order
         points.initial_gap = BASE_OVERLAP * signs[order]
         if self.model.multistage:
             closed, linear = signs[order] < 0, points.own == 0
@@ -151,22 +173,26 @@ class ClosedStep:
         out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
         return out
 
+    def _write_points(self) -> None:
+        """Hold the contacts of this combination: another one may have used the march meanwhile."""
+        points = self.march.boundary.points
+        for name, values in self._held:
+            points[name] = values
+
     def _step(self, state: Floats) -> Floats:
-        return self.march.stepper.step_without_loads(self.march.kernels, self._record, state)
+        return self.march.stepper.step_without_loads(self.march.kernels, self.march.record, state)
 
     def __call__(self, states: Floats) -> Floats:
         """Return the weighted states (u, dt v, dt^2 kept) after the step, one a column, (parts n, k) or (parts n,).
 
         Only multi-stage schemes have kept rows. The result has the shape of `states`.
         """
-        n, motions = self.size, self.motions
+        self._write_points()
         scale = self._scale * self.model.dt ** -np.minimum(np.arange(self.parts), 2.0)[:, None]  # (parts, nodal)
-        columns = states.reshape(self.parts, n, -1)
-        images = np.empty_like(columns)
-        for k in range(columns.shape[2]):
-            moved = np.stack([motions.basis @ part for part in columns[:, :, k]]) * scale
-            change = (self._step(self._start + moved) - self._after) / scale
-            images[:, :, k] = np.stack([motions.projection @ part for part in change])
+        columns = states.reshape(self.parts, self.size, -1)
+        moved = np.stack([(self.motions.basis @ part).T for part in columns], axis=1) * scale  # (k, parts, nodal)
+        change = np.stack([self._step(self._start + one) - self._after for one in moved]) / scale
+        images = np.stack([self.motions.projection @ change[:, part].T for part in range(self.parts)])
         return images.reshape(states.shape)
 
     def matrix(self) -> Floats:
@@ -195,6 +221,18 @@ class Motions:
         self.basis = _basis(model, self.pencil)
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(np.repeat(model.mass, model.dim))
+        self._march: March | None = None
+
+    def march(self, dt: float) -> March:
+        """Return the march of the model with the time step `dt`, ready for single steps, compiled where possible."""
+        if self._march is None or self._march.model.dt != dt:
+            inactive = self.model.inactive_points(0.5 * self.model.dt)
+            march = March(self.model.without_loads(dt, self.pencil.constraints, inactive))
+            march.compile()
+            march.record = march.record._replace(every=2**62, last=-1, field_every=0)
+            march.boundary.totals[0].floor = np.inf
+            self._march = march
+        return self._march
 
     @cached_property
     def gaps(self) -> Floats:
@@ -327,15 +365,28 @@ def examine(
     deflated = matrix - idle @ (idle.T @ matrix)
     deflated -= (deflated @ idle) @ idle.T
     if not _above_one(theta):
-        return ClosedStepStability(float(np.abs(np.linalg.eigvals(deflated)).max(initial=0.0)), theta, conclusive=True)
+        values = np.linalg.eigvals(deflated)
+        return ClosedStepStability(
+            float(np.abs(values).max(initial=0.0)), theta, conclusive=True, distance_to_flip=_distance_to_flip(values)
+        )
     values, vectors = np.linalg.eig(deflated)
     moduli = np.abs(values)
     # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
     change = matrix - ClosedStep(motions, dt, ()).matrix()
     felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
     return ClosedStepStability(
-        float(moduli.max(initial=0.0)), theta, conclusive=True, felt_radius=float(moduli[felt].max(initial=0.0))
+        float(moduli.max(initial=0.0)),
+        theta,
+        conclusive=True,
+        felt_radius=float(moduli[felt].max(initial=0.0)),
+        distance_to_flip=_distance_to_flip(values),
     )
+
+
+def _distance_to_flip(values: Any) -> float:
+    """Return the least ``|1 + lambda|^2 / |lambda|`` of eigenvalues lambda; those that are deflated are zero."""
+    values = values[np.abs(values) > LINEARITY_TOLERANCE]
+    return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
 
 
 def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:

@@ -442,7 +442,7 @@ class BlackBoxCriterion:
         def excess(dt: float) -> float:
             stabilities = [examine(self.motions, dt, closed) for closed in unstable]
             nonlinear_steps.extend(dt for stability in stabilities if not stability.linear)
-            return -1.0 if all(stability.linear and stability.stable for stability in stabilities) else 1.0
+            return max(stability.excess for stability in stabilities)
 
         critical = largest_step(excess, self.free, SEARCH_TOLERANCE)
         return np.nan if nonlinear_steps else critical

@@ -190,6 +190,7 @@ def _numbers(value: Any) -> Iterator[Any]:
         yield int(value) if isinstance(value, np.bool) else value
 
 
+@functools.cache
 def form_of(kind: Any) -> str:
     """Return the places of the numbers of a type in compiled code, as a format of the module `struct`."""
     form, end = "=", 0
