@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from command_line import percuss_command
 
 ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
+PLUGINS = (ROOT / "plugins" / "README.md").read_text(encoding="utf-8")
 
 
 def test_help_names_every_command() -> None:
@@ -333,8 +336,14 @@ def test_the_module_runs_too() -> None:
 def test_a_terminal_is_told_while_the_loop_is_compiled_and_not_when_it_is_loaded(tmp_path: Path) -> None:
     import pty
 
-    command = [sys.executable, "-m", "percuss", "run", HUNEK]
-    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": "", "TERM": "xterm"}
+    (text,) = re.findall(r"as `hunt_crossley.py`:\n\n```python\n(.*?)^```$", PLUGINS, re.MULTILINE | re.DOTALL)
+    assert "1.5 * bound.alpha" in text
+    law = tmp_path / "hunt_crossley.py"
+    # No other run has compiled a kernel with this number.
+    law.write_text(text.replace("1.5 * bound.alpha", f"{1.5 + time.time_ns() % 1_000_000 * 1e-12!r} * bound.alpha"))
+    options = ["--plugin", str(law), "--set", "method.contact=hunt-crossley"]
+    command = [sys.executable, "-m", "percuss", "run", HUNEK, *options]
+    env = {**os.environ, "TERM": "xterm"}
     said = []
     for _ in range(2):
         ours, theirs = pty.openpty()
