@@ -128,6 +128,7 @@ def test_the_page_says_what_was_asked_run_and_lost(small):
     assert "random sample" not in words
 
 
+@pytest.mark.deep
 def test_the_same_study_gives_the_same_page(small, large, tmp_path):
     assert report_html(small) == report_html(copy.deepcopy(small))
     assert report_html(large, "all.csv") == report_html(drawn_study(20_000), "all.csv")
@@ -141,6 +142,7 @@ def test_text_of_a_study_is_never_markup():
     assert "{{js}}" in "".join(evil.words)
 
 
+@pytest.mark.deep
 def test_a_table_larger_than_a_page_is_sampled_and_says_so(large, tmp_path):
     paths = study_report(large, tmp_path / "large.html")
     assert [path.name for path in paths] == ["large.html", "large.csv"]
@@ -321,6 +323,7 @@ def beaten(cost, error):
     return (cheaper & better & ~equal).any(axis=1)
 
 
+@pytest.mark.deep
 def test_the_best_runs_are_always_in_the_page(large):
     data = data_of(report_html(large))
     keys = next(one for one in data["columns"] if one["name"] == "key")
@@ -506,6 +509,7 @@ def test_an_axis_is_logarithmic_only_where_every_number_is_above_zero(values):
     assert not study_data.is_log(np.array(values)) or min(values) > 0
 
 
+@pytest.mark.deep
 def test_pictures_of_several_cases_join_no_runs_of_different_cases(several):
     pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
     made = dict(figures(several))

@@ -564,6 +564,7 @@ def test_workers_of_a_scheduler_give_the_same_though_one_is_killed(whole, schedu
     assert same(study.table, whole)
 
 
+@pytest.mark.deep
 def test_plug_ins_and_tables_travel_to_the_workers(scheduler, tmp_path):
     home = tmp_path / "home"
     home.mkdir()

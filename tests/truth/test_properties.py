@@ -332,6 +332,7 @@ def test_nothing_changes_with_the_units(case, pair):
     same(case, finished(case), finished(converted(case)), factors)
 
 
+@pytest.mark.deep
 @given(case=rows(), pair=SOME_PAIR)
 def test_plain_python_gives_what_compiled_code_gives(case, pair):
     case = with_pair(case, pair)

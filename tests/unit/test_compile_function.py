@@ -136,7 +136,7 @@ def together(tmp_path, *arguments):
     return [process.communicate(timeout=120)[0].split() for process in processes]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_of_several_processes_one_compiles(tmp_path):
     assert sorted(together(tmp_path)) == [["3.0"], ["3.0"], ["compiled", "3.0"]]
 

@@ -193,7 +193,7 @@ class Verlet(Integrator):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_scheme_that_asks_for_accelerations_in_a_strided_array_runs_in_python_and_says_why(tmp_path):
     file = tmp_path / "scheme.py"
     file.write_text(STRIDED)
