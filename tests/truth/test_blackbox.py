@@ -190,6 +190,28 @@ def test_the_limit_is_tight(pair, case):
     event("lowered by contact" if critical < 0.999 * PencilCriterion(model).free else "that of the bodies")
 
 
+@pytest.mark.parametrize(("integrator", "most"), [(WU, 13), (CD, 13), ("noh-bathe", 26)])
+def test_the_critical_step_is_found_by_examining_few(integrator, most, monkeypatch):
+    """The excess of a step has the sign of the verdict, and under a leap-frog scheme vanishes at the critical step."""
+    case = wall(3.0, 2.0, integrator)
+    case["bodies"]["b"]["bar"]["elements"] = 4
+    criterion, examined = BlackBoxCriterion(model_of(case)), []
+
+    def counted(motions, dt, closed, **options):
+        examined.append(dt)
+        return examine(motions, dt, closed, **options)
+
+    monkeypatch.setattr(criteria, "examine", counted)
+    critical = criterion.critical_step
+    assert critical < 0.99 * criterion.free
+    assert len(examined) <= most
+    for share in [0.2, 0.9, 0.999, 0.99999, 1.00001, 1.001, 1.1, 2.0]:
+        found = examine(criterion.motions, share * critical, [0])
+        assert found.stable == (share < 1)
+        assert (found.excess <= 0) == found.stable
+        assert abs(found.excess) <= (min(1, 100 * abs(share - 1)) if integrator in LEAPFROG else 1)
+
+
 @given(case=rows(moving=False, loads=False, bars=2))
 def test_bars_that_are_tied_keep_the_step_of_the_bars(case):
     """Two bars tied are one bar with a heavier node."""

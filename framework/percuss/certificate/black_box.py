@@ -46,8 +46,6 @@ LARGE_STATE = 5000
 LINEARITY_TOLERANCE = 1e-6
 # Relative change by contact below which a motion counts as unaffected by contact.
 CONTACT_EFFECT_TOLERANCE = 1e-7
-# Modulus from which on growth counts as equally fast, so that its square is finite.
-LARGEST_RADIUS = 1e100
 # Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
 # contact; of more contacts, none, each one alone and all of them are closed.
 MOST_TOGETHER = 3
@@ -72,8 +70,9 @@ class ClosedStepStability:
     felt_radius
         Above theta = 1 the largest modulus of the motions that contact changes; infinite where it was not computed.
     distance_to_flip
-        Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: an undamped motion begins to
-        grow where its two eigenvalues meet at -1. Infinite where the eigenvalues were not computed.
+        Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: under a leap-frog scheme a
+        motion begins to grow where its two eigenvalues meet at -1. Infinite where it was not computed, and under a
+        multi-stage scheme, where eigenvalues may meet anywhere.
     """
 
     radius: float
@@ -103,17 +102,17 @@ class ClosedStepStability:
     def excess(self) -> float:
         """Signed distance of the step from the critical one, -1 to 1: at most 0 where it is stable, else above 0.
 
-        Where the motions are not damped it varies continuously with the step, which shortens a search.
+        Under a leap-frog scheme it varies continuously with the step, which shortens a search.
         """
-        if not self.linear:
-            return 1.0
+        if not np.isfinite(self.distance_to_flip):
+            return -1.0 if self.linear and self.stable else 1.0
         from_theta = -np.inf if self.theta is None else self.theta - 1.0
         if self.stable:
-            distance = max(-self.distance_to_flip, from_theta if from_theta < 0.0 else -np.inf)
+            distance = max(-self.distance_to_flip, -np.inf if _above_one(self.theta) else min(from_theta, 0.0))
         else:
-            radius = min(self.radius, LARGEST_RADIUS)
-            distance = max((radius - 1.0) ** 2 / radius, from_theta, np.finfo(float).tiny)
-        return float(distance / (1.0 + abs(distance))) if np.isfinite(distance) else float(np.sign(distance))
+            growth = self.radius - 1.0
+            distance = max(growth * growth / self.radius, from_theta, np.finfo(float).tiny)
+        return float(distance / (1.0 + abs(distance)))
 
 
 def _above_one(theta: float | None) -> bool:
@@ -366,9 +365,9 @@ def examine(
     deflated -= (deflated @ idle) @ idle.T
     if not _above_one(theta):
         values = np.linalg.eigvals(deflated)
-        return ClosedStepStability(
-            float(np.abs(values).max(initial=0.0)), theta, conclusive=True, distance_to_flip=_distance_to_flip(values)
-        )
+        flip = np.inf if step.model.multistage else _distance_to_flip(values)
+        radius = float(np.abs(values).max(initial=0.0))
+        return ClosedStepStability(radius, theta, conclusive=True, distance_to_flip=flip)
     values, vectors = np.linalg.eig(deflated)
     moduli = np.abs(values)
     # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
@@ -384,7 +383,7 @@ def examine(
 
 
 def _distance_to_flip(values: Any) -> float:
-    """Return the least ``|1 + lambda|^2 / |lambda|`` of eigenvalues lambda; those that are deflated are zero."""
+    """Return `distance_to_flip` of `ClosedStepStability` from all eigenvalues; those that are deflated are zero."""
     values = values[np.abs(values) > LINEARITY_TOLERANCE]
     return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
 
