@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.results import kept_solutions
 from percuss.solver.contact_problem import contact_problem
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
         if uncovered_reason is not None:
             reasons.append(f"{name}: {uncovered_reason}")
             continue
-        solution = engine.solve(contact_problem(model), end)
+        solution = kept_solutions.solve(engine, contact_problem(model), end)
         if solution.reached >= end * (1.0 - ROUND_OFF):
             return solution, name, ""
         stop_reason = solution.stopped or "it does not say why"
@@ -77,6 +78,11 @@ def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt:
         ``contact_force_exact``, averaged over each step as the impulse lambda dt is, and ``gap_exact``; (T, contacts)
         each.
     """
+    times = tuple(names), time.tobytes(), middle.tobytes(), dt
+    return kept_solutions.histories_at(solution, times, lambda: _histories(solution, names, time, middle, dt))
+
+
+def _histories(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
     covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)
     gap = np.full((time.size, len(names)), np.nan)

@@ -1,0 +1,98 @@
+"""The last exact solutions, kept for other runs of the same problem: those of a study often differ in methods alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
+
+MOST_KEPT = 4
+# Largest solution that is kept, and largest number of values of its histories.
+MOST_FRONTS = 10_000
+MOST_VALUES = 1_000_000
+
+
+@dataclasses.dataclass
+class _Kept:
+    """An exact solution, and its histories at the times of the run that asked for them last."""
+
+    solution: Exact
+    times: Any = None
+    histories: Mapping[str, Floats] = dataclasses.field(default_factory=dict)
+
+
+_kept: dict[Any, _Kept] = {}
+_lock = threading.Lock()
+
+
+def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact:
+    """Return the exact solution of a problem up to `end`, which `engine` finds unless it is kept."""
+    try:
+        key = _identity(engine), end, _identity(problem)
+    except TypeError:
+        return engine.solve(problem, end)
+    with _lock:
+        kept = _kept.pop(key, None)
+    if kept is None:
+        kept = _Kept(engine.solve(problem, end))
+    if kept.solution.fronts <= MOST_FRONTS:
+        with _lock:
+            _kept[key] = kept  # The last of the dictionary is the one used last.
+            while len(_kept) > MOST_KEPT:
+                del _kept[next(iter(_kept))]
+    return kept.solution
+
+
+def histories_at(solution: Exact, times: Any, evaluate: Callable[[], dict[str, Floats]]) -> dict[str, Floats]:
+    """Return histories of a solution, which `evaluate` finds unless they are kept.
+
+    Parameters
+    ----------
+    solution
+        The solution.
+    times
+        All that the histories depend on besides the solution, as a value that can be compared.
+    evaluate
+        Returns the histories.
+    """
+    with _lock:
+        kept = next((kept for kept in _kept.values() if kept.solution is solution), None)
+        if kept is not None and kept.times == times:
+            return {name: values.copy() for name, values in kept.histories.items()}
+    histories = evaluate()
+    if kept is not None and sum(values.size for values in histories.values()) <= MOST_VALUES:
+        with _lock:
+            kept.times, kept.histories = times, {name: values.copy() for name, values in histories.items()}
+    return histories
+
+
+def _identity(value: Any) -> Any:
+    """Return a hashable value that is equal for equal values only, to the last bit.
+
+    Raises
+    ------
+    TypeError
+        If a value may change although it looks the same: a load, whose amplitude may depend on more than its options.
+    """
+    if value is None or isinstance(value, (str, int)):
+        return type(value), value
+    if isinstance(value, float):
+        return type(value), value.hex()
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, tuple):
+        return type(value), tuple(map(_identity, value))
+    if isinstance(value, Mapping):
+        return tuple((name, _identity(entry)) for name, entry in value.items())
+    family = getattr(value, "family", "")
+    if dataclasses.is_dataclass(value) and not isinstance(value, type) and family != "loads":
+        options = tuple(_identity(getattr(value, field.name)) for field in dataclasses.fields(value))
+        numbers = tuple(map(_identity, value.parameters())) if family == "materials" else ()  # type: ignore[attr-defined]
+        return type(value), options, numbers
+    raise TypeError(f"a {type(value).__name__} has no identity")
