@@ -106,12 +106,11 @@ class ClosedStepStability:
         """
         if not np.isfinite(self.distance_to_flip):
             return -1.0 if self.linear and self.stable else 1.0
-        from_theta = -np.inf if self.theta is None else self.theta - 1.0
-        if self.stable:
-            distance = max(-self.distance_to_flip, -np.inf if _above_one(self.theta) else min(from_theta, 0.0))
-        else:
-            growth = self.radius - 1.0
-            distance = max(growth * growth / self.radius, from_theta, np.finfo(float).tiny)
+        growth = self.radius - 1.0
+        above = -np.inf if self.theta is None else self.theta - 1.0
+        distance = max(-self.distance_to_flip if self.stable else growth * growth / self.radius, above)
+        # Above theta = 1 a step may be stable, and rounding must not decide about the sign.
+        distance = min(distance, 0.0) if self.stable else max(distance, np.finfo(float).tiny)
         return float(distance / (1.0 + abs(distance)))
 
 

@@ -193,14 +193,17 @@ class PencilCriterion:
             return 1.0
         laws = closed_contacts(self.model, dt)
         theta = self.theta(dt, laws)[0] or 0.0
-        if theta > 1.0 and self._black_box is not None:
-            assessment = self._assess_by_pencil(dt, laws)
-            return -1.0 if assessment.stable and assessment.conclusive else 1.0
         softening = self.pencil.largest_softening(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
         if not (np.isfinite(softening) and np.isfinite(theta)):
             return 1.0
         excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
         return max(*excess, np.finfo(float).tiny) if softening >= 1.0 else max(excess)
+
+    def _stable_above_theta_of_one(self, dt: float) -> bool:
+        """Return whether theta of a step is above 1, and the step is stable all the same."""
+        if not 0.0 < dt < self.free or (self.theta(dt, closed_contacts(self.model, dt))[0] or 0.0) <= 1.0:
+            return False
+        return self._black_box is not None and self._black_box.excess(dt) <= 0.0
 
     def _unequal_groups(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
@@ -250,6 +253,8 @@ class PencilCriterion:
             return self.free
 
         bound = largest_step_below(self._excess, self.free)
+        if self._black_box is not None and self._stable_above_theta_of_one(bound * (1.0 + SEARCH_TOLERANCE)):
+            bound = largest_step_below(self._black_box.excess, self.free)
         if not self._shares_ends or not 0.0 < bound < np.inf:
             return bound
         if not self._unequal_groups(closed_contacts(self.model, bound)):
@@ -395,6 +400,22 @@ class BlackBoxCriterion:
             names = ", ".join(self._time_dependent_laws)
             doubt = f"{names} changes with time, and no growth was found as it acts at the start"
         return StepAssessment(True, worst, theta, doubt, conclusive=complete and not self._time_dependent_laws)
+
+    def excess(self, dt: float) -> float:
+        """Return a `ClosedStepStability.excess` above 0 or else the largest, and 1 where combinations are left out."""
+        closed_sets = self._combinations
+        if 2 ** len(self.model.contact_pairs) != len(combinations(len(self.model.contact_pairs))):
+            return 1.0
+        largest = -np.inf
+        for closed in list(closed_sets):
+            excess = examine(self.motions, dt, closed).excess
+            if excess > largest:
+                largest = excess
+                closed_sets.remove(closed)
+                closed_sets.insert(0, closed)  # The combination that limits this step may limit the next one too.
+            if excess > 0.0:
+                break
+        return largest
 
     def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
         """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""

@@ -12,6 +12,9 @@ from percuss.certificate.criteria import PencilCriterion, RunCriterion
 if TYPE_CHECKING:
     from percuss.solver.model import Model
 
+# Relative tolerance of the option that is named as a cure, far below the digits that are printed.
+CURE_TOLERANCE = 1e-10
+
 
 def no_step(model: Model, free: float) -> str:
     """Return the cure where no step is stable: another integrator if that holds without contact, else another law."""
@@ -64,7 +67,7 @@ def largest_stable_value(criterion: RunCriterion, law: Any, option: str, value: 
     if not is_stable(value * 1e-9):
         return None
     lo, hi = value * 1e-9, value
-    for _ in range(60):
+    while hi > lo * (1.0 + CURE_TOLERANCE):
         middle = float(np.sqrt(lo * hi))
         lo, hi = (middle, hi) if is_stable(middle) else (lo, middle)
     return lo
