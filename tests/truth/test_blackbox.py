@@ -224,6 +224,27 @@ def test_bars_that_are_tied_keep_the_step_of_the_bars(case):
     assert examine(Motions(model), found["dt_critical_free"] * (1 - 1e-6), everywhere).stable
 
 
+@pytest.mark.parametrize("during", [None, [[0.0, 100.0]]])
+def test_a_tie_holds_whatever_else_is_closed(during):
+    """With its end on the wall, and tied to another bar, a bar of one element grows at no step below the limit."""
+    case = wall(1.0, 1.0, "noh-bathe", 0.5)
+    bar = {"bar": {"length": 1.0, "elements": 1}, "material": case["bodies"]["b"]["material"], "area": 1.0}
+    (contact,) = case["contacts"].values()
+    at = contact["body"].endswith("left")
+    case["bodies"] = {"b": bar, "other": bar | {"at": 1.0 if at else -1.0}}
+    tie = {"name": "tied"} if during is None else {"name": "tied", "during": during}
+    ends = ["b.right", "other.left"] if at else ["other.right", "b.left"]
+    case["contacts"] = {"wall": contact | {"method": "lagrange"}, "tie": {"between": ends, "method": tie}}
+    model = model_of(case)
+    motions = Motions(model)
+    for closed in combinations(2):
+        step = ClosedStep(motions, model.dt, closed)
+        assert 1 in step.acting
+        assert (0 in step.acting) == (0 in closed)
+        assert examine(motions, model.dt, closed).stable
+    assert certificate(model)["stable"] == "yes"
+
+
 def test_closing_a_contact_may_raise_the_limit():
     law = {"name": "bipenalty", "beta_s": 10.0, "ratio": "matched"}
     case = wall(1.0, 1.0, WU)

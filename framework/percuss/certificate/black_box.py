@@ -23,6 +23,7 @@ import numpy as np
 
 from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
 from percuss.errors import PercussError
+from percuss.solver.compiled.contact_equation import NEVER
 from percuss.solver.march import March
 
 if TYPE_CHECKING:
@@ -139,16 +140,15 @@ class ClosedStep:
         self.closed = sorted(closed)
         self.size = motions.basis.shape[1]
         self.parts = self.march.stepper.levels
-        # The contact points are shared by all combinations of closed contacts at this step.
-        points = self.march.boundary.points.copy()
+        points = motions.open_points.copy()
         self._start = self._hold_contacts(points)
         self._held = [(name, points[name]) for name in ("initial_gap", "always", "never_pulls")]
         self._write_points()
         self._after = self._step(self._start)
-        # A closed contact whose law does not act at that time counts as open.
+        # A law may not act at that time though its contact is closed, or act though it is open, as a tie does.
         points = self.march.boundary.points
-        acts = (points.multiplier != 0) | ((points.own == 0) & self.model.multistage)
-        self.acting = [p for p, acting in zip(self.march.order, acts, strict=True) if acting and p in self.closed]
+        acts = np.where(self._held_by_loop, points.initial_gap == 0.0, points.multiplier != 0.0)
+        self.acting = sorted(p for p, acting in zip(self.march.order, acts, strict=True) if acting)
 
     def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
@@ -159,8 +159,10 @@ class ClosedStep:
         self._scale = np.sqrt(lightest) / self.motions.root
         order = self.march.order
         points.initial_gap = BASE_OVERLAP * signs[order]
+        # Under a multi-stage scheme the loop holds contacts closed whose law is linear and acts at that time.
+        linear = self._held_by_loop = (points.own == 0) & (points.always != NEVER) & self.model.multistage
         if self.model.multistage:
-            closed, linear = signs[order] < 0, points.own == 0
+            closed = signs[order] < 0
             points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
             points.initial_gap[linear & (points.initial_gap > 0)] = OPEN_GAP
             points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
@@ -220,6 +222,7 @@ class Motions:
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(np.repeat(model.mass, model.dim))
         self._march: March | None = None
+        self.open_points: Any = None  # contact points of that march before a combination holds some of them closed
 
     def march(self, dt: float) -> March:
         """Return the march of the model with the time step `dt`, ready for single steps, compiled where possible."""
@@ -229,7 +232,7 @@ class Motions:
             march.compile()
             march.record = march.record._replace(every=2**62, last=-1, field_every=0)
             march.boundary.totals[0].floor = np.inf
-            self._march = march
+            self._march, self.open_points = march, march.boundary.points.copy()
         return self._march
 
     @cached_property
