@@ -41,7 +41,7 @@ def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact:
         kept = _kept.pop(key, None)
     if kept is None:
         kept = _Kept(engine.solve(problem, end))
-    if kept.solution.fronts <= MOST_FRONTS:
+    if kept.solution.fronts <= MOST_FRONTS and not kept.solution.stopped:
         with _lock:
             _kept[key] = kept  # The last of the dictionary is the one used last.
             while len(_kept) > MOST_KEPT:
