@@ -349,6 +349,8 @@ class BlackBoxCriterion:
         self.motions = Motions(model)
         # Combinations that are unstable at the free step; None until `critical_step` has tried them.
         self._unstable_combinations: list[tuple[int, ...]] | None = None
+        # Combination that limited the last step of a search, and may limit the next one too.
+        self._limiting_combination: tuple[int, ...] | None = None
 
     @cached_property
     def free(self) -> float:
@@ -403,16 +405,14 @@ class BlackBoxCriterion:
 
     def excess(self, dt: float) -> float:
         """Return a `ClosedStepStability.excess` above 0 or else the largest, and 1 where combinations are left out."""
-        closed_sets = self._combinations
         if 2 ** len(self.model.contact_pairs) != len(combinations(len(self.model.contact_pairs))):
             return 1.0
         largest = -np.inf
-        for closed in list(closed_sets):
+        limiting = self._limiting_combination
+        for closed in sorted(self._combinations, key=lambda closed: closed != limiting):
             excess = examine(self.motions, dt, closed).excess
             if excess > largest:
-                largest = excess
-                closed_sets.remove(closed)
-                closed_sets.insert(0, closed)  # The combination that limits this step may limit the next one too.
+                largest, self._limiting_combination = excess, closed
             if excess > 0.0:
                 break
         return largest
