@@ -13,7 +13,7 @@ from test_stability import ROWS, wall
 
 import percuss
 from percuss.certificate import criteria
-from percuss.certificate.black_box import ClosedStep, Motions, combinations, examine
+from percuss.certificate.black_box import ClosedStep, ClosedStepStability, Motions, combinations, examine
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
@@ -210,6 +210,25 @@ def test_the_critical_step_is_found_by_examining_few(integrator, most, monkeypat
         assert found.stable == (share < 1)
         assert (found.excess <= 0) == found.stable
         assert abs(found.excess) <= (min(1, 100 * abs(share - 1)) if integrator in LEAPFROG else 1)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.2])
+def test_a_step_may_be_stable_though_theta_is_above_one_at_every_step(scale):
+    """Contact damps all of a bar of one element whose other end is held."""
+    bar = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": 1.0, "density": 1.274}, "area": 1.0}
+    case = wall(1.0, 1.0, WU)
+    case["bodies"] = {"b": bar | {"fixed": ["right"]}}
+    case["method"]["contact"] = {"name": "penalty", "stiffness": "from-step", "scale": scale}
+    found = certificate(model_of(case))
+    assert found["theta"] == pytest.approx(scale)
+    assert found["stable"] == "yes"
+    assert found["dt_critical"] == pytest.approx(found["dt_critical_free"])
+
+
+def test_growth_beyond_all_numbers_is_growth():
+    stability = ClosedStepStability(1e200, None, conclusive=True, distance_to_flip=1.0)
+    assert stability.excess == 1.0
+    assert ClosedStepStability(np.inf, 2.0, conclusive=True, distance_to_flip=1.0).excess == 1.0
 
 
 @given(case=rows(moving=False, loads=False, bars=2))

@@ -72,7 +72,7 @@ class ClosedStepStability:
         Above theta = 1 the largest modulus of the motions that contact changes; infinite where it was not computed.
     distance_to_flip
         Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: under a leap-frog scheme a
-        motion begins to grow where its two eigenvalues meet at -1. Infinite where it was not computed, and under a
+        motion mostly begins to grow as its two eigenvalues meet at -1. Infinite where it was not computed, and under a
         multi-stage scheme, where eigenvalues may meet anywhere.
     """
 
@@ -103,7 +103,7 @@ class ClosedStepStability:
     def excess(self) -> float:
         """Signed distance of the step from the critical one, -1 to 1: at most 0 where it is stable, else above 0.
 
-        Under a leap-frog scheme it varies continuously with the step, which shortens a search.
+        Under a leap-frog scheme it varies continuously with most steps, which shortens a search.
         """
         if not np.isfinite(self.distance_to_flip):
             return -1.0 if self.linear and self.stable else 1.0
@@ -112,6 +112,8 @@ class ClosedStepStability:
         distance = max(-self.distance_to_flip if self.stable else growth * growth / self.radius, above)
         # Above theta = 1 a step may be stable, and rounding must not decide about the sign.
         distance = min(distance, 0.0) if self.stable else max(distance, np.finfo(float).tiny)
+        if not np.isfinite(distance):
+            return -1.0 if self.stable else 1.0
         return float(distance / (1.0 + abs(distance)))
 
 

@@ -188,7 +188,10 @@ class PencilCriterion:
         return StepAssessment(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
 
     def _excess(self, dt: float) -> float:
-        """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step."""
+        """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step.
+
+        A step above theta = 1 counts as unstable.
+        """
         if self.limit_ratio == 0.0:
             return 1.0
         laws = closed_contacts(self.model, dt)
@@ -253,7 +256,10 @@ class PencilCriterion:
             return self.free
 
         bound = largest_step_below(self._excess, self.free)
-        if self._black_box is not None and self._stable_above_theta_of_one(bound * (1.0 + SEARCH_TOLERANCE)):
+        # Where theta is above 1 at every step, no step just above theta = 1 can tell.
+        if self._black_box is not None and (
+            bound == 0.0 or self._stable_above_theta_of_one(bound * (1.0 + SEARCH_TOLERANCE))
+        ):
             bound = largest_step_below(self._black_box.excess, self.free)
         if not self._shares_ends or not 0.0 < bound < np.inf:
             return bound
@@ -404,13 +410,14 @@ class BlackBoxCriterion:
         return StepAssessment(True, worst, theta, doubt, conclusive=complete and not self._time_dependent_laws)
 
     def excess(self, dt: float) -> float:
-        """Return a `ClosedStepStability.excess` above 0 or else the largest, and 1 where combinations are left out."""
+        """Return a `ClosedStepStability.excess` above 0 or else the largest; 1 where it is not known for all sets."""
         if 2 ** len(self.model.contact_pairs) != len(combinations(len(self.model.contact_pairs))):
             return 1.0
         largest = -np.inf
         limiting = self._limiting_combination
         for closed in sorted(self._combinations, key=lambda closed: closed != limiting):
-            excess = examine(self.motions, dt, closed).excess
+            stability = examine(self.motions, dt, closed)
+            excess = stability.excess if stability.conclusive else 1.0
             if excess > largest:
                 largest, self._limiting_combination = excess, closed
             if excess > 0.0:

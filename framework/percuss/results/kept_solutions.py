@@ -35,7 +35,7 @@ def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact:
     """Return the exact solution of a problem up to `end`, which `engine` finds unless it is kept."""
     try:
         key = _identity(engine), end, _identity(problem)
-    except TypeError:
+    except (TypeError, AttributeError):
         return engine.solve(problem, end)
     with _lock:
         kept = _kept.pop(key, None)
@@ -66,7 +66,7 @@ def histories_at(solution: Exact, times: Any, evaluate: Callable[[], dict[str, F
         if kept is not None and kept.times == times:
             return {name: values.copy() for name, values in kept.histories.items()}
     histories = evaluate()
-    if kept is not None and sum(values.size for values in histories.values()) <= MOST_VALUES:
+    if kept is not None and 0 < sum(values.size for values in histories.values()) <= MOST_VALUES:
         with _lock:
             kept.times, kept.histories = times, {name: values.copy() for name, values in histories.items()}
     return histories
@@ -78,7 +78,10 @@ def _identity(value: Any) -> Any:
     Raises
     ------
     TypeError
-        If a value may change although it looks the same: a load, whose amplitude may depend on more than its options.
+        If a value is of another type, or may change although it looks the same: a load, whose amplitude may depend on
+        more than its options.
+    AttributeError
+        If an option of a component has no value.
     """
     if value is None or isinstance(value, (str, int)):
         return type(value), value
