@@ -389,7 +389,8 @@ def examine(
 def _distance_to_flip(values: Any) -> float:
     """Return `distance_to_flip` of `ClosedStepStability` from all eigenvalues; those that are deflated are zero."""
     values = values[np.abs(values) > LINEARITY_TOLERANCE]
-    return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
+    with np.errstate(over="ignore", invalid="ignore"):  # of growth beyond all numbers
+        return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
 
 
 def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
