@@ -202,11 +202,16 @@ class PencilCriterion:
         excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
         return max(*excess, np.finfo(float).tiny) if softening >= 1.0 else max(excess)
 
-    def _stable_above_theta_of_one(self, dt: float) -> bool:
-        """Return whether theta of a step is above 1, and the step is stable all the same."""
-        if not 0.0 < dt < self.free or (self.theta(dt, closed_contacts(self.model, dt))[0] or 0.0) <= 1.0:
-            return False
-        return self._black_box is not None and self._black_box.excess(dt) <= 0.0
+    def _criterion_above_theta_of_one(self, bound: float) -> BlackBoxCriterion | None:
+        """Return the criterion of the stable steps above theta = 1, or None if steps above `bound` are unstable."""
+        above = bound * (1.0 + SEARCH_TOLERANCE)
+        # Where theta is above 1 at every step, the bound is 0 and no step just above it can tell.
+        beyond_theta = bound == 0.0 or (
+            above < self.free and (self.theta(above, closed_contacts(self.model, above))[0] or 0.0) > 1.0
+        )
+        if not beyond_theta or self._black_box is None:
+            return None
+        return self._black_box if bound == 0.0 or self._black_box.excess(above) <= 0.0 else None
 
     def _unequal_groups(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
@@ -256,11 +261,9 @@ class PencilCriterion:
             return self.free
 
         bound = largest_step_below(self._excess, self.free)
-        # Where theta is above 1 at every step, no step just above theta = 1 can tell.
-        if self._black_box is not None and (
-            bound == 0.0 or self._stable_above_theta_of_one(bound * (1.0 + SEARCH_TOLERANCE))
-        ):
-            bound = largest_step_below(self._black_box.excess, self.free)
+        criterion = self._criterion_above_theta_of_one(bound)
+        if criterion is not None:
+            bound = largest_step_below(criterion.excess, self.free)
         if not self._shares_ends or not 0.0 < bound < np.inf:
             return bound
         if not self._unequal_groups(closed_contacts(self.model, bound)):
@@ -370,6 +373,12 @@ class BlackBoxCriterion:
         closed_sets = combinations(len(self.model.contact_pairs))
         return closed_sets if self.model.stages is None else closed_sets[1:]
 
+    @property
+    def _all_are_tried(self) -> bool:
+        """Whether every combination of closed contacts is tried."""
+        count = len(self.model.contact_pairs)
+        return len(combinations(count)) == 1 << count
+
     def assess_step(self, dt: float) -> StepAssessment:
         """Return the assessment of a step over the combinations of closed contacts that are tried."""
         doubt, radius, theta = "", -1.0, None
@@ -377,7 +386,7 @@ class BlackBoxCriterion:
         closed_sets = self._combinations
         if self.model.stages is not None and dt > self.free * (1.0 + MARGINAL_DISTANCE):
             return StepAssessment(False)
-        complete = 2 ** len(self.model.contact_pairs) == len(combinations(len(self.model.contact_pairs)))
+        complete = self._all_are_tried
         if not complete:
             doubt = (
                 "no growth was found with no contact, each one and all of them closed; other combinations can be worse"
@@ -411,7 +420,7 @@ class BlackBoxCriterion:
 
     def excess(self, dt: float) -> float:
         """Return a `ClosedStepStability.excess` above 0 or else the largest; 1 where it is not known for all sets."""
-        if 2 ** len(self.model.contact_pairs) != len(combinations(len(self.model.contact_pairs))):
+        if not self._all_are_tried:
             return 1.0
         largest = -np.inf
         limiting = self._limiting_combination

@@ -110,8 +110,6 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }
         for quantity, values in quantities.items():
-            if not values.size or (values.min() >= SMALLEST_NUMBER and values.max() <= LARGEST_NUMBER):
-                continue
             outside = np.flatnonzero(~((values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)))
             if outside.size:
                 value = float(values[outside[0]])
