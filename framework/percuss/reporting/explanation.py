@@ -15,6 +15,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
+from percuss.solver.contact_problem import contact_problem
 from percuss.solver.contact_rows import law_records
 from percuss.solver.recording import recordable
 
@@ -223,10 +224,11 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
 def _exact_solution(model: Model) -> dict[str, str]:
     """Return the name of the exact solution that covers the run, or the reasons why none does."""
     registry = model.case.registry
+    problem = contact_problem(model)
     reasons = []
     for name in registry.names("solutions"):
         engine: Any = registry.get("solutions", name)()
-        why = why_not_covered(engine, model)
+        why = why_not_covered(engine, model, problem)
         if why is None:
             return {"name": name, "why": ""}
         reasons.append(f"{name}: {why}")

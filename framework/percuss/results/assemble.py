@@ -73,18 +73,20 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "gap": outcome.record.gap[:record_count][:, case_order],
         "displacement": outcome.record.displacement[:record_count].reshape(record_count, len(probe_names), dim),
         "velocity": outcome.record.velocity[:record_count].reshape(record_count, len(probe_names), dim),
-        **ledger.energies(outcome),
     }
+    energies = ledger.energies(outcome)
+    arrays |= energies
     end_force = outcome.record.end_force[:record_count][:, case_order]
     if end_force.size and not np.isnan(outcome.points.end_stiffness).all():
         arrays["contact_force_end"] = end_force
     watch = Stopwatch()
     solution, true_errors = _true_errors(march, outcome, arrays)
     outcome.seconds["exact"] = watch.lap()
-    growth = energy_growth.growth_summary(march, outcome, certificate, ledger.largest(outcome))
+    largest_energy = ledger.largest(outcome)
+    growth = energy_growth.growth_summary(march, outcome, certificate, largest_energy)
     accounts: Accounts = {
-        "energy": ledger.energy_summary(march, outcome),
-        "momentum": ledger.momentum_summary(march, outcome),
+        "energy": ledger.energy_summary(march, outcome, energies, largest_energy),
+        "momentum": ledger.momentum_summary(march, outcome, largest_energy),
     }
     if accounts["energy"]["ledger_closed"] is False and growth["kept"]:
         # with an open ledger the contact work is not the energy gained by the bodies, so nothing can be verified

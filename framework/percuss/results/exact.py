@@ -10,7 +10,7 @@ from percuss.results import kept_solutions
 from percuss.solver.contact_problem import contact_problem
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Exact, Floats, Solution
+    from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
     from percuss.solver.model import Model
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
@@ -36,14 +36,15 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
         Why there is none, or why it ends before `end`; empty otherwise.
     """
     registry = model.case.registry
+    problem = contact_problem(model)
     reasons = []
     for name in registry.names("solutions"):
         engine: Any = registry.get("solutions", name)()
-        uncovered_reason = why_not_covered(engine, model)
+        uncovered_reason = why_not_covered(engine, model, problem)
         if uncovered_reason is not None:
             reasons.append(f"{name}: {uncovered_reason}")
             continue
-        solution = kept_solutions.solve(engine, contact_problem(model), end)
+        solution = kept_solutions.solve(engine, problem, end)
         if solution.reached >= end * (1.0 - ROUND_OFF):
             return solution, name, ""
         stop_reason = solution.stopped or "it does not say why"
@@ -51,11 +52,11 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     return None, "", "; ".join(reasons) or "no solution engine is registered"
 
 
-def why_not_covered(solution: Solution, model: Model) -> str | None:
-    """Return the reason why an exact solution does not cover a case, or None if it does."""
+def why_not_covered(solution: Solution, model: Model, problem: ContactProblem) -> str | None:
+    """Return the reason why an exact solution does not cover a case with this problem, or None if it does."""
     if solution.linear_bodies_only and model.why_not_linear:
         return model.why_not_linear
-    return solution.covers(contact_problem(model))
+    return solution.covers(problem)
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
@@ -78,11 +79,28 @@ def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt:
         ``contact_force_exact``, averaged over each step as the impulse lambda dt is, and ``gap_exact``; (T, contacts)
         each.
     """
-    times = tuple(names), time.tobytes(), middle.tobytes(), dt
-    return kept_solutions.histories_at(solution, times, lambda: _histories(solution, names, time, middle, dt))
+    places = tuple(names), time.tobytes(), middle.tobytes(), dt
+    force, gap = kept_solutions.values_at(
+        solution, "histories", places, lambda: _histories(solution, names, time, middle, dt)
+    )
+    return {"contact_force_exact": force, "gap_exact": gap}
 
 
-def _histories(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:
+def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> Floats:
+    """Return the exact displacement of the body `name` at distances `along` from its start, along its direction."""
+    (displacement,) = kept_solutions.values_at(
+        solution,
+        ("displacement", name),
+        (along.tobytes(), time),
+        lambda: (solution.displacement(name, along, np.full(along.shape, time)),),
+    )
+    return displacement
+
+
+def _histories(
+    solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float
+) -> tuple[Floats, Floats]:
+    """Return force, averaged over each step, and gap of the contacts, (T, contacts) each."""
     covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)
     gap = np.full((time.size, len(names)), np.nan)
@@ -90,4 +108,4 @@ def _histories(solution: Exact, names: list[str], time: Floats, middle: Floats, 
         contact = solution.contacts[name]
         force[covered, k] = contact.mean_force(middle[covered] - 0.5 * dt, middle[covered] + 0.5 * dt)
         gap[covered, k] = contact.gap(time[covered])
-    return {"contact_force_exact": force, "gap_exact": gap}
+    return force, gap

@@ -13,18 +13,17 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 
 MOST_KEPT = 4
-# Largest solution that is kept, and largest number of values of its histories.
+# Largest solution that is kept, and largest number of values of one kind that are kept with it.
 MOST_FRONTS = 10_000
 MOST_VALUES = 1_000_000
 
 
 @dataclasses.dataclass
 class _Kept:
-    """An exact solution, and its histories at the times of the run that asked for them last."""
+    """An exact solution, and its values of each kind where the run evaluated it that asked for them last."""
 
     solution: Exact
-    times: Any = None
-    histories: Mapping[str, Floats] = dataclasses.field(default_factory=dict)
+    values: dict[Any, tuple[Any, tuple[Floats, ...]]] = dataclasses.field(default_factory=dict)
 
 
 _kept: dict[Any, _Kept] = {}
@@ -49,27 +48,39 @@ def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact:
     return kept.solution
 
 
-def histories_at(solution: Exact, times: Any, evaluate: Callable[[], dict[str, Floats]]) -> dict[str, Floats]:
-    """Return histories of a solution, which `evaluate` finds unless they are kept.
+def values_at(
+    solution: Exact, kind: Any, places: Any, evaluate: Callable[[], tuple[Floats, ...]]
+) -> tuple[Floats, ...]:
+    """Return values of a solution, which `evaluate` finds unless they are kept.
 
     Parameters
     ----------
     solution
         The solution.
-    times
-        All that the histories depend on besides the solution, as a value that can be compared.
+    kind
+        Which values they are, such as the displacement of one body; the last values of each kind are kept.
+    places
+        All that the values depend on besides the solution and their kind, as a value that can be compared: times and
+        positions.
     evaluate
-        Returns the histories.
+        Returns the values.
+
+    Returns
+    -------
+    tuple of arrays
+        They belong to the caller, who may change them.
     """
     with _lock:
         kept = next((kept for kept in _kept.values() if kept.solution is solution), None)
-        if kept is not None and kept.times == times:
-            return {name: values.copy() for name, values in kept.histories.items()}
-    histories = evaluate()
-    if kept is not None and 0 < sum(values.size for values in histories.values()) <= MOST_VALUES:
+        if kept is not None and kind in kept.values:
+            places_before, values = kept.values[kind]
+            if places_before == places:
+                return tuple(array.copy() for array in values)
+    values = evaluate()
+    if kept is not None and 0 < sum(array.size for array in values) <= MOST_VALUES:
         with _lock:
-            kept.times, kept.histories = times, {name: values.copy() for name, values in histories.items()}
-    return histories
+            kept.values[kind] = places, tuple(array.copy() for array in values)
+    return values
 
 
 def _identity(value: Any) -> Any:

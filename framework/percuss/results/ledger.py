@@ -18,6 +18,8 @@ import numpy as np
 from percuss.solver.compiled.contact_equation import ROUNDING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from percuss.methods.interfaces import Floats
     from percuss.results.summary import Accounts, ContactSummary, EnergySummary, MomentumSummary
     from percuss.solver.march import March, Outcome
@@ -62,50 +64,72 @@ def energies(outcome: Outcome) -> dict[str, Floats]:
 
 def largest(outcome: Outcome) -> float:
     """Return the largest energy or work of a run among its records and the maxima that the time loop keeps."""
-    total = outcome.totals[0]
+    total = outcome.totals
     recorded = np.abs(outcome.record.energy[: outcome.records, :4])
     largest_recorded = float(np.max(recorded, initial=0.0, where=np.isfinite(recorded)))
-    return max(largest_recorded, outcome.energy_before, float(total.largest_work), float(total.step_energy))
+    return max(
+        largest_recorded, outcome.energy_before, float(total.largest_work[0]), float(total.step_energy[0])
+    )
 
 
-def energy_summary(march: March, outcome: Outcome) -> EnergySummary:
+def energy_summary(
+    march: March, outcome: Outcome, histories: Mapping[str, Floats], largest_energy: float
+) -> EnergySummary:
     """Return initial, final and largest energy, the works, and the largest closure error of the ledger.
 
-    ``ledger_allowed`` is the allowed closure error, and ``ledger_closed`` whether the error is within it; both are None
-    for a stopped run and for a multi-stage scheme, whose closure error is the energy change made by the scheme itself.
+    Parameters
+    ----------
+    march, outcome
+        The run and its outcome.
+    histories
+        The energies and works at each record, `energies`.
+    largest_energy
+        The largest energy or work of the run, `largest`.
+
+    Returns
+    -------
+    EnergySummary
+        ``ledger_allowed`` is the allowed closure error, and ``ledger_closed`` whether the error is within it; both are
+        None for a stopped run and for a multi-stage scheme, whose closure error is the energy change made by the scheme
+        itself.
     """
-    parts = energies(outcome)
-    total = parts["kinetic_energy"] + parts["elastic_energy"]
+    total = histories["kinetic_energy"] + histories["elastic_energy"]
     initial = march.initial_energy()
-    last = {name: float(values[-1]) if values.size else 0.0 for name, values in parts.items()}
-    error = float(np.max(np.abs(parts["energy_error"]), initial=0.0))
-    allowed = None if march.model.multistage or outcome.status == "unstable" else _allowed_closure(march, outcome)
+
+    def last(name: str) -> float:
+        return float(histories[name][-1]) if histories[name].size else 0.0
+
+    error = float(np.max(np.abs(histories["energy_error"]), initial=0.0))
+    allowed = None
+    if not march.model.multistage and outcome.status != "unstable":
+        allowed = _allowed_closure(march, outcome, largest_energy)
     return {
         "initial": initial,
         "final": float(total[-1]) if total.size else initial,
         "max": float(np.max(total, initial=initial)),
-        "external_work": last["external_work"],
-        "contact_work": last["contact_work"],
-        "external_work_max": float(np.max(parts["external_work"], initial=0.0)),
-        "contact_work_max": float(np.max(parts["contact_work"], initial=0.0)),
+        "external_work": last("external_work"),
+        "contact_work": last("contact_work"),
+        "external_work_max": float(np.max(histories["external_work"], initial=0.0)),
+        "contact_work_max": float(np.max(histories["contact_work"], initial=0.0)),
         "ledger_error": error,
         "ledger_allowed": allowed,
         "ledger_closed": None if allowed is None else bool(error <= allowed),
     }
 
 
-def _allowed_closure(march: March, outcome: Outcome) -> float:
+def _allowed_closure(march: March, outcome: Outcome, largest_energy: float) -> float:
     """Return the allowed closure error of the ledger of a run, over the largest energy."""
     if march.model.why_not_linear:
         return CLOSURE_TOLERANCE_NOT_LINEAR
-    size = largest(outcome)
     # The round-off of the steps adds up in long runs.
-    round_off = ROUND_OFF_UNITS * ROUNDING * float(outcome.totals[0].round_off)
-    return CLOSURE_TOLERANCE + (round_off / size if size > 0 else 0.0)
+    round_off = ROUND_OFF_UNITS * ROUNDING * float(outcome.totals.round_off[0])
+    return CLOSURE_TOLERANCE + (round_off / largest_energy if largest_energy > 0 else 0.0)
 
 
-def momentum_summary(march: March, outcome: Outcome) -> MomentumSummary:
+def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> MomentumSummary:
     """Return linear momentum before the first and after the last step, the impulses in between, and their balance.
+
+    `largest_energy` is the largest energy or work of the run.
 
     The momenta are those at -dt/2 and t_N - dt/2, for a multi-stage scheme at 0 and t_N; the N steps in between
     contribute exactly the given impulses. The error is the imbalance over the largest impulse or momentum involved.
@@ -137,7 +161,7 @@ def momentum_summary(march: March, outcome: Outcome) -> MomentumSummary:
         float(np.abs(outcome.load_impulse).max(initial=0.0)),
     )
     # Balanced forces bring no momentum: their round-off is relative to the momentum that their energy could bring.
-    driven = float(np.sqrt(2.0 * float(model.mass.sum()) * largest(outcome)))
+    driven = float(np.sqrt(2.0 * float(model.mass.sum()) * largest_energy))
     imbalance = float(np.abs(closure).max())
     return {
         "initial": before.tolist(),

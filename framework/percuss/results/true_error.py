@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from percuss.results.exact import ROUND_OFF
+from percuss.results.exact import ROUND_OFF, displacement_at
 from percuss.results.summary import ContactErrors
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
         weight = np.zeros(along.size)
         weight[:-1] += 0.5 * body.mesh.lengths
         weight[1:] += 0.5 * body.mesh.lengths
-        true = solution.displacement(body.name, along, np.full(along.shape, time))
+        true = displacement_at(solution, body.name, along, time)
         computed = displacement[body.start : body.stop] @ body.mesh.direction
         error += float(weight @ (computed - true) ** 2)
         size += float(weight @ true**2)

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 def initial_velocity(model: Model) -> Floats:
     """Return the velocity at t = 0, (nodes, dim): that of the bodies, subject to the active supports and drives."""
-    velocity = np.concatenate([np.tile(body.velocity, (body.mass.size, 1)) for body in model.bodies.values()])
+    velocity = np.empty((model.n_nodes, model.dim))
+    for body in model.bodies.values():
+        velocity[body.start : body.stop] = body.velocity
     _impose_velocities(model, velocity, 0.0)
     return velocity
 

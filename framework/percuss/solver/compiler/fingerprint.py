@@ -35,6 +35,8 @@ _BY_REPR = (bool, int, float, complex, str, bytes, type(None), type(...), range,
 _NOTHING = object()
 # Objects that a fingerprint identifies by their address: kept alive, so that no other object can take that address.
 _KEPT_ALIVE: dict[int, object] = {}
+# Number of declarations in each registry of numba when its table of overloads was filled last.
+_REGISTERED: dict[Any, list[int]] = {}
 
 
 def is_foreign(name: str | None) -> bool:
@@ -181,10 +183,16 @@ class Fingerprint:
 def refresh_overloads() -> None:
     """Let numba notice the overloads of functions that were registered since the last call."""
     registry = sys.modules.get("numba.core.registry")
-    if registry is not None:
-        # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
-        with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
-            registry.cpu_target.typing_context.refresh()
+    if registry is None:
+        return
+    context = registry.cpu_target.typing_context
+    registered = [len(declarations.globals) for declarations in list(context._registries)]
+    if _REGISTERED.get(context) == registered:  # A refresh takes longer than a bulk step, and would find nothing new.
+        return
+    # Generators fill numba's table of overloads, and another thread that compiles may be running one of them.
+    with sys.modules["numba.core.compiler_lock"].global_compiler_lock:
+        context.refresh()
+    _REGISTERED[context] = [len(declarations.globals) for declarations in list(context._registries)]
 
 
 def is_overloaded(function: object) -> bool:
