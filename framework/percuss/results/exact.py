@@ -97,9 +97,7 @@ def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> F
     return displacement
 
 
-def _histories(
-    solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float
-) -> tuple[Floats, Floats]:
+def _histories(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> tuple[Floats, Floats]:
     """Return force, averaged over each step, and gap of the contacts, (T, contacts) each."""
     covered = middle + 0.5 * dt <= solution.reached * (1.0 + 1e-12)
     force = np.full((time.size, len(names)), np.nan)

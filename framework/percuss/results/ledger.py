@@ -67,9 +67,7 @@ def largest(outcome: Outcome) -> float:
     total = outcome.totals
     recorded = np.abs(outcome.record.energy[: outcome.records, :4])
     largest_recorded = float(np.max(recorded, initial=0.0, where=np.isfinite(recorded)))
-    return max(
-        largest_recorded, outcome.energy_before, float(total.largest_work[0]), float(total.step_energy[0])
-    )
+    return max(largest_recorded, outcome.energy_before, float(total.largest_work[0]), float(total.step_energy[0]))
 
 
 def energy_summary(
