@@ -22,7 +22,6 @@ from percuss.certificate.pencil import MARGINAL_DISTANCE, MOST_TRIED_CONTACTS, P
 from percuss.certificate.scheme_limit import limit_ratio
 from percuss.certificate.unequal_contacts import MOST_WORK, ClosedMatrix, unequal_sets
 from percuss.methods.kernel_trial import changes_with_time
-from percuss.solver.contact_rows import delassus_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,7 +108,7 @@ class PencilCriterion:
         self.model = model
         self.pencil = Pencil(model)
         self.limit_ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt)
-        diagonal, others = delassus_rows(model.sides(0.5 * model.dt))
+        diagonal, others = model.delassus_rows(0.5 * model.dt)
         self.delassus = np.diag(diagonal)
         for p, row in enumerate(others):
             for q, value in row.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import threading
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -83,6 +84,12 @@ def values_at(
     return values
 
 
+@functools.lru_cache(maxsize=256)
+def _field_names(kind: type[Any]) -> tuple[str, ...]:
+    """Return the names of the fields of a dataclass, whose look-up takes longer than everything else about it."""
+    return tuple(field.name for field in dataclasses.fields(kind))
+
+
 def _identity(value: Any) -> Any:
     """Return a hashable value that is equal for equal values only, to the last bit.
 
@@ -106,7 +113,7 @@ def _identity(value: Any) -> Any:
         return tuple((name, _identity(entry)) for name, entry in value.items())
     family = getattr(value, "family", "")
     if dataclasses.is_dataclass(value) and not isinstance(value, type) and family != "loads":
-        options = tuple(_identity(getattr(value, field.name)) for field in dataclasses.fields(value))
+        options = tuple(_identity(getattr(value, name)) for name in _field_names(type(value)))
         numbers = tuple(map(_identity, value.parameters())) if family == "materials" else ()  # type: ignore[attr-defined]
         return type(value), options, numbers
     raise TypeError(f"a {type(value).__name__} has no identity")

@@ -132,8 +132,7 @@ def point_records(
         Map from each boundary node to the index of its first boundary degree of freedom.
     """
     diagonal, rows = delassus_rows(sides)
-    points = np.recarray(len(sides), dtype=POINT)
-    points[:] = np.zeros((), dtype=POINT)
+    points = np.zeros(len(sides), dtype=POINT)
     for name in LAW.names or ():
         points[name] = laws[name]
     points["initial_gap"], points["delassus"] = gaps, diagonal
@@ -153,7 +152,7 @@ def point_records(
     stops = np.cumsum([len(row) for row in rows], dtype=np.int64)
     points["other_start"][1:], points["other_stop"] = stops[:-1], stops
     return (
-        points,
+        points.view(np.recarray),
         np.array(entries, dtype=ENTRY).view(np.recarray),
         np.array(others, dtype=OTHER).view(np.recarray),
     )

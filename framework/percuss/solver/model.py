@@ -29,6 +29,14 @@ if TYPE_CHECKING:
     from percuss.case.case import Address, Case
 
 
+class ContactRows(NamedTuple):
+    """The sides of every contact point, and the diagonal and the other entries of S (`contact_rows.delassus_rows`)."""
+
+    sides: list[list[Side]]
+    diagonal: Floats
+    others: list[dict[int, float]]
+
+
 class Stretch(NamedTuple):
     """A part of a run during which the set of active supports and drives and the set of active laws do not change.
 
@@ -334,7 +342,7 @@ class Model:
         """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each."""
         largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
         for start, _ in self.segments(laws=False):
-            diagonal, others = delassus_rows(self.sides((start + 0.5) * self.dt))
+            diagonal, others = self.delassus_rows((start + 0.5) * self.dt)
             largest = np.maximum(largest, diagonal)
             sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
         return largest, sums / largest
@@ -344,10 +352,30 @@ class Model:
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of every contact point, one at a wall, for the supports and drives active at `midpoint`."""
+        return self._contact_rows(midpoint).sides
+
+    def delassus_rows(self, midpoint: float) -> tuple[Floats, list[dict[int, float]]]:
+        """Return S = N^T M^-1 N for the supports and drives active at `midpoint`, as `contact_rows.delassus_rows`."""
+        rows = self._contact_rows(midpoint)
+        return rows.diagonal, rows.others
+
+    def _contact_rows(self, midpoint: float) -> ContactRows:
+        active = tuple(k for k, constraint in enumerate(self.constraints) if constraint.active(midpoint))
+        rows = self._known_contact_rows.get(active)
+        if rows is None:
+            sides = self._sides([self.constraints[k] for k in active])
+            rows = self._known_contact_rows[active] = ContactRows(sides, *delassus_rows(sides))
+        return rows
+
+    @cached_property
+    def _known_contact_rows(self) -> dict[tuple[int, ...], ContactRows]:
+        """The rows of N and S for each set of active supports and drives that was met."""
+        return {}
+
+    def _sides(self, active: Sequence[Constraint]) -> list[list[Side]]:
         directions: dict[int, list[Floats]] = {}
-        for constraint in self.constraints:
-            if constraint.active(midpoint):
-                directions.setdefault(constraint.node, []).append(constraint.direction)
+        for constraint in active:
+            directions.setdefault(constraint.node, []).append(constraint.direction)
         sides = []
         for contact_pair in self.contact_pairs:
             pair_sides = []
@@ -362,7 +390,7 @@ class Model:
     def _check_movable(self) -> None:
         problems: list[Problem] = []
         for start, _ in self.segments(laws=False):
-            diagonal = delassus_rows(self.sides((start + 0.5) * self.dt))[0]
+            diagonal = self.delassus_rows((start + 0.5) * self.dt)[0]
             for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
                 if delassus * min(self.mass[node] for node in contact_pair.nodes) < 1e-12:
                     message = "expected a contact that can move, found every side fixed or driven"
@@ -400,14 +428,14 @@ class Model:
 
     def delassus(self, midpoint: float) -> Floats:
         """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
-        return delassus_rows(self.sides(midpoint))[0]
+        return self.delassus_rows(midpoint)[0]
 
     def law_records(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
         table = table or self.tables[-1]
         order = [point for bound_law in self.laws for point in bound_law.where]
         parts = [law_records(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
-        records = np.concatenate([np.zeros(0, dtype=LAW), *parts])
+        records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
         if self.stages is not None:
             records["stores"] = NOTHING
         return order, records
