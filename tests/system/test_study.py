@@ -18,6 +18,7 @@ import places
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
+from percuss.studies import workers as local_workers
 from percuss.studies.json_schema import study_schema
 from percuss.studies.parameters import Sample, combinations
 from percuss.studies.spec import read_study
@@ -340,6 +341,24 @@ def ended(pids, within=20.0):
             return False
         time.sleep(0.05)
     return True
+
+
+def test_workers_that_have_grown_large_are_replaced(whole, tmp_path, monkeypatch):
+    """A process keeps the machine code of all kernels that it has met; new processes give the same rows."""
+    crews = []
+    memory = iter([2 * local_workers.MOST_MEMORY])
+
+    class Crew(local_workers._Crew):
+        def __init__(self, *given):
+            crews.append(self)
+            super().__init__(*given)
+
+    monkeypatch.setattr(local_workers, "SHORTEST_SERVICE", 0.0)
+    monkeypatch.setattr(local_workers, "_memory_of", lambda process: next(memory, 0))
+    monkeypatch.setattr(local_workers, "_Crew", Crew)
+    study = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2)
+    assert len(crews) == 2
+    assert same(study.table, whole)
 
 
 @pytest.mark.deep

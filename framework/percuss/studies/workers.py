@@ -10,6 +10,7 @@ import signal
 import sys
 import tempfile
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -30,6 +31,10 @@ SECONDS = 0.4  # intended time of a batch: short enough to lose little, long eno
 MOST = 500  # largest number of runs in a batch
 STRIKES = 3  # a run that kills its worker this often is not tried again
 IN_VAIN = 5  # crews that may die before they make a run
+# A process keeps the machine code of every kernel that it has met. Workers of more than this memory [bytes] are
+# replaced by new ones, which load from disk what they need, but not until they have worked for some time [s].
+MOST_MEMORY = 2**30
+SHORTEST_SERVICE = 60.0
 
 Keep = Callable[[Sequence[Record]], None]
 
@@ -105,7 +110,7 @@ def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop:
     crew = _Crew(bench, workers)
     try:
         while (batches.waiting or in_flight or lost.suspects) and not stop.is_set():
-            broken = not _submit(crew, batches, in_flight, lost)
+            broken = not crew.retiring and not _submit(crew, batches, in_flight, lost)
             for batch, made in in_flight.finished():
                 if made is None:
                     broken = True
@@ -120,6 +125,10 @@ def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop:
                 crew.end()
                 keep(lost.sort(running, batches))
                 crew = _Crew(bench, workers)
+            elif crew.retiring and not in_flight:
+                crew.end(wait=True)
+                crew = _Crew(bench, workers)
+            crew.retire_if_large()
     finally:
         if stop.is_set():  # finished batches are kept, those under way are not waited for
             for _, made in in_flight.finished(0.0):
@@ -198,7 +207,13 @@ class _Lost:
 
 
 class _Crew:
-    """Worker processes, and a folder in which each process notes the run that it is making."""
+    """Worker processes, and a folder in which each process notes the run that it is making.
+
+    Attributes
+    ----------
+    retiring
+        Whether the processes are to end when they have finished their batches.
+    """
 
     def __init__(self, bench: Bench, workers: int) -> None:
         context = mp.get_context("forkserver" if "forkserver" in mp.get_all_start_methods() else "spawn")
@@ -206,6 +221,8 @@ class _Crew:
         self.notes = Path(tempfile.mkdtemp(prefix="percuss-"))
         self.alive, self.leash = context.Pipe(duplex=False)
         self.pool = ProcessPoolExecutor(workers, context, _begin, (bench, self.alive, str(self.notes)))
+        self.began = time.monotonic()
+        self.retiring = False
 
     def submit(self, batch: list[Job]) -> Future[list[Record]]:
         with _starting():
@@ -215,6 +232,11 @@ class _Crew:
         """Return the keys of the runs that workers were making when they died."""
         return {note.read_text(encoding="ascii").strip() for note in self.notes.iterdir()} - {""}
 
+    def retire_if_large(self) -> None:
+        """Let the workers retire if one of them takes more than `MOST_MEMORY`."""
+        if not self.retiring and time.monotonic() - self.began > SHORTEST_SERVICE:
+            self.retiring = any(_memory_of(note.name) > MOST_MEMORY for note in self.notes.iterdir())
+
     def end(self, *, wait: bool = False) -> None:
         """End the workers, in the middle of their work unless `wait` is set."""
         if wait:
@@ -223,6 +245,15 @@ class _Crew:
         self.pool.shutdown(wait=False, cancel_futures=True)
         self.alive.close()
         shutil.rmtree(self.notes, ignore_errors=True)
+
+
+def _memory_of(process: str) -> int:
+    """Return the memory of a process [bytes], 0 where the system does not report it."""
+    try:
+        pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 @contextlib.contextmanager
