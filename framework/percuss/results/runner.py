@@ -142,7 +142,7 @@ def _repeat(march: March, outcome: Outcome, repeats: int | None, *, marginal: bo
     for _ in range(limit - 1):
         if repeats is None and spent > REPEAT_SECONDS:
             return
-        repeated = March(march.model, kernels=march.kernels).run(marginal=marginal)
+        repeated = march.again().run(marginal=marginal)
         if repeated.status == "interrupted":
             outcome.status = "interrupted"
             return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -81,23 +82,27 @@ class March:
         self.dim = model.dim
         self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
+        self._begin()
         self.kernels = kernels or bind(self.parts, compiled=compiled)
         self.seconds = {"build": time.perf_counter() - started}
 
+    def again(self) -> March:
+        """Return a march from the beginning of the same run, which overwrites the records of this one."""
+        march = copy.copy(self)
+        march.seconds = {"build": 0.0}
+        march._begin()
+        return march
+
     def _arrays(self) -> None:
+        """Make the arrays that steps do not change, and those of the records."""
         model, dim = self.model, self.dim
         self.probes = recording.probe_nodes(model)
         contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         acted_nodes = [constraint.node for constraint in model.constraints] + [
             nodal_force.node for nodal_force in model.nodal_forces
         ]
-        self.reactions = np.zeros(len(model.constraints))
         self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
-        self.stepper: Stepper = (
-            LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
-        )
-        self.u, self.v = self.stepper.u, self.stepper.v
         mass = np.repeat(model.mass, dim)
         self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
         self.groups, kinds = self._groups()
@@ -110,6 +115,15 @@ class March:
             dim,
         )
         self.record, self.time = recording.empty_record(model, self.probes, self.place)
+
+    def _begin(self) -> None:
+        """Make the arrays of the state before the first step."""
+        model, dim = self.model, self.dim
+        self.reactions = np.zeros(len(model.constraints))
+        self.stepper: Stepper = (
+            LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
+        )
+        self.u, self.v = self.stepper.u, self.stepper.v
         self._saved: list[Any] = []
         body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
         dofs = [
