@@ -116,16 +116,19 @@ class CompiledError(RuntimeError):
     """Error of a compiled kernel whose own class and arguments are not known."""
 
 
-# The result is a status, 0 where no exception was raised. The returned number is written to the first place.
+# The result is a status. The returned number is written to the first place.
 _CALL = ctypes.CFUNCTYPE(
     ctypes.c_int32, ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.POINTER(_Exception)), ctypes.c_void_p
 )
 
 
+NO_ERROR = (0, -2)  # statuses of a function that has returned a number, or None
+
+
 def call_at(address: int, block: Block) -> int:
     """Call a compiled function of a block of data, without other threads having to wait; return its integer result."""
     result, exception = ctypes.c_int64(), ctypes.POINTER(_Exception)()
-    if _CALL(address)(ctypes.byref(result), ctypes.byref(exception), block.address) > 0:
+    if _CALL(address)(ctypes.byref(result), ctypes.byref(exception), block.address) not in NO_ERROR:
         raise _raised(exception)
     return result.value
 
