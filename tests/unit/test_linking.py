@@ -12,7 +12,9 @@ from numba.core import types
 
 import percuss
 from percuss.solver.compiler import specialise
-from percuss.solver.compiler.linking import Block, CannotLink, at, call, form_of, structure
+from percuss.solver.compiler.calls import at, call, form_of
+from percuss.solver.compiler.linking import Block, structure
+from percuss.solver.compiler.machine_code import CannotLink
 from percuss.solver.march import March
 from percuss.solver.model import Model
 from strategies import hunek

@@ -120,14 +120,15 @@ class PencilCriterion:
 
         Contacts of laws without a `surplus` are left out, and contacts that cannot press for want of stiffness.
         """
-        from scipy.sparse.csgraph import connected_components
-
         at_end = ~laws.predicted & ~np.isnan(laws.surplus)
         indices = np.flatnonzero((laws.predicted & (laws.stiffness > 0)) | at_end)
         if indices.size == 0:
             return []
-        coupled = self.delassus[np.ix_(indices, indices)] != 0
-        labels = connected_components(coupled)[1] if indices.size > 1 else np.zeros(1, dtype=np.int64)
+        labels = np.zeros(1, dtype=np.int64)
+        if indices.size > 1:
+            from scipy.sparse.csgraph import connected_components
+
+            labels = connected_components(self.delassus[np.ix_(indices, indices)] != 0)[1]
         out = []
         for label in range(int(labels.max()) + 1):
             group = indices[labels == label]

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.lapack import lapack
+
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.solver.model import Model
@@ -78,8 +80,7 @@ class Pencil:
 
     def factors(self, dt: float) -> list[tuple[Floats, Floats]] | None:
         """Return the factors L D L^T of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
-        from scipy.linalg.lapack import dpttrf
-
+        dpttrf = lapack().dpttrf
         out = []
         for _, mass, diagonal, off in self.bodies:
             *factor, failed = dpttrf(4.0 / dt**2 * mass - diagonal, -off if off.size else np.zeros(1))
@@ -104,8 +105,7 @@ class Pencil:
 
     def compliance(self, factors: list[tuple[Floats, Floats]]) -> Floats:
         """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
-        from scipy.linalg.lapack import dpttrs
-
+        dpttrs = lapack().dpttrs
         out = np.zeros((len(self.model.contact_pairs),) * 2)
         for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
             contacts = self._contacts_between(first, first + mass.size)
@@ -181,17 +181,20 @@ class Pencil:
 
     def free_step(self) -> float:
         """Return the largest step that is stable without contact, 2 over the highest frequency of the bodies."""
-        from scipy.linalg import eigvalsh_tridiagonal
-
+        dstebz, by_index = lapack().dstebz, 2
         highest = 0.0
         for _, mass, diagonal, off in self.bodies:
             root = 1.0 / np.sqrt(mass)
-            last = mass.size - 1
+            size = mass.size
             squared = diagonal * root**2
             scale = float(squared.max()) or 1.0  # LAPACK does not scale, and units may be of any size
-            values = eigvalsh_tridiagonal(
-                squared / scale, off * root[:-1] * root[1:] / scale, select="i", select_range=(last, last)
-            )
+            if size > 1:
+                beside = off * root[:-1] * root[1:] / scale
+                found, values, *_, failed = dstebz(squared / scale, beside, by_index, 0.0, 1.0, size, size, 0.0, "E")
+                if failed or found != 1:
+                    raise np.linalg.LinAlgError(f"LAPACK's dstebz failed with {failed} on {size} rows")
+            else:
+                values = squared / scale
             highest = max(highest, scale * float(values[0]))
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -18,6 +19,8 @@ from percuss.cli.stability import stability
 from percuss.cli.study import study
 from percuss.cli.verify import verify
 from percuss.cli.waves import waves
+
+GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
 
 app = typer.Typer(
     name="percuss",
@@ -36,6 +39,10 @@ def main() -> None:
     """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input."""
     # The matrices are small, so threads of BLAS cost more time than they save, above all beside other runs.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Pydantic would look through all installed distributions for plug-ins of its own.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # Importing makes many objects that stay: to look for garbage among them every time takes a tenth of a short run.
+    gc.set_threshold(GARBAGE_THRESHOLD)
     try:
         app(standalone_mode=True)
     except KeyboardInterrupt:

@@ -47,11 +47,14 @@ def run(
 ) -> None:
     """Run a case, and print, save and draw its result."""
     with reporting(as_json):
-        from percuss.results.exact_only import load_for_exact
-
         if plot is not None:
             expect_drawable(plot)
-        loaded = load_case(case, set_, plugin, read=load_for_exact if exact_only else None)
+        if exact_only:
+            from percuss.results.exact_only import load_for_exact
+
+            loaded = load_case(case, set_, plugin, read=load_for_exact)
+        else:
+            loaded = load_case(case, set_, plugin)
         if plot is not None and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:

@@ -8,7 +8,6 @@ import json
 import re
 import sys
 import urllib.parse
-import urllib.request
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -134,6 +133,8 @@ def _editable_folders() -> set[Path]:
     for distribution in importlib.metadata.distributions():
         origin = json.loads(distribution.read_text("direct_url.json") or "{}")
         if origin.get("dir_info", {}).get("editable"):
-            root = Path(urllib.request.url2pathname(urllib.parse.urlparse(origin["url"]).path)).resolve()
+            from urllib.request import url2pathname  # imports much that only distributions installed so need
+
+            root = Path(url2pathname(urllib.parse.urlparse(origin["url"]).path)).resolve()
             folders |= {root, root / "src"}
     return folders

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,8 +14,9 @@ from percuss.methods import slots
 from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, linked, multistage_loop
-from percuss.solver.compiler.compile_function import jit_disabled
 from percuss.solver.compiler.fingerprint import layout
+from percuss.solver.compiler.linking import Entrances, LinkedLoop, LinkedStages
+from percuss.solver.compiler.machine_code import CannotLink, jit_disabled
 from percuss.solver.compiler.readings import Readings
 from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_error
 
@@ -51,6 +52,24 @@ class LoopParts:
     laws: Sequence[BoundLaw]
     integrator: Integrator | None
     dim: int
+
+
+class _Recipe(NamedTuple):
+    """What a loop is bound from: the parts of a model without its arrays, which a loop that is kept must not keep."""
+
+    bodies: tuple[tuple[Any, Any, str], ...]  # element and material class, and the layout of the arrays of a group
+    laws: tuple[tuple[Any, str], ...]  # kernel of a contact law, and the layout of what it reads
+    integrator: Integrator | None
+    dim: int
+
+
+def _recipe(parts: LoopParts) -> _Recipe:
+    return _Recipe(
+        tuple((*kinds, layout(group)) for kinds, group in zip(parts.kinds, parts.groups, strict=True)),
+        tuple((bound_law.kernel, layout(bound_law.kernel_data)) for bound_law in parts.laws),
+        parts.integrator,
+        parts.dim,
+    )
 
 
 class PlainLoop(NamedTuple):
@@ -98,7 +117,8 @@ def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> 
     key = None if counting else _key(parts, jit=jit)
     kernels = _BOUND.get(key)
     if kernels is None or not kernels.readings.unchanged(jit=jit):
-        kernels = _loop(Specialiser(jit=jit, counting=counting), parts)
+        recipe = _recipe(parts)
+        kernels = _linked_loop(recipe, counting=counting) if jit else _plain_loop(recipe)
     if key is not None:
         _remember(key, kernels)
     kernels = kernels._replace(loop=kernels.loop.for_another_model())
@@ -176,8 +196,6 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
         if integrator_failure is not None:
             reasons[f"integrator {parts.integrator.name}"] = integrator_failure
     if not reasons:
-        from percuss.solver.compiler.linking import CannotLink
-
         if isinstance(error, CannotLink):
             return bind(parts, compiled=False)._replace(reasons=(str(error),))
         if parts.integrator is None:
@@ -201,38 +219,72 @@ def _integrator_failure(integrator: Integrator, u: Floats, v: Floats, dt: float)
     return None
 
 
-def _loop(maker: Specialiser, parts: LoopParts) -> Kernels:
-    """Return the loop over steps and, for a multi-stage scheme, the function for its first accelerations."""
-    forces: Kernel = bulk.advance_bars if parts.dim == 1 else bulk.advance_bodies
-    if parts.integrator is not None:
+class _Stage(NamedTuple):
+    """What a time loop asks of its model: the bulk update or internal forces, the strain energy and the laws."""
+
+    update: Kernel
+    energy: Kernel
+    laws: Kernel
+
+
+def _bound(maker: Specialiser, recipe: _Recipe) -> _Stage:
+    """Return the kernels of a model, bound."""
+    forces: Kernel = bulk.advance_bars if recipe.dim == 1 else bulk.advance_bodies
+    if recipe.integrator is not None:
         forces = multistage_loop.force_group
-    update = _over_groups(maker, parts, forces, bulk.each_group)
-    energy = _over_groups(maker, parts, bulk.elastic_group, bulk.sum_over_groups)
-    laws = custom_laws.bind(maker, parts.laws)
-    return (_linked_loop if maker.jit else _plain_loop)(maker, parts, update, energy, laws)
+    update = _over_groups(maker, recipe, forces, bulk.each_group)
+    energy = _over_groups(maker, recipe, bulk.elastic_group, bulk.sum_over_groups)
+    return _Stage(update, energy, custom_laws.bind(maker, recipe.laws))
 
 
-def _plain_loop(maker: Specialiser, parts: LoopParts, update: Kernel, energy: Kernel, laws: Kernel) -> Kernels:
+def _plain_loop(recipe: _Recipe) -> Kernels:
     """Return the loop as plain Python, with the kernels in the place of its slots."""
+    maker = Specialiser(jit=False)
+    update, energy, laws = _bound(maker, recipe)
     filled: dict[Any, Any] = {leapfrog_loop.elastic: energy, leapfrog_loop.kernel_laws: laws}
-    if parts.integrator is None:
+    if recipe.integrator is None:
         filled[leapfrog_loop.bulk] = update
         return Kernels(PlainLoop(maker.with_slots(filled).bind(leapfrog_loop.advance)), False, maker.readings)
     filled[multistage_loop.forces] = update
     filled[slots.accelerations] = maker.with_slots(filled).bind(multistage_loop.accelerate)
-    filled[multistage_loop.take_step] = maker.with_slots(filled).bind(integrator_check.kernel_of(parts.integrator))
+    filled[multistage_loop.take_step] = maker.with_slots(filled).bind(integrator_check.kernel_of(recipe.integrator))
     maker = maker.with_slots(filled)
     loop = PlainLoop(maker.bind(multistage_loop.advance), maker.bind(multistage_loop.begin))
     return Kernels(loop, False, maker.readings)
 
 
-def _linked_loop(maker: Specialiser, parts: LoopParts, update: Kernel, energy: Kernel, laws: Kernel) -> Kernels:
-    """Return the compiled loop, the same for all methods, which calls the kernels by their addresses."""
-    from percuss.solver.compiler.linking import LinkedLoop, LinkedStages, at, call
+def _linked_loop(recipe: _Recipe, *, counting: bool) -> Kernels:
+    """Return the compiled loop, the same for all methods, which calls the kernels by their addresses.
 
-    filled: dict[Any, Any] = {
-        linked.at: at,
-        linked.call: call,
+    The kernels are bound and digested first; they are bound for the compiler when machine code is not stored yet.
+    """
+    maker = Specialiser(counting=counting, digested_alone=True)
+    tags = {kind: maker.tag_of(kernel) for kind, kernel in _entrances(maker, recipe).items()}
+
+    def bind_for_the_compiler() -> dict[str, Kernel]:
+        from percuss.solver.compiler.calls import at, call
+
+        return _entrances(Specialiser(counting=counting), recipe, {linked.at: at, linked.call: call})
+
+    loop = LinkedLoop if recipe.integrator is None else LinkedStages
+    return Kernels(loop(Entrances(tags, bind_for_the_compiler)), True, maker.readings)
+
+
+def _entrances(maker: Specialiser, recipe: _Recipe, instructions: Mapping[Any, Any] | None = None) -> dict[str, Kernel]:
+    """Return the entrances of the kernels and of the loop of a model.
+
+    Parameters
+    ----------
+    maker
+        What binds them.
+    recipe
+        The kernels of the model.
+    instructions
+        What replaces the slots of `linked` that stand for instructions of the compiler.
+    """
+    instructions = dict(instructions or {})
+    update, energy, laws = _bound(maker, recipe)
+    filled: dict[Any, Any] = instructions | {
         leapfrog_loop.bulk: linked.bulk,
         leapfrog_loop.elastic: linked.elastic,
         leapfrog_loop.kernel_laws: linked.kernel_laws,
@@ -243,30 +295,35 @@ def _linked_loop(maker: Specialiser, parts: LoopParts, update: Kernel, energy: K
     own = maker.with_slots(filled)
 
     def entrance(maker: Specialiser, kernel: Kernel, template: Kernel = linked.entrance) -> Kernel:
-        return maker.with_slots({linked.kernel: kernel, linked.at: at}).bind(template, linked=True)
+        return maker.with_slots({linked.kernel: kernel, **instructions}).bind(template, linked=True)
+
+    def entrance_of_loop(template: Kernel) -> Kernel:
+        return entrance(own, template, linked.entrance_of_loop)
 
     entrances = {"strain energy": entrance(maker, energy)}
-    if parts.laws:
+    if recipe.laws:
         entrances["contact laws"] = entrance(maker, laws)
-    if parts.integrator is None:
+    if recipe.integrator is None:
         entrances["bulk update"] = entrance(maker, update)
-        return Kernels(LinkedLoop(own.bind(leapfrog_loop.advance, entry=True), entrances), True, maker.readings)
+        entrances["leap-frog loop"] = entrance_of_loop(leapfrog_loop.advance)
+        return entrances
     entrances["internal forces"] = entrance(maker, update)
     entrances["accelerations of a stage"] = entrance(own, multistage_loop.accelerate)
-    scheme = maker.with_slots(filled, about=layout(parts.integrator.bind(1.0)))
+    scheme = maker.with_slots(filled, about=layout(recipe.integrator.bind(1.0)))
     scheme.counting = True  # nearly every kernel of a multi-stage scheme allocates
     scheme.checked = True
-    step = integrator_check.kernel_of(parts.integrator)
+    step = integrator_check.kernel_of(recipe.integrator)
     entrances["step of a scheme"] = entrance(scheme, step, linked.entrance_of_step)
-    advance, begin = own.bind(multistage_loop.advance, entry=True), own.bind(multistage_loop.begin, entry=True)
-    return Kernels(LinkedStages(advance, begin, entrances), True, maker.readings)
+    entrances["multi-stage loop"] = entrance_of_loop(multistage_loop.advance)
+    entrances["first accelerations"] = entrance_of_loop(multistage_loop.begin)
+    return entrances
 
 
-def _over_groups(maker: Specialiser, parts: LoopParts, template: Kernel, pair: Kernel) -> Any:
+def _over_groups(maker: Specialiser, recipe: _Recipe, template: Kernel, pair: Kernel) -> Any:
     """Return one function for all groups of bodies: `template` treats one, `pair` one and the groups behind it."""
     joined: Any = None
-    for (element, material), arrays in zip(reversed(parts.kinds), reversed(parts.groups), strict=True):
-        head = maker.with_slots(_slots(element, material), about=layout(arrays)).bind(template)
+    for element, material, about in reversed(recipe.bodies):
+        head = maker.with_slots(_slots(element, material), about=about).bind(template)
         if joined is None:
             joined = head
         else:

@@ -137,14 +137,15 @@ def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool)
     return TrialViews(**views, **rows), pushed
 
 
-def bind(maker: Specialiser, laws: Sequence[BoundLaw], *, entry: bool = False) -> Callable[..., None]:
-    """Return the function that calls the kernels of all laws in turn; with `entry`, Python can call it."""
+def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = False) -> Callable[..., None]:
+    """Return the function that calls the kernels of all laws in turn; with `entry`, Python can call it.
+
+    Each law is given by its kernel and the layout of what this kernel reads.
+    """
     remaining: Any = None
-    for bound_law in reversed(laws):
-        slots: dict[Any, Any] = {multipliers: bound_law.kernel} | (
-            {remaining_laws: remaining} if remaining is not None else {}
-        )
-        specialiser = maker.with_slots(slots, about=layout(bound_law.kernel_data))
+    for kernel, about in reversed(laws):
+        slots: dict[Any, Any] = {multipliers: kernel} | ({remaining_laws: remaining} if remaining is not None else {})
+        specialiser = maker.with_slots(slots, about=about)
         specialiser.checked = True
         remaining = specialiser.bind(apply_law)
     return maker.with_slots({first_law: remaining} if remaining is not None else {}).bind(apply_laws, entry=entry)
@@ -158,7 +159,8 @@ def compile_failure(bound_law: BoundLaw) -> Exception | None:
     others = np.recarray(0, dtype=OTHER)
     nested = nest([bound_law], points, others)
     try:
-        bind(Specialiser(counting=True), [bound_law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))
+        law = bound_law.kernel, layout(bound_law.kernel_data)
+        bind(Specialiser(counting=True), [law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))
     except compile_error() as error:
         return error
     return None

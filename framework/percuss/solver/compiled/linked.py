@@ -61,6 +61,10 @@ EXAMPLES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "contact laws": (None, (_POINTS, _OTHERS, 1.0, 1.0, (1.0, 1.0))),
     "accelerations of a stage": (None, (1, _LINE, _LINE, _LINE)),
     "step of a scheme": (None, (_LINE, _LINE, _LINE[None], 1.0)),
+    # Python calls these, with the block that holds their arguments alone.
+    "leap-frog loop": (1, ()),
+    "multi-stage loop": (1, ()),
+    "first accelerations": (None, ()),
 }
 
 
@@ -88,6 +92,11 @@ def entrance_of_step(data: Any, arguments: Any) -> None:
     """Call the kernel of a multi-stage scheme with its numbers and the system at the address `data`."""
     numbers, system = at(data)
     kernel(numbers, system, *arguments)
+
+
+def entrance_of_loop(data: Any, arguments: Any) -> Any:
+    """Call a loop with all its arguments, at the address `data`."""
+    return kernel(*at(data))
 
 
 def bulk(

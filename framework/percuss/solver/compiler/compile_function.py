@@ -14,6 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from percuss.solver.compiler.machine_code import jit_disabled
+
 Kernel = Callable[..., Any]
 
 
@@ -59,13 +61,6 @@ def _compiled(function: types.FunctionType, cache: bool, cache_class: Any, optio
     return kernel  # type: ignore[no-any-return]
 
 
-def jit_disabled() -> bool:
-    """Return whether numba is configured not to compile (``NUMBA_DISABLE_JIT=1``)."""
-    import numba
-
-    return bool(numba.config.DISABLE_JIT)
-
-
 @functools.cache
 def pipelines() -> types.ModuleType | None:
     """Return the module of compilers for callees and entries, or None if this version of numba is built otherwise.
@@ -84,6 +79,8 @@ def _cache_classes() -> tuple[Any, Any]:
     """Return the classes of the disk caches of entries and of callees."""
     from numba.core.caching import FunctionCache
 
+    compilers = pipelines()
+
     class ForgivingCache(FunctionCache):  # type: ignore[misc]
         """A cache of machine code that begins anew where it cannot be read.
 
@@ -98,6 +95,9 @@ def _cache_classes() -> tuple[Any, Any]:
         """
 
         stored: Any = None
+
+        if compilers is not None:
+            _impl_class = compilers.EntryCacheImpl
 
         @property
         def lock_file(self) -> Path:
@@ -116,8 +116,6 @@ def _cache_classes() -> tuple[Any, Any]:
             except (ImportError, AttributeError):
                 self.flush()
                 return None
-
-    compilers = pipelines()
 
     class CalleeCache(ForgivingCache):
         """The cache of callees, which stores intermediate code."""

@@ -156,6 +156,26 @@ def compiler_of_one_entry() -> type[EntryCompiler]:
     return Compiler
 
 
+class EntryCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
+    """What is stored of an entry, and how it is restored: its object code stays with it."""
+
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+        """Return the compiled entry from what `CompileResult._reduce` returned."""
+        restored = super().rebuild(target_context, payload)
+        _, form, code = payload[0]
+        if form == "object":
+            restored.library.restored_from = code[0]
+        return restored
+
+
+def object_code(library: Any) -> tuple[bytes, list[str]]:
+    """Return the object code of a compiled function, empty if there is none, and the names that it does not define."""
+    code = getattr(library, "restored_from", None) or library._compiled_object or b""
+    module = library._final_module
+    outside = [item.name for item in (*module.functions, *module.global_variables) if item.is_declaration]
+    return bytes(code), outside
+
+
 class CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     """What is stored of a callee, and how it is restored."""
 

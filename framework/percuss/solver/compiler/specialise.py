@@ -23,7 +23,7 @@ from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.solver import compiled
-from percuss.solver.compiler.compile_function import compile_callee, compile_entry, jit_disabled
+from percuss.solver.compiler.compile_function import compile_callee, compile_entry
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
     contents,
@@ -33,6 +33,7 @@ from percuss.solver.compiler.fingerprint import (
     plain_function,
     refresh_overloads,
 )
+from percuss.solver.compiler.machine_code import cache_folder, jit_disabled
 from percuss.solver.compiler.readings import Readings
 from percuss.version import __version__
 
@@ -40,7 +41,7 @@ Kernel = Callable[..., Any]
 
 _COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
 
-LINKING = "percuss.solver.compiler.linking"
+CALLS = "percuss.solver.compiler.calls"
 # Modules of the loop itself: they contain no kernel of a plug-in, and no function in them allocates.
 OWN_MODULES = (compiled.__name__, slot_functions.__name__)
 
@@ -61,6 +62,8 @@ class Specialiser:
     inline
         Whether functions are copied into their callers. A call that is not inlined passes every array as several
         numbers; code that is inlined takes longer to compile.
+    digested_alone
+        Whether to bind and digest as for the compiler, without handing anything to it.
 
     Attributes
     ----------
@@ -76,12 +79,14 @@ class Specialiser:
         counting: bool = False,
         about: str = "",
         inline: bool = True,
+        digested_alone: bool = False,
     ) -> None:
         self.slots = dict(slots or {})
         self.jit = jit
         self.counting = counting
         self.about = about
         self.inline = inline
+        self.digested_alone = digested_alone
         self.checked = False  # whether kernels of plug-ins check array indices against the size of the array
         self.tags: dict[int, str] = {}
         self._unkept: set[str] = set()  # tags of code without a source, or that reaches an object without a digest
@@ -95,12 +100,22 @@ class Specialiser:
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
         specialiser = Specialiser(
-            {**self.slots, **slots}, jit=self.jit, counting=self.counting, about=about, inline=self.inline
+            {**self.slots, **slots},
+            jit=self.jit,
+            counting=self.counting,
+            about=about,
+            inline=self.inline,
+            digested_alone=self.digested_alone,
         )
         specialiser.tags, specialiser._unkept, specialiser._keep = self.tags, self._unkept, self._keep
         specialiser._slotted, specialiser.readings = self._slotted, self.readings
         specialiser.checked = self.checked
         return specialiser
+
+    def tag_of(self, kernel: Kernel) -> str:
+        """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""
+        tag = self.tags[id(kernel)]
+        return "" if tag in self._unkept else tag
 
     def bind(
         self,
@@ -143,7 +158,7 @@ class Specialiser:
         if id(function) in self.tags:
             return function
         definition = getattr(function, "__wrapped__", None)
-        if definition is not None and function.__module__ == LINKING:  # an instruction for the compiler, not a function
+        if definition is not None and function.__module__ == CALLS:  # an instruction for the compiler, not a function
             self.tags[id(function)] = function_digest(definition)[0]
             return function
         cached = self._bound.get(id(function))
@@ -178,7 +193,7 @@ class Specialiser:
             options["no_cpython_wrapper"] = True
         copy = _copy(source, bound, closure, tag)
         kernel: Kernel = copy
-        if self.jit:
+        if self.jit and not self.digested_alone:
             kernel = self._compiled(copy, options, tag, entry)
         self._in_progress.discard(id(function))
         self._bound[id(function)] = kernel
@@ -265,9 +280,8 @@ class Specialiser:
             options["forceinline"] = True
         if reduction or getattr(function, "reduction", False):
             options["fastmath"] = ("nsz", "reassoc")
-        if _counting_can_be_left_out():
-            # Always set, because otherwise the option of the calling function applies.
-            options["_nrt"] = self.counting and not _is_part_of_loop(function)
+        # Always set, because otherwise the option of the calling function applies.
+        options["_nrt"] = self.counting and not _is_part_of_loop(function)
         return options
 
     def _tag(
@@ -366,11 +380,11 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry:
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])
+    if not _counting_can_be_left_out():
+        options.pop("_nrt", None)
     configured = numba.config.CACHE_DIR
     if cache and not configured:
-        import platformdirs
-
-        numba.config.CACHE_DIR = platformdirs.user_cache_dir("percuss", appauthor=False)
+        numba.config.CACHE_DIR = str(cache_folder())
     try:
         compile_function = compile_entry if entry else compile_callee
         return compile_function(function, cache=cache, **options)

@@ -1,0 +1,117 @@
+"""What each command imports: nothing that it does not use, and a run whose machine code is stored no compiler."""
+
+import json
+import re
+import subprocess
+import sys
+from collections import OrderedDict
+from importlib import metadata
+
+import pytest
+
+from command_line import percuss_command
+from percuss.solver import build
+from percuss.solver.compiler import machine_code
+from places import CASES
+
+NOTHING = set()
+WORDS = {"typer"}
+INPUT = WORDS | {"annotated_types", "numpy", "pydantic", "yaml", "pluggy"}
+SOLVE = INPUT | {"llvmlite", "platformdirs"}
+# Each command, and the libraries that may be imported once it has been executed. The commands follow one another in one
+# process, so that each set contains the one before.
+MAY_IMPORT = {
+    "": NOTHING,  # import percuss
+    "--help": WORDS,
+    "plugins --json": INPUT,
+    "plugins bipenalty": INPUT,
+    "schema": INPUT,
+    "schema --study": INPUT,
+    "check {case}": INPUT,
+    "check {case} --json": INPUT,
+    "run {case} --exact-only --json": INPUT,
+    "run {case} --json": SOLVE,
+    "run {case} --json --set method.integrator=central-difference": SOLVE,
+    "compare {case} --contact penalty,bipenalty --json": SOLVE,
+    "plugins": SOLVE | {"rich"},
+    "stability {case}": SOLVE | {"rich"},
+    "run {case}": SOLVE | {"rich"},
+}
+# Libraries that no distribution below declares as its own dependency, but that take long to import.
+OTHERS = {"dask", "distributed", "llvmlite", "matplotlib", "pandas", "pyarrow", "tornado"}
+
+SCRIPT = """
+import json, sys
+commands, watched = json.loads(sys.argv[1])
+imported, printed = {}, {}
+
+def execute(words):
+    import contextlib, io
+    from percuss.cli.main import app
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        try:
+            app(words, standalone_mode=True)
+        except SystemExit as done:
+            assert not done.code, (words, done.code, out.getvalue())
+    return out.getvalue()
+
+for command in commands:
+    if command:
+        printed[command] = execute(command.split())
+    else:
+        import percuss
+    imported[command] = [name for name in watched if name in sys.modules]
+print(json.dumps([imported, printed]))
+"""
+
+
+def modules_of_dependencies():
+    """Return the modules of all distributions that percuss declares, by what they are imported as."""
+    declared = {re.match(r"[\w.-]+", line)[0].lower() for line in metadata.requires("percuss")}
+    provided = {
+        module
+        for module, distributions in metadata.packages_distributions().items()
+        if module.isidentifier() and declared & {name.lower() for name in distributions}
+    }
+    return sorted((provided | OTHERS) - {"percuss"})
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """Return what is imported after each command, and what it prints, in a process of its own with stored code."""
+    case = str(CASES / "hunek.yaml")
+    commands = [command.format(case=case) for command in MAY_IMPORT]
+    for command in commands:
+        if command.startswith(("run", "compare")):
+            assert percuss_command(*command.split()).returncode == 0
+    asked = json.dumps([commands, modules_of_dependencies()])
+    done = subprocess.run([sys.executable, "-c", SCRIPT, asked], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    imported, printed = json.loads(done.stdout)
+    return dict(zip(MAY_IMPORT, imported.values(), strict=True)), printed
+
+
+def test_a_command_imports_only_what_it_uses(warm):
+    imported, _ = warm
+    too_much = {command: sorted(set(names) - MAY_IMPORT[command]) for command, names in imported.items()}
+    assert not {command: names for command, names in too_much.items() if names}
+
+
+def test_the_dependencies_are_watched():
+    watched = modules_of_dependencies()
+    assert {"numba", "scipy", "numpy", "xarray", "netCDF4", "pydantic", "yaml", "rich", "matplotlib"} <= set(watched)
+
+
+def test_a_run_without_the_compiler_gives_the_same_numbers(warm, monkeypatch):
+    _, printed = warm
+    command = next(
+        command for command in printed if command.startswith("run") and command.endswith("hunek.yaml --json")
+    )
+    monkeypatch.setattr(machine_code, "address_of_stored", lambda key: None)
+    monkeypatch.setattr(build, "_BOUND", OrderedDict())
+    without, compiled = json.loads(printed[command]), json.loads(percuss_command(*command.split()).stdout)
+    for summary in (without, compiled):
+        assert summary["compiled"] is True
+        del summary["seconds"]
+    assert without == compiled
