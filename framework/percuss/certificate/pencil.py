@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.lapack import lapack
 
 if TYPE_CHECKING:
@@ -218,7 +219,8 @@ def largest_eigenvalue(matrix: Floats) -> float:
     rows, columns = np.nonzero(ordered)
     width = int(np.abs(rows - columns).max(initial=0))
     if width > size // 8:
-        return float(eigh(matrix, eigvals_only=True, subset_by_index=last)[0])
+        with one_blas_thread():  # once more, of the library that this import may have brought
+            return float(eigh(matrix, eigvals_only=True, subset_by_index=last)[0])
     band = np.zeros((width + 1, size))
     for k in range(width + 1):
         band[k, : size - k] = np.diagonal(ordered, k)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.errors import InputError, Problem
 from percuss.jsonable import plain
 from percuss.results.exact import exact_solution
@@ -47,6 +48,7 @@ def load_for_exact(
     return load(source, overrides, plugins=plugins)
 
 
+@one_blas_thread()
 def run_exact(case: Case) -> ExactSolutionResult:
     """Return the exact solution of a case up to its end, or up to the time that the solution reaches.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.case.case import expect_case
 from percuss.certificate import cause, verdict
 from percuss.compiling import Stopwatch
@@ -91,6 +92,7 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) ->
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True)
 
 
+@one_blas_thread()
 def _run(
     case: Case,
     watch: Stopwatch,
