@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from percuss.errors import InputError, Problem
 from percuss.files import PACKAGE
+from percuss.version import installed_version
 
 if TYPE_CHECKING:
     from percuss.methods.provenance import Provenance
@@ -73,7 +74,7 @@ def content_digest(content: bytes) -> str:
 def surroundings() -> dict[str, str]:
     """Return versions and settings outside the methods that can change numbers: packages, environment, numba's file."""
     versions_and_settings = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
-    versions_and_settings |= {name: _version(name) for name in COMPUTING_PACKAGES}
+    versions_and_settings |= {name: installed_version(name) for name in COMPUTING_PACKAGES}
     for name, value in sorted(os.environ.items()):
         if name.startswith(NUMERIC_PREFIXES) and not name.startswith(HARMLESS_PREFIXES):
             versions_and_settings[name] = value
@@ -195,15 +196,6 @@ def _refuse_edited(name: str, path: Path, content: bytes) -> None:
 
 
 @functools.cache
-def _version(distribution: str) -> str:
-    """Return the version of an installed distribution."""
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "not installed"
-
-
-@functools.cache
 def _distributions() -> dict[str, list[str]]:
     """Return the names of the distributions that provide each top-level package."""
     return {package: sorted(set(names)) for package, names in metadata.packages_distributions().items()}
@@ -306,7 +298,7 @@ class SourceDigests:
                 out.append((module, path))
             elif path is not None:
                 names = _distributions().get(first, [])
-                digests[f"package {first}"] = ", ".join(f"{name} {_version(name)}" for name in names) or "?"
+                digests[f"package {first}"] = ", ".join(f"{name} {installed_version(name)}" for name in names) or "?"
         return out
 
 

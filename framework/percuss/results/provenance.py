@@ -11,6 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from percuss.version import installed_version
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -19,13 +21,10 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 
-@cache
 def versions() -> dict[str, str]:
-    """Return the versions in use; they are cached because a look-up takes longer than a short run."""
-    from importlib.metadata import version
-
+    """Return the versions in use."""
     names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
-    return {"python": platform.python_version(), **{name: version(name) for name in names}}
+    return {"python": platform.python_version(), **{name: installed_version(name) for name in names}}
 
 
 @cache
@@ -47,7 +46,7 @@ def processor_model() -> str:
 def machine() -> dict[str, Any]:
     """Return versions, machine and current time for the provenance of a result."""
     return {
-        "versions": dict(versions()),
+        "versions": versions(),
         "machine": {
             "system": platform.platform(),
             "processor": platform.machine(),
