@@ -19,8 +19,6 @@ VARIABLES = (
     "VECLIB_MAXIMUM_THREADS",
     "OMP_NUM_THREADS",
 )
-
-
 PACKAGES = ("numpy", "scipy.linalg")  # each brings a library of its own
 
 
@@ -105,4 +103,4 @@ def one_blas_thread() -> Iterator[None]:
 def start_with_one_blas_thread() -> None:
     """Let BLAS have one thread in this process, if NumPy is not imported yet, and in those that the process starts."""
     os.environ.update(dict.fromkeys(VARIABLES, "1"))
-    _LIMIT.always = "numpy" not in sys.modules
+    _LIMIT.always |= "numpy" not in sys.modules

@@ -22,6 +22,7 @@ from percuss.solver.model import Model
 from percuss.testing import Subject, checks_of
 from percuss.testing.draws import bar_chains
 from percuss.testing.kit import perform
+from percuss_methods.materials import elastic
 from strategies import hunek
 
 ROOT = places.ROOT
@@ -160,7 +161,7 @@ def test_of_a_material_with_two_moduli_no_step_is_known_to_be_unstable(softer):
 
 
 def test_a_linear_material_of_any_name_has_an_exact_solution(tmp_path):
-    text = (ROOT / "plugins" / "percuss_methods" / "materials" / "elastic.py").read_text(encoding="utf-8")
+    text = Path(elastic.__file__).read_text(encoding="utf-8")
     (tmp_path / "steel.py").write_text(text.replace('"elastic"', '"steel"'), encoding="utf-8")
     case = hunek(10)
     case["bodies"]["short"]["material"] = {"name": "steel", **STEEL}

@@ -4,33 +4,29 @@ import ctypes
 
 import numpy as np
 import pytest
-from llvmlite import binding
+from llvmlite import binding, ir
 
 from percuss import lapack
 from percuss.solver.compiler import machine_code
 from percuss.solver.compiler.linking import Block, call_at
 from percuss.solver.compiler.machine_code import MachineCode, address_of_stored, key_of, refers_to_c_alone, store
 
-FUNCTION = """
-declare double @{library_function}(double)
-define i32 @root(i64* %result, i8** %error, double* %data) {{
-  %value = load double, double* %data
-  %root = call double @{library_function}(double %value)
-  %whole = fptosi double %root to i64
-  store i64 %whole, i64* %result
-  ret i32 {status}
-}}
-"""
-
 
 def compiled(library_function="sqrt", status=0):
-    """Return the machine code of the root of a number, made without numba."""
+    """Return the machine code of a function that returns the root of a number, made without numba."""
+    number, whole = ir.DoubleType(), ir.IntType(64)
+    module = ir.Module()
+    places = [whole.as_pointer(), ir.IntType(8).as_pointer(), number.as_pointer()]
+    function = ir.Function(module, ir.FunctionType(ir.IntType(32), places), "root")
+    root = ir.Function(module, ir.FunctionType(number, [number]), library_function)
+    builder = ir.IRBuilder(function.append_basic_block())
+    value = builder.call(root, [builder.load(function.args[2])])
+    builder.store(builder.fptosi(value, whole), function.args[0])
+    builder.ret(ir.Constant(ir.IntType(32), status))
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     machine = binding.Target.from_default_triple().create_target_machine(reloc="pic", codemodel="large", jit=True)
-    text = FUNCTION.format(library_function=library_function, status=status).replace("i64*", "ptr")
-    text = text.replace("double*", "ptr").replace("i8**", "ptr")
-    return MachineCode("root", "=d", machine.emit_object(binding.parse_assembly(text)))
+    return MachineCode("root", "=d", machine.emit_object(binding.parse_assembly(str(module))))
 
 
 @pytest.fixture

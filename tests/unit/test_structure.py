@@ -23,6 +23,9 @@ ROOT = places.ROOT
 FRAMEWORK = Path(percuss.__file__).parent
 PLUGINS = Path(percuss_methods.__file__).parent
 
+if not places.has_source_tree:
+    pytest.skip("these tests read the source tree, and here are the tests alone", allow_module_level=True)
+
 TOP_LEVEL = {"pyproject.toml", "framework", "plugins", "cases", "tests", "README.md", "LICENSE"}
 DROPPINGS = {"build", "dist", "__pycache__", "PKG-INFO"}
 DOOR = {"percuss", "percuss.testing"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -147,17 +148,19 @@ def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:
         Whether the integrator is a multi-stage scheme.
     """
     end = linear.at == "end"
-    tie = end and bool(np.all(linear.rate)) and not np.any(linear.gap) and not np.any(linear.sigma)
+    sigma, gap, rate = np.asarray(linear.sigma), np.asarray(linear.gap), np.asarray(linear.rate)
+    weighs_rate = bool(rate.any())
+    tie = end and weighs_rate and bool(rate.all()) and not gap.any() and not sigma.any()
     reasons = {
         f"{law} is evaluated at the end of a step of stages, and no closed form of that is known": end and multistage,
-        f"{law} weighs the gap rate, which damps or drives": np.any(linear.rate) and not tie,
+        f"{law} weighs the gap rate, which damps or drives": weighs_rate and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (linear.active != "all" or linear.sign != "free")
         ),
-        f"{law} does not weigh the gap": not np.all(linear.gap) and not tie,
+        f"{law} does not weigh the gap": not tie and not gap.all(),
         f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),
         f"{law} is evaluated at the current or predicted gap without a compliance (sigma = 0)": (
-            not end and np.any(np.asarray(linear.sigma) <= 0)
+            not end and (sigma <= 0).any()
         ),
     }
     return next((reason for reason, holds in reasons.items() if holds), "")
@@ -201,5 +204,5 @@ def _determined(state: ContactState, linear: LinearLaw) -> bool:
 
 def _share_an_end(model: Model, indices: list[int]) -> bool:
     """Return whether a contact of `indices` shares a node with another contact, whose force then changes its gap."""
-    nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-    return any(nodes.count(node) > 1 for p in indices for node in model.contact_pairs[p].nodes)
+    contacts_at = Counter(node for contact_pair in model.contact_pairs for node in contact_pair.nodes)
+    return any(contacts_at[node] > 1 for p in indices for node in model.contact_pairs[p].nodes)

@@ -20,7 +20,7 @@ from percuss.certificate.black_box import LARGEST_DENSE_STATE, MOST_TOGETHER, Mo
 from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
 from percuss.certificate.pencil import MARGINAL_DISTANCE, MOST_TRIED_CONTACTS, Pencil, largest_step, largest_step_below
 from percuss.certificate.scheme_limit import limit_ratio
-from percuss.certificate.unequal_contacts import MOST_WORK, ClosedMatrix, unequal_sets
+from percuss.certificate.unequal_contacts import MOST_WORK, ClosedMatrix, unequal_sets, work
 from percuss.methods.kernel_trial import changes_with_time
 
 if TYPE_CHECKING:
@@ -108,37 +108,42 @@ class PencilCriterion:
         self.model = model
         self.pencil = Pencil(model)
         self.limit_ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt)
-        diagonal, others = model.delassus_rows(0.5 * model.dt)
-        self.delassus = np.diag(diagonal)
-        for p, row in enumerate(others):
-            for q, value in row.items():
-                self.delassus[p, q] = value
-        self._shares_ends = any(others)
+        self.delassus, self.coupling = model.delassus_rows(0.5 * model.dt)
+        self._shares_ends = any(self.coupling)
 
     def _groups(self, laws: ClosedContacts) -> list[tuple[Any, bool]]:
         """Return the groups of contacts that share ends, each with whether its F is symmetric.
 
-        Contacts of laws without a `surplus` are left out, and contacts that cannot press for want of stiffness.
+        Contacts that share no end with another of these are left out, as are contacts of laws without a `surplus` and
+        contacts that cannot press for want of stiffness.
         """
-        at_end = ~laws.predicted & ~np.isnan(laws.surplus)
-        indices = np.flatnonzero((laws.predicted & (laws.stiffness > 0)) | at_end)
-        if indices.size == 0:
+        if not self._shares_ends:
             return []
-        labels = np.zeros(1, dtype=np.int64)
-        if indices.size > 1:
-            from scipy.sparse.csgraph import connected_components
-
-            labels = connected_components(self.delassus[np.ix_(indices, indices)] != 0)[1]
+        grouped = {int(p) for p in np.flatnonzero(_pressing(laws))}
         out = []
-        for label in range(int(labels.max()) + 1):
-            group = indices[labels == label]
-            scale = np.abs(laws.surplus[group]).max() + np.abs(self.model.tables[-1].end.response[0])
-            out.append((group, bool(np.ptp(laws.surplus[group]) <= ROUND_OFF * scale)))
+        while grouped:
+            first = min(grouped)
+            members, waiting = set(), [first]
+            while waiting:
+                p = waiting.pop()
+                if p in grouped:
+                    grouped.discard(p)
+                    members.add(p)
+                    waiting.extend(self.coupling[p])
+            if len(members) > 1:
+                group = np.array(sorted(members))
+                scale = np.abs(laws.surplus[group]).max() + np.abs(self.model.tables[-1].end.response[0])
+                out.append((group, bool(np.ptp(laws.surplus[group]) <= ROUND_OFF * scale)))
         return out
 
     def _theta_of(self, part: Any, dt: float, laws: ClosedContacts) -> float:
         """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts evaluated at the predicted gap."""
-        s = self.delassus[np.ix_(part, part)]
+        s = np.diag(self.delassus[part])
+        place = {int(p): k for k, p in enumerate(part)}
+        for p, k in place.items():
+            for q, value in self.coupling[p].items():
+                if q in place:
+                    s[k, place[q]] = value
         left = np.eye(part.size) + s * laws.inertia[part]
         values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
         return float(dt**2 * np.max(values.real))
@@ -151,7 +156,17 @@ class PencilCriterion:
         """
         largest_theta: float | None = None
         worst: Any = ()
-        for group, symmetric in self._groups(laws):
+        groups = self._groups(laws)
+        alone = laws.predicted & _pressing(laws)
+        for group, _ in groups:
+            alone[group] = False
+        points = np.flatnonzero(alone)
+        if points.size:
+            s, stiffness, inertia = self.delassus[points], laws.stiffness[points], laws.inertia[points]
+            thetas = dt**2 * (s * stiffness / (1.0 + s * inertia))
+            limiting = int(np.argmax(thetas * (1.0 + 1e-12) >= thetas.max()))  # of equal ones the first
+            largest_theta, worst = float(thetas[limiting]), points[limiting : limiting + 1]
+        for group, symmetric in groups:
             explicit = group[laws.predicted[group]]
             if explicit.size == 0:
                 continue
@@ -215,15 +230,13 @@ class PencilCriterion:
 
     def _unequal_groups(self, laws: ClosedContacts) -> list[Any]:
         """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
-        if not self._shares_ends:
-            return []
         return [group for group, symmetric in self._groups(laws) if not symmetric]
 
     def _assess_by_matrix(self, dt: float, laws: ClosedContacts, groups: list[Any]) -> StepAssessment:
         """Return the assessment by the amplification matrix, for groups about which theta alone does not decide."""
         reason = UNALIKE.format(quoted_names(self.model, [int(p) for group in groups for p in group]))
         sets = list(itertools.islice(unequal_sets(groups, laws), MOST_SETS))
-        if len(sets) == MOST_SETS or self._matrix.work(len(sets)) > MOST_WORK:
+        if len(sets) == MOST_SETS or work(self.pencil, len(sets)) > MOST_WORK:
             return StepAssessment(
                 False, doubt=f"{reason}; the model is too large to examine all sets of them", conclusive=False
             )
@@ -272,6 +285,11 @@ class PencilCriterion:
         return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).stable else np.nan
 
 
+def _pressing(laws: ClosedContacts) -> Any:
+    """Return which contacts have a `surplus` and can press, (P,): the predicted ones need stiffness for it."""
+    return np.where(laws.predicted, laws.stiffness > 0.0, ~np.isnan(laws.surplus))
+
+
 def _at_current_state(laws: ClosedContacts) -> tuple[Floats, Floats]:
     """Return eps_s and eps_m of the contacts evaluated at the current state, 0 for the others, (P,) each."""
     return np.where(laws.predicted, 0.0, laws.stiffness), np.where(laws.predicted, 0.0, laws.inertia)
@@ -289,6 +307,8 @@ class RunCriterion:
     other_step
         The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
         the same critical step, and their criteria are taken over with what they have searched already.
+    closed
+        The closed contacts of the model at its step, if they are known.
     """
 
     def __init__(
@@ -296,8 +316,11 @@ class RunCriterion:
         model: Model,
         kind: type[PencilCriterion | BlackBoxCriterion],
         other_step: RunCriterion | None = None,
+        *,
+        closed: ClosedContacts | None = None,
     ) -> None:
         self.model = model
+        self.closed = closed or closed_contacts(model, model.dt)
         self.by = kind.by
         self.stretches = model.stretches()
         self.criteria: list[PencilCriterion | BlackBoxCriterion]

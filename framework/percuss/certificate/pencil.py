@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # Relative distance from the limit within which a step is marginal.
 MARGINAL_DISTANCE = 1e-9
 SMALL_MATRIX = 32  # rows up to which a matrix is taken as full
+FULL_EIGENVECTORS = 200  # rows up to which all eigenvectors of a matrix are found to have the last one
 MOST_TRIALS = 200  # steps tried in the search for the critical one
 SMALLEST_NUMBER = float(np.finfo(float).tiny)
 SMALLEST_RELATIVE_TOLERANCE = 4.0 * float(np.finfo(float).eps)  # the least that SciPy accepts
@@ -104,18 +105,37 @@ class Pencil:
         ]
         return [(node, p, normal) for node in nodes for p, normal in self._at_node[node]]
 
-    def compliance(self, factors: list[tuple[Floats, Floats]]) -> Floats:
-        """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P)."""
+    def compliance(self, factors: list[tuple[Floats, Floats]]) -> Any:
+        """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P).
+
+        A contact is coupled to those on the same bodies only: from `SMALL_MATRIX` contacts on the matrix is sparse.
+        """
         dpttrs = lapack().dpttrs
-        out = np.zeros((len(self.model.contact_pairs),) * 2)
+        rows: list[Any] = []
+        columns: list[Any] = []
+        values: list[Any] = []
         for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
             contacts = self._contacts_between(first, first + mass.size)
             touched = sorted({p for _, p, _ in contacts})
-            columns = np.zeros((mass.size, len(touched)))
+            if not touched:
+                continue
+            place = {p: k for k, p in enumerate(touched)}
+            normals = np.zeros((mass.size, len(touched)))
             for node, p, normal in contacts:
-                columns[node - first, touched.index(p)] += normal
-            if touched:
-                out[np.ix_(touched, touched)] += columns.T @ dpttrs(*factor, columns)[0]
+                normals[node - first, place[p]] += normal
+            rows.append(np.repeat(touched, len(touched)))
+            columns.append(np.tile(touched, len(touched)))
+            values.append((normals.T @ dpttrs(*factor, normals)[0]).ravel())
+        count = len(self.model.contact_pairs)
+        if not values:
+            return np.zeros((count, count))
+        places = np.concatenate(rows), np.concatenate(columns)
+        if count > SMALL_MATRIX:
+            from scipy.sparse import csr_array
+
+            return csr_array((np.concatenate(values), places), shape=(count, count))  # adds values of equal places
+        out = np.zeros((count, count))
+        np.add.at(out, places, np.concatenate(values))
         return out
 
     def definite(
@@ -161,9 +181,7 @@ class Pencil:
             return np.inf
         return largest_eigenvalue(softening) if harmful.size else 0.0
 
-    def _softening(
-        self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int]
-    ) -> tuple[Any, Floats | None]:
+    def _softening(self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int]) -> tuple[Any, Any]:
         """Return the contacts that soften the step, and their softening; None where it is unstable without contact."""
         factors = self.factors(dt)
         if factors is None:
@@ -175,10 +193,16 @@ class Pencil:
         root = np.sqrt(excess[harmful])
         compliance = self.compliance(factors)
         if len(tied):
+            compliance = compliance if isinstance(compliance, np.ndarray) else compliance.toarray()
             tie = list(tied)
             held = np.linalg.pinv(compliance[np.ix_(tie, tie)], rcond=1e-12, hermitian=True)
             compliance = compliance - compliance[:, tie] @ held @ compliance[tie]
-        return harmful, root[:, None] * compliance[np.ix_(harmful, harmful)] * root
+        softening = _part(compliance, harmful)
+        if isinstance(softening, np.ndarray):
+            return harmful, root[:, None] * softening * root
+        from scipy.sparse import diags_array
+
+        return harmful, (diags_array(root) @ softening @ diags_array(root)).tocsr()
 
     def free_step(self) -> float:
         """Return the largest step that is stable without contact, 2 over the highest frequency of the bodies."""
@@ -200,34 +224,58 @@ class Pencil:
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
 
-def largest_eigenvalue(matrix: Floats) -> float:
-    """Return the largest eigenvalue of a symmetric matrix of which most entries are zero where it is large.
+def _part(matrix: Any, rows: Any) -> Any:
+    """Return the rows and columns `rows` of a matrix, full or sparse."""
+    return matrix[np.ix_(rows, rows)] if isinstance(matrix, np.ndarray) else matrix[rows][:, rows]
+
+
+def largest_eigenvalue(matrix: Any) -> float:
+    """Return the largest eigenvalue of a symmetric matrix; a large one, full or sparse, has zeros in most places.
 
     A contact is coupled to those on the same bodies only, so that a suitable order of the contacts gives a matrix with
     few diagonals.
     """
-    from scipy.linalg import eigh, eigvals_banded
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
     size = matrix.shape[0]
     if size <= SMALL_MATRIX:
-        return float(np.linalg.eigvalsh(matrix)[-1])
+        return float(np.linalg.eigvalsh(_full(matrix))[-1])
+    from scipy.linalg import eigh, eigvals_banded
+    from scipy.sparse import coo_array, csr_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     last = (size - 1, size - 1)
-    order = reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)
-    ordered = matrix[np.ix_(order, order)]
-    rows, columns = np.nonzero(ordered)
+    entries = coo_array(matrix)
+    place = np.empty(size, dtype=np.int64)
+    place[reverse_cuthill_mckee(csr_array(matrix), symmetric_mode=True)] = np.arange(size)
+    rows, columns = place[entries.row], place[entries.col]
     width = int(np.abs(rows - columns).max(initial=0))
     if width > size // 8:
         with one_blas_thread():  # once more, of the library that this import may have brought
-            return float(eigh(matrix, eigvals_only=True, subset_by_index=last)[0])
+            return float(eigh(_full(matrix), eigvals_only=True, subset_by_index=last)[0])
+    lower = rows >= columns
     band = np.zeros((width + 1, size))
-    for k in range(width + 1):
-        band[k, : size - k] = np.diagonal(ordered, k)
+    band[(rows - columns)[lower], columns[lower]] = entries.data[lower]
     return float(eigvals_banded(band, lower=True, select="i", select_range=last)[0])
 
 
-def _limiting_rows(matrix: Floats) -> list[int]:
+def _full(matrix: Any) -> Floats:
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+
+
+def _last_eigenvector(matrix: Any) -> Floats:
+    """Return an eigenvector of the largest eigenvalue of a symmetric matrix; of a large one, approximately."""
+    size = matrix.shape[0]
+    if size <= FULL_EIGENVECTORS:
+        return np.linalg.eigh(_full(matrix))[1][:, -1]
+    from scipy.sparse.linalg import ArpackNoConvergence, eigsh
+
+    diagonal = matrix.diagonal()
+    try:
+        return eigsh(matrix, k=1, which="LA", v0=np.sqrt(np.abs(diagonal)), tol=1e-6)[1][:, 0]  # type: ignore[no-any-return]
+    except ArpackNoConvergence:
+        return diagonal  # type: ignore[no-any-return]
+
+
+def _limiting_rows(matrix: Any) -> list[int]:
     """Return a small set of rows of a symmetric matrix whose submatrix has an eigenvalue of 1 or more.
 
     The rows with the largest components in the last eigenvector come first, the fewest of them that suffice; of up to
@@ -235,9 +283,9 @@ def _limiting_rows(matrix: Floats) -> list[int]:
     """
 
     def unstable(rows: list[int]) -> bool:
-        return bool(rows) and largest_eigenvalue(matrix[np.ix_(rows, rows)]) >= 1.0
+        return bool(rows) and largest_eigenvalue(_part(matrix, rows)) >= 1.0
 
-    component = np.abs(np.linalg.eigh(matrix)[1][:, -1])
+    component = np.abs(_last_eigenvector(matrix))
     order = [int(row) for row in np.argsort(-component, kind="stable")]
     lo, hi = 0, len(order)  # The first `hi` rows are unstable, the first `lo` rows are not.
     while hi - lo > 1:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Growth in a step below which it cannot be told from rounding with certainty.
 GROWTH_RESOLUTION = 1e-7
-# Largest `ClosedMatrix.work` for which a step is examined, to bound the time.
+# Largest `work` for which a step is examined, to bound the time.
 MOST_WORK = 1e8
 
 
@@ -89,10 +89,6 @@ class ClosedMatrix:
         matrix -= (matrix @ keep) @ keep.T
         return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
 
-    def work(self, count: int) -> float:
-        """Return the work of examining a step: `count` sets of closed contacts times the cube of the matrix size."""
-        return float(count * (2 * self.size) ** 3)
-
     def worst(self, dt: float, laws: ClosedContacts, sets: Sequence[Sequence[int]]) -> tuple[bool | None, list[int]]:
         """Return whether the step is stable for all given sets of closed contacts, and the first set where it is not.
 
@@ -106,6 +102,11 @@ class ClosedMatrix:
             if radius > 1.0 + MARGINAL_DISTANCE and doubtful is None:
                 doubtful = list(closed)
         return (True, []) if doubtful is None else (None, doubtful)
+
+
+def work(pencil: Pencil, count: int) -> float:
+    """Return the work of examining a step: `count` sets of closed contacts times the cube of the matrix size."""
+    return float(count) * (2.0 * sum(mass.size for _, mass, _, _ in pencil.bodies)) ** 3
 
 
 def unequal_sets(groups: Sequence[Sequence[int]], laws: ClosedContacts) -> Iterator[tuple[int, ...]]:

@@ -139,8 +139,9 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
     other_step
         The criterion of the same run with another step, if there is one.
     """
-    kind = BlackBoxCriterion if closed_contacts(model, model.dt).unknown else PencilCriterion
-    return RunCriterion(model, kind, other_step)
+    closed = closed_contacts(model, model.dt)
+    kind = BlackBoxCriterion if closed.unknown else PencilCriterion
+    return RunCriterion(model, kind, other_step, closed=closed)
 
 
 @one_blas_thread()
@@ -277,8 +278,7 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
 
 def _energy_guarantee(criterion: RunCriterion, assessment: StepAssessment, verdict: Verdict) -> tuple[str, str]:
     """Return the energy guarantee of the pair of methods in this run, and the reason for it in words."""
-    model = criterion.model
-    laws = closed_contacts(model, model.dt)
+    model, laws = criterion.model, criterion.closed
     if laws.energy in {NEVER_GROWS, BETWEEN}:
         if verdict == "no" or (assessment.theta is not None and assessment.theta >= 1.0):
             more = ", with theta below 1" if assessment.theta is not None else ""

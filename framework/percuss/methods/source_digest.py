@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from percuss.errors import InputError, Problem
 from percuss.files import PACKAGE
+from percuss.version import installed_version
 
 if TYPE_CHECKING:
     from percuss.methods.provenance import Provenance
@@ -74,7 +75,7 @@ def content_digest(content: bytes) -> str:
 def surroundings() -> dict[str, str]:
     """Return versions and settings outside the methods that can change numbers: packages, environment, numba's file."""
     versions = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
-    return versions | {name: _version(name) for name in COMPUTING_PACKAGES} | numeric_settings()
+    return versions | {name: installed_version(name) for name in COMPUTING_PACKAGES} | numeric_settings()
 
 
 def numeric_settings() -> dict[str, str]:
@@ -202,15 +203,6 @@ def _refuse_edited(name: str, path: Path, content: bytes) -> None:
 
 
 @functools.cache
-def _version(distribution: str) -> str:
-    """Return the version of an installed distribution."""
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "not installed"
-
-
-@functools.cache
 def _distributions() -> dict[str, list[str]]:
     """Return the names of the distributions that provide each top-level package."""
     return {package: sorted(set(names)) for package, names in metadata.packages_distributions().items()}
@@ -313,7 +305,7 @@ class SourceDigests:
                 out.append((module, path))
             elif path is not None:
                 names = _distributions().get(first, [])
-                digests[f"package {first}"] = ", ".join(f"{name} {_version(name)}" for name in names) or "?"
+                digests[f"package {first}"] = ", ".join(f"{name} {installed_version(name)}" for name in names) or "?"
         return out
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError
 from percuss.methods.source_digest import SourceDigests, numeric_settings, own_digest
+from percuss.version import installed_version
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -23,13 +24,10 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 
-@cache
 def versions() -> dict[str, str]:
-    """Return the versions in use; they are cached because a look-up takes longer than a short run."""
-    from importlib.metadata import version
-
+    """Return the versions in use."""
     names = ("percuss", "numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4")
-    return {"python": platform.python_version(), **{name: version(name) for name in names}}
+    return {"python": platform.python_version(), **{name: installed_version(name) for name in names}}
 
 
 @cache
@@ -85,7 +83,7 @@ def machine() -> dict[str, Any]:
     if "llvmlite" in sys.modules:
         described["compiled_for"], described["instructions"] = _instructions()
     return {
-        "versions": dict(versions()),
+        "versions": versions(),
         "settings": dict(_settings()),
         "source_digest": _own_digest(),
         "machine": described,

@@ -37,6 +37,7 @@ class LeapFrogStepper:
         self.u: Floats = np.zeros_like(self.v)
         self.loop: Loop
         self._no_loads = self._zeros(0)
+        self._single: tuple[Floats, Floats, Floats, LoadAmplitudes] | None = None
         self._impulse = np.zeros(model.dim)
 
     def _zeros(self, count: int) -> LoadAmplitudes:
@@ -96,9 +97,13 @@ class LeapFrogStepper:
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
         """Return displacement and velocity after one step without loads, (2, nodes * dim)."""
-        after = state.copy()
-        self._advance(kernels, self._zeros(1), record, 1, 1, after[0], after[1])
-        return after
+        if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
+            arrays = np.empty_like(state)
+            self._single = arrays, arrays[0], arrays[1], self._zeros(1)
+        after, u, v, no_loads = self._single
+        after[:] = state
+        self._advance(kernels, no_loads, record, 1, 1, u, v)
+        return after.copy()
 
     def load_impulse(self, amplitudes: Any) -> Floats:
         """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""

@@ -451,8 +451,9 @@ class Model:
             law = bound_law.law
             if bound_law.linear is not None or law.uses_coupling:
                 continue
+            under_law = set(bound_law.where)
             shared_ends = [
-                contacts for contacts in at_node.values() if len(contacts) > 1 and set(contacts) & set(bound_law.where)
+                contacts for contacts in at_node.values() if len(contacts) > 1 and not under_law.isdisjoint(contacts)
             ]
             for contacts in shared_ends:
                 names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)

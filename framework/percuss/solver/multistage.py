@@ -78,6 +78,7 @@ class MultistageStepper:
         self.body_forces = np.array(rows, dtype=BODY_FORCE).view(np.recarray)
         self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
         self._no_loads = self._zeros(0)
+        self._single: tuple[State, StageAmplitudes] | None = None
         self.system: System
 
     def _zeros(self, count: int) -> StageAmplitudes:
@@ -143,10 +144,14 @@ class MultistageStepper:
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
         """Return the nodal state after one step without loads, (levels, nodes * dim)."""
-        full_state = State(*(np.zeros_like(array) for array in self.state))
+        if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
+            self._single = State(*(np.zeros_like(array) for array in self.state)), self._zeros(1)
+        full_state, no_loads = self._single
+        for array in full_state:
+            array.fill(0.0)
         nodal = [array[..., : self.nodal] for array in full_state]
         nodal[0][:], nodal[1][:], nodal[2][:] = state[0], state[1], state[2:]
-        self._advance(kernels, self._zeros(1), record, 1, 1, full_state)
+        self._advance(kernels, no_loads, record, 1, 1, full_state)
         return np.concatenate([nodal[0][None], nodal[1][None], nodal[2]])
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step

@@ -17,8 +17,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
@@ -35,7 +33,7 @@ from percuss.solver.compiler.fingerprint import (
 )
 from percuss.solver.compiler.machine_code import cache_folder, jit_disabled
 from percuss.solver.compiler.readings import Readings
-from percuss.version import __version__
+from percuss.version import __version__, installed_version
 
 Kernel = Callable[..., Any]
 
@@ -339,12 +337,11 @@ def compiled_function(function: Kernel) -> Kernel:
 
 @functools.cache
 def _versions() -> str:
-    from importlib.metadata import version
-
     # Machine code names the tuples of the loop and reads their fields by position.
     files = sorted(Path(compiled.__file__).parent.glob("*.py"))
     loop = content_digest(b"".join(file.read_bytes() for file in files))
-    return f"{sys.version};{version('numba')};{version('scipy')};{np.__version__};{__version__};{loop}"
+    packages = ";".join(installed_version(name) for name in ("numba", "scipy", "numpy"))
+    return f"{sys.version};{packages};{__version__};{loop}"
 
 
 def compile_error() -> tuple[type[Exception], ...]:

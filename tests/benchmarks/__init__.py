@@ -1,0 +1,1 @@
+"""Measurements. A package, as some distributions install one of the same name."""

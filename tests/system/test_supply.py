@@ -1,0 +1,107 @@
+"""What percuss stands on: every dependency is justified, and none has a licence that binds who uses it."""
+
+import re
+import tomllib
+from importlib import metadata
+
+import pytest
+from packaging.requirements import Requirement
+
+import dependencies
+import lowest
+import places
+
+# Licences that ask for no more than their text: of Mozilla's the files themselves stay free, and percuss changes none.
+ALLOWED = {
+    "0BSD", "Apache-2.0", "BSD", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "ISC", "LLVM-exception", "MIT", "MIT-CMU",
+    "MPL-2.0", "PSF-2.0", "Unlicense", "Zlib",
+}  # fmt: skip
+# The same in the words of metadata older than licence expressions.
+WORDS = {
+    "Apache 2.0": "Apache-2.0",
+    "Apache Software License": "Apache-2.0",
+    "BSD License": "BSD",
+    "ISC License (ISCL)": "ISC",
+    "MIT License": "MIT",
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+    "Python Software Foundation License": "PSF-2.0",
+    "The Unlicense (Unlicense)": "Unlicense",
+}
+
+
+def licences(about):
+    """Return the licences in the metadata of a distribution: its expression, its classifiers, or else its text."""
+    expression = about["License-Expression"]
+    if expression:
+        return set(re.findall(r"[\w.-]+", expression)) - {"AND", "OR", "WITH"}
+    classifiers = [line.split(" :: ") for line in about.get_all("Classifier") or ()]
+    found = {parts[-1] for parts in classifiers if parts[0] == "License" and parts[-1] != "OSI Approved"}
+    return {WORDS.get(name, name) for name in found or {about["License"] or "none given"}}
+
+
+def stands_on(name, extras, found):
+    """Add a distribution, and recursively all that it needs where it is installed, to `found`."""
+    distribution = metadata.distribution(name)
+    if found.get(name, set()) >= {"", *extras}:
+        return
+    found.setdefault(name, set()).update({"", *extras})
+    for line in distribution.requires or ():
+        need = Requirement(line)
+        if need.marker is None or any(need.marker.evaluate({"extra": extra}) for extra in ("", *extras)):
+            stands_on(need.name, need.extras, found)
+
+
+def test_the_licence_of_all_that_percuss_stands_on_is_a_permissive_one():
+    found = {}
+    stands_on("percuss", dependencies.EXTRAS, found)
+    assert {"numpy", "numba", "llvmlite", "pandas", "matplotlib", "dask"} <= set(found)
+    refused = {name: licences(metadata.metadata(name)) - ALLOWED for name in found}
+    assert not {name: names for name, names in refused.items() if names}
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ({"License-Expression": "BSD-2-Clause AND (GPL-3.0-only OR MIT)"}, {"BSD-2-Clause", "GPL-3.0-only", "MIT"}),
+        ({"Classifier": "License :: OSI Approved :: GNU General Public License v3 (GPLv3)"}, None),
+        ({"Classifier": "License :: OSI Approved :: MIT License", "License": "see the file"}, {"MIT"}),
+        ({"License": "Proprietary"}, {"Proprietary"}),
+        ({}, {"none given"}),
+    ],
+)
+def test_licences_are_read(lines, expected):
+    from email.message import Message
+
+    about = Message()
+    for key, value in lines.items():
+        about[key] = value
+    assert licences(about) == (expected or {"GNU General Public License v3 (GPLv3)"})
+
+
+def test_every_dependency_is_justified_with_its_cost():
+    """`python tests/support/dependencies.py` measures the costs and writes the table."""
+    written = {name: reason for name, reason, _ in dependencies.written()}
+    assert written == {name: dependencies.REASONS[name][1] for name in dependencies.names()}
+    costs = {name: float(cost) for name, _, cost in dependencies.written()}
+    assert costs["numpy"] == 1.0
+    assert max(costs.values()) < 20.0
+
+
+def test_what_is_imported_directly_is_declared():
+    """Nothing is used only because something else happens to need it."""
+    watched = {module.partition(".")[0]: name for name, (module, _) in dependencies.REASONS.items()}
+    declared = set(dependencies.names())
+    assert {watched[module] for module in ("llvmlite", "numba", "numpy", "scipy", "yaml", "pluggy")} <= declared
+
+
+def test_every_dependency_has_a_lowest_version():
+    project = tomllib.loads((places.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    bounds = lowest.declared(project) | lowest.declared(project, "test")
+    assert len(bounds) > 18
+    assert None not in bounds.values()
+    assert f"numba=={bounds['numba']}" in lowest.constraints(project)
+
+
+def test_other_kinds_of_bounds_are_refused():
+    with pytest.raises(ValueError, match="lower bound alone"):
+        lowest.declared({"name": "mine", "dependencies": ["numpy>=2,<3"]})
