@@ -10,6 +10,13 @@ import numpy as np
 _PLAIN = frozenset({str, int, bool, type(None)})
 
 
+def as_lists(value: Any) -> Any:
+    """Return nested mappings and sequences with lists in place of tuples; numbers, infinite ones too, stay."""
+    if isinstance(value, dict):
+        return {key: as_lists(item) for key, item in value.items()}
+    return [as_lists(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
 def plain(value: Any) -> Any:
     """Return `value` converted to types that JSON has; numbers that are not finite become None."""
     if type(value) in _PLAIN:  # nearly all values

@@ -31,6 +31,7 @@ REASONS = {
     "pyyaml": ("yaml", "YAML with line and column of each value"),
     "rich": ("rich.table", "tables and progress in a terminal"),
     "scipy": ("scipy.linalg", "LAPACK, sparse matrices and root finding of the certificates, sampling of studies"),
+    "threadpoolctl": ("threadpoolctl", "one thread of BLAS, so that the digits of a run do not hang on their number"),
     "typer": ("typer", "the command line, from the signatures of its functions"),
     "xarray": ("xarray", "axes, units and files of results"),
     "matplotlib": ("matplotlib.pyplot", "figures (`plot`)"),

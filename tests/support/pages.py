@@ -29,6 +29,9 @@ FAMILIES = {  # families whose components stand in a case under their own names
 }
 
 
+MOST_SHOWN = 10  # values that a table lists; of more it says what they are
+
+
 def between(text: str, begin: str, end: str, new: str) -> str:
     """Return a text with what stands between two marks replaced."""
     before, mark, rest = text.partition(begin)
@@ -56,6 +59,8 @@ def words(schema: dict[str, Any]) -> str:
         return "mapping"
     if "const" in schema:
         return f"`{schema['const']}`"
+    if len(schema.get("enum", ())) > MOST_SHOWN:
+        return "text"
     if "enum" in schema:
         return " or ".join(f"`{value}`" for value in schema["enum"])
     for branches in (schema.get("anyOf"), schema.get("oneOf")):
@@ -99,7 +104,7 @@ def keys(
         entry = resolved(raw, whole)
         default = entry.get("default")
         shown = "required" if key in required else "" if default in (None, "", [], (), {}) else f"`{default}`"
-        component = "{name: ...}" in entry.get("description", "") or (key in {"method", "mass"} and "anyOf" in entry)
+        component = "if" in entry  # its options hang on its name
         value = "a component" if component else words(entry)
         yield f"`{path}{key}`", value, shown, entry.get("description", "")
         if component:
@@ -113,7 +118,7 @@ def keys(
             yield from keys(resolved(inner, whole), whole, f"{path}{key}.NAME.", skip)
         elif isinstance(entry.get("items"), dict):
             items = resolved(entry["items"], whole)
-            for branch in (items, *items.get("anyOf", ())):
+            for branch in (items, items.get("then", {}), *items.get("anyOf", ())):
                 yield from keys(resolved(branch, whole), whole, f"{path}{key}[].", skip)
 
 

@@ -72,7 +72,8 @@ def test_exactly_two_commands_set_up() -> None:
 
 
 LASTING = (
-    "percuss verify",
+    "percuss verify cases",
+    "percuss verify --plugin",
     "percuss stability",
     "percuss study",
     "percuss report",

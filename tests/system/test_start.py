@@ -19,7 +19,7 @@ WORDS = {"typer"}
 INPUT = WORDS | {"annotated_types", "numpy", "pydantic", "yaml", "pluggy"}
 SOLVE = INPUT | {"llvmlite", "platformdirs"}
 # Each command, and the libraries that may be imported once it has been executed. The commands follow one another in one
-# process, so that each set contains the one before.
+# process, so that each set contains the one before. The environment limits the threads of BLAS, without threadpoolctl.
 MAY_IMPORT = {
     "": NOTHING,  # import percuss
     "--help": WORDS,
@@ -47,11 +47,12 @@ imported, printed = {}, {}
 
 def execute(words):
     import contextlib, io
-    from percuss.cli.main import app
+    from percuss.cli.main import main
     out = io.StringIO()
+    sys.argv = ["percuss", *words]
     with contextlib.redirect_stdout(out):
         try:
-            app(words, standalone_mode=True)
+            main()
         except SystemExit as done:
             assert not done.code, (words, done.code, out.getvalue())
     return out.getvalue()

@@ -12,7 +12,9 @@ from pydantic import Field, ValidationError
 
 import places
 from percuss.case.json_schema import case_schema
+from percuss.case.quantities import MEASURABLE, SUMMARY
 from percuss.case.source import Source
+from percuss.case.specs import _existing_quantity
 from percuss.case.validation import Context, mistakes_in, validate
 from percuss.methods.interfaces import AllowInf, ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
@@ -155,9 +157,10 @@ class Extended:
 
 def test_other_peoples_components_appear_with_unit_and_description():
     schema = case_schema(Extended())
-    laws = schema["properties"]["method"]["properties"]["contact"]["anyOf"]
-    (soft,) = [one for one in laws if one.get("properties", {}).get("name") == {"const": "soft"}]
-    assert soft["required"] == ["name", "stiffness"]
+    laws = schema["properties"]["method"]["properties"]["contact"]
+    conditions = laws["then"]["allOf"]
+    (soft,) = [one["then"] for one in conditions if one["if"]["properties"]["name"] == {"const": "soft"}]
+    assert soft["required"] == ["stiffness"]
     assert soft["properties"]["stiffness"] == {
         "type": "number",
         "exclusiveMinimum": 0,
@@ -165,11 +168,55 @@ def test_other_peoples_components_appear_with_unit_and_description():
         "description": "how soft [force/length]",
     }
     # its option has no default, so its name alone says too little
-    assert "soft" not in [one.get("const") for one in laws]
+    assert "soft" in laws["then"]["properties"]["name"]["enum"]
+    assert "soft" not in laws["anyOf"][0]["enum"]
     validator = jsonschema.Draft202012Validator(schema)
     assert validator.is_valid(plain(FULL.replace("{ratio: matched}", "{name: soft, stiffness: 2}")))
     assert not validator.is_valid(plain(FULL.replace("{ratio: matched}", "soft")))
     assert validator.is_valid(plain(FULL.replace("constant: 1", "still: null")))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("contact: {ratio: matched}", "contact: {name: lagrange, ratio: 1}", "method.contact"),
+        ("contact: {ratio: matched}", "contact: {name: penalty, beta_s: stiff}", "method.contact.beta_s"),
+        ("contact: {ratio: matched}", "contact: {ratio: machted}", "method.contact.ratio"),
+        ("contact: {ratio: matched}", "contact: {name: penalti}", "method.contact.name"),
+        ("contact: {ratio: matched}", "contact: penalti", "method.contact"),
+        ("contact: {ratio: matched}", "contact: 3", "method.contact"),
+        ("name: penalty, beta_s: 1", "name: penalty, beta_s: [1]", "contacts.tip.method.beta_s"),
+        ("name: elastic, young: 1,", "name: elastic, young: -1,", "bodies.b.material.young"),
+        ("quantity: gap", "quantity: gpa", "expect.0.quantity"),
+        ("quantity: steps", "quantity: stepz.final", "expect.1.quantity"),
+    ],
+)
+def test_a_mistake_in_a_component_has_its_place(validator, old, new, path):
+    """Not that of all forms that an entry may have, none of which fits."""
+    assert old in FULL
+    errors = list(validator.iter_errors(plain(FULL.replace(old, new, 1))))
+    assert {".".join(str(part) for part in error.absolute_path) for error in errors} == {path}
+
+
+@pytest.mark.parametrize(
+    "form", ["penalty", "{name: penalty}", "{name: penalty, beta_s: auto}", "{}", "{beta_s: 1, ratio: 1}", "lagrange"]
+)
+@pytest.mark.parametrize("place", ["contact: {ratio: matched}", "method: {name: penalty, beta_s: 1}"])
+def test_every_form_of_a_component_is_right(validator, form, place):
+    text = FULL.replace(place, f"{place.partition(':')[0]}: {form}", 1)
+    assert [error.message for error in validator.iter_errors(plain(text))] == []
+    assert Source.parse(text, "case.yaml").data != Source.parse(FULL, "case.yaml").data
+
+
+def test_every_quantity_that_can_be_expected_is_offered_or_allowed(validator, schema):
+    quantity = schema["properties"]["expect"]["items"]["properties"]["quantity"]
+    offered = quantity["anyOf"][0]
+    assert len(offered["enum"]) == len(offered["enumDescriptions"])
+    assert {"contact_force", "impulse", "energy_growth.largest"} <= {*offered["enum"]}
+    for name in [*offered["enum"], *SUMMARY, "contacts.tip.penetration.largest"]:
+        _existing_quantity(name)
+        assert validator.is_valid(plain(FULL.replace("quantity: steps", f"quantity: {name}"))), name
+    assert set(MEASURABLE) <= {*offered["enum"]}
 
 
 def test_units_and_required_keys_stand_beside_the_descriptions(schema):

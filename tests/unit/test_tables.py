@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from command_line import percuss_command
-from percuss.case.csv_file import read_table
+from percuss.case.csv_file import read_text, table_in
 from percuss.studies import parameters
 from strategies import hunek
 
@@ -30,7 +30,7 @@ def test_a_table_is_read_as_it_was_written(tmp_path_factory, rows, separator, he
     if header:
         text = (folder / file).read_text(encoding="utf-8")
         (folder / file).write_text(header.format(separator.strip()) + text, encoding="utf-8")
-    assert read_table(file, folder).table.T.tolist() == rows
+    assert table_in(read_text(file, folder), file).table.T.tolist() == rows
 
 
 @given(data=st.data(), rows=TABLES)
@@ -51,7 +51,7 @@ def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, ro
     (folder / file).write_text("\n".join(lines), encoding="utf-8")
     column = 1 + sum(len(one) + 1 for one in fields[:field])
     with pytest.raises(ValueError, match=re.escape(f"pulse.csv:{line + 1}:{column}: expected a number")):
-        read_table(file, folder)
+        table_in(read_text(file, folder), file)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, ro
 def test_what_is_wrong_in_a_table_is_told_with_its_place(text, said, tmp_path):
     (tmp_path / "pulse.csv").write_text(text, encoding="utf-8")
     with pytest.raises(ValueError, match=re.escape(said)):
-        read_table("pulse.csv", tmp_path)
+        table_in(read_text("pulse.csv", tmp_path), "pulse.csv")
 
 
 def test_the_command_line_says_so(tmp_path):

@@ -60,6 +60,8 @@ class Case(CaseSection):
         Text of the case and the places in it.
     files
         Single-file plug-ins given beside the case.
+    data_files
+        Texts of the data files that the case names, by the path written there.
     """
 
     dimension: int
@@ -68,6 +70,7 @@ class Case(CaseSection):
     registry: Registry = field(repr=False)
     origin: Source = field(repr=False)
     files: tuple[Path, ...]
+    data_files: Mapping[str, str] = field(repr=False)
 
     def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
         """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file."""
@@ -192,6 +195,7 @@ def _read(source: Source, registry: Registry, plugins: tuple[Path, ...], notes: 
         registry=registry,
         origin=source,
         files=plugins,
+        data_files=dict(reader.context.texts_read),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from percuss.methods.interfaces import DataFile
 
-__all__ = ["read_table"]
+__all__ = ["read_text", "table_in"]
 
 # Python's own `float` accepts too much: also 1_0 for 10, digits of other scripts, and words.
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -32,18 +32,34 @@ class _Field(NamedTuple):
         return bool(BEGINS_AS_NUMBER.match(self.text) or NOT_FINITE.fullmatch(self.text))
 
 
-def read_table(path: str, folder: Path) -> DataFile:
-    """Return the numbers of a CSV file.
+def read_text(path: str, folder: Path) -> str:
+    """Return the text of a file at a path as written in a case, relative to `folder`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or it is not text.
+    """
+    try:
+        return (folder / path).read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise ValueError(f"no such file: {folder / path}") from None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"cannot read {folder / path}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def table_in(text: str, path: str) -> DataFile:
+    """Return the numbers in the text of a CSV file.
 
     Fields are separated by commas, or by semicolons where the file has any. Empty lines and lines that begin with
     ``#`` are skipped, and so is a first line in which no field begins like a number.
 
     Parameters
     ----------
+    text
+        Text of the file.
     path
         Path as written in a case.
-    folder
-        Folder that the path is relative to.
 
     Returns
     -------
@@ -53,14 +69,8 @@ def read_table(path: str, folder: Path) -> DataFile:
     Raises
     ------
     ValueError
-        If there is no such file, or a field in it is not a finite number; the message gives line and column.
+        If a field is not a finite number; the message gives line and column.
     """
-    try:
-        text = (folder / path).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise ValueError(f"no such file: {folder / path}") from None
-    except (OSError, ValueError) as error:
-        raise ValueError(f"cannot read {folder / path}: {getattr(error, 'strerror', None) or error}") from None
     rows: list[list[float]] = []
     for position, (line, fields) in enumerate(_lines(text)):
         if position == 0 and not any(field.looks_like_a_number for field in fields):

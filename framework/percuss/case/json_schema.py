@@ -16,9 +16,12 @@ from percuss.case.type_words import fact
 from percuss.case.validation import NO_KEY, Keyed, Named, adapter
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from percuss.methods.interfaces import Component
     from percuss.methods.registry import Registry
 
-__all__ = ["case_schema", "schema_of"]
+__all__ = ["case_schema", "component_schema", "name_or", "schema_of"]
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -58,6 +61,57 @@ def schema_of(cls: type, registry: Registry | None = None) -> dict[str, Any]:
     return adapter(cls).json_schema(schema_generator=Generator)
 
 
+def component_schema(
+    components: Mapping[str, type[Component]], *, default: str = "", complete: bool = True
+) -> dict[str, Any]:
+    """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``.
+
+    The name decides by ``if`` and ``then`` which options there are, so that an editor offers these alone and a mistake
+    has the place of the option.
+
+    Parameters
+    ----------
+    components
+        The components that may be named.
+    default
+        Name of the component that a mapping without a name has; empty if there is none.
+    complete
+        Whether options without a default are required; otherwise they may be given elsewhere.
+    """
+    schemas = {name: schema_of(cls) for name, cls in components.items()}
+    bare = {name: cls for name, cls in components.items() if not complete or "required" not in schemas[name]}
+    conditions = []
+    for name, schema in schemas.items():
+        options = {
+            **schema,
+            "properties": {"name": {"const": name}, **schema["properties"]},
+            "required": schema.get("required", []) if complete else [],
+            "description": components[name].summary,
+        }
+        named = {"properties": {"name": {"const": name}}}  # which a mapping without a name is too
+        conditions.append({"if": named if name == default else {**named, "required": ["name"]}, "then": options})
+    return name_or(
+        _names_of(bare),
+        {
+            "properties": {"name": _names_of(components)},
+            "required": [] if default in components else ["name"],
+            "allOf": conditions,
+        },
+    )
+
+
+def name_or(names: dict[str, Any], mapping: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of an entry that is a name or a mapping.
+
+    A mapping passes ``anyOf`` whatever is in it, so that its mistakes are reported by ``then``, at their own places.
+    """
+    return {"anyOf": [names, {"type": "object"}], "if": {"type": "object"}, "then": mapping}
+
+
+def _names_of(components: Mapping[str, type[Component]]) -> dict[str, Any]:
+    return {"enum": list(components), "enumDescriptions": [cls.summary for cls in components.values()]}
+
+
 class _Generator(GenerateJsonSchema):
     """Generator of a schema with units, and with the components of a registry by name."""
 
@@ -90,7 +144,7 @@ class _Generator(GenerateJsonSchema):
                 entry["default"] = list(default) if isinstance(default, tuple) else default
             if option.doc:
                 entry["description"] = option.doc + option.shown_unit
-            if named and not named.optional and {default} & {form.get("const") for form in entry["anyOf"]} == set():
+            if named and not named.optional and default not in entry["anyOf"][0]["enum"]:
                 required.append(key)
         if NO_KEY in required:
             required.remove(NO_KEY)
@@ -113,15 +167,7 @@ class _Generator(GenerateJsonSchema):
 
     def _named(self, named: Named) -> dict[str, Any]:
         """Return the schema of ``NAME`` or ``{name: NAME, option: ...}``."""
-        bare, whole = [], []
-        for name, cls in self._components(named.family).items():
-            schema = schema_of(cls)
-            if not schema.get("required"):
-                bare.append({"const": name, "description": cls.summary})
-            schema["properties"] = {"name": {"const": name}, **schema["properties"]}
-            needed = [] if name == named.default else ["name"]
-            whole.append({**schema, "description": cls.summary, "required": [*needed, *schema.get("required", ())]})
-        return {"anyOf": [*bare, *whole]}
+        return component_schema(self._components(named.family), default=named.default)
 
     def _keyed(self, keyed: Keyed) -> dict[str, Any]:
         """Return the schemas of the values of each key that is the name of a shape or load."""

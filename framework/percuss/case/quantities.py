@@ -22,6 +22,7 @@ __all__ = [
     "SUMMARY",
     "TRUE_ERRORS",
     "Quantity",
+    "name_schema",
     "values_at",
 ]
 
@@ -364,3 +365,15 @@ def values_at(entry: Any, path: str) -> Iterator[Any]:
     if isinstance(entry, Mapping):
         for name in entry if key == "*" else [key]:
             yield from values_at(entry.get(name), rest) if rest else [entry.get(name)]
+
+
+def name_schema(labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the JSON schema of a name of a quantity, or of a dotted path into the summary of a run.
+
+    Parameters
+    ----------
+    labels
+        The names that an editor offers, each with words for it.
+    """
+    names = {"enum": list(labels), "enumDescriptions": list(labels.values())}
+    return {"anyOf": [names, {"type": "string", "pattern": rf"^({'|'.join(SUMMARY)})(\..+)?$"}]}

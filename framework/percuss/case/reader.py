@@ -34,7 +34,7 @@ class Reader:
 
     def __init__(self, source: Source, registry: Registry) -> None:
         self.source, self.registry = source, registry
-        self.context = Context(registry, source.folder)
+        self.context = Context(registry, source.folder, source.data_files)
         self.problems: list[tuple[tuple[int, int, int], Problem]] = []
 
     def wrong(self, path: KeyPath, message: str, advice: str = "", *, key: bool = False) -> None:

@@ -70,6 +70,8 @@ class Source:
         Paths that an override set, with the text that the user typed for it.
     folder
         Folder that paths inside the case are relative to.
+    data_files
+        Texts that stand in for data files, by the path written in the case; those of others are read from `folder`.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Source:
     aliases: Mapping[KeyPath, KeyPath] = field(default_factory=dict, repr=False)
     labels: Mapping[KeyPath, str] = field(default_factory=dict, repr=False)
     folder: Path = field(default_factory=Path)
+    data_files: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @staticmethod
     def read(path: str | Path) -> Source:

@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, WrapValidator
+from pydantic import AfterValidator, Field, WithJsonSchema, WrapValidator
 
 from percuss.case import defaults
 from percuss.case.options import Computed, Key
-from percuss.case.quantities import MEASURABLE, STATISTICS, SUMMARY, Quantity
+from percuss.case.quantities import MEASURABLE, QUANTITIES, STATISTICS, SUMMARY, Quantity, name_schema
 from percuss.case.type_words import Expects
 from percuss.case.validation import NO_KEY, EmptyIfAbsent, Keyed, Mistake, Named, Section, failure
 from percuss.case.yaml_text import KeyPath
@@ -113,6 +113,13 @@ def _existing_quantity(name: str) -> str:
         names = [key + dot for key in SUMMARY] if dot else [*MEASURABLE, *SUMMARY]
         raise failure(Mistake((), f"unknown quantity '{name}'", suggestion(head + dot, names, "name")))
     return name
+
+
+def _quantity_schema() -> dict[str, Any]:
+    """Return the JSON schema of a quantity that a run may be expected to give."""
+    numbers = {quantity.path: quantity.label for quantity in QUANTITIES.values() if "*" not in quantity.path}
+    labels = {name: quantity.label for name, quantity in MEASURABLE.items()} | numbers
+    return name_schema({name: label for name, label in labels.items() if name})
 
 
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN.pattern}$")]
@@ -329,7 +336,10 @@ class Expectation(Section):
     exactly_one: ClassVar = (STATISTICS,)
 
     quantity: Annotated[
-        str, AfterValidator(_existing_quantity), Doc("a recorded quantity, or a dotted path into the summary")
+        str,
+        AfterValidator(_existing_quantity),
+        WithJsonSchema(_quantity_schema()),
+        Doc("a recorded quantity, or a dotted path into the summary"),
     ]
     tolerance: Annotated[
         Annotated[float, Ge(0)] | Annotated[str, Field(pattern=_PERCENT)],

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar,
 import pydantic
 from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
 
-from percuss.case.csv_file import read_table
+from percuss.case.csv_file import read_text, table_in
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
@@ -73,22 +73,31 @@ class Context:
         Registry of the components.
     folder
         Folder that the paths of data files are relative to.
+    given_texts
+        Texts that stand in for data files, by the path written in the input.
     checked
         Instance made from each mapping of the input without mistakes, by the mapping's ``id``.
+    texts_read
+        Text of each data file of the input, by the path written there.
     """
 
     registry: Registry
     folder: Path
+    given_texts: Mapping[str, str] = field(default_factory=dict)
     checked: dict[int, Any] = field(default_factory=dict)
+    texts_read: dict[str, str] = field(default_factory=dict)
 
     def data_file(self, path: str) -> DataFile:
         """Return the data file at a path as written in the input."""
         try:
-            return read_table(path, self.folder)
+            text = self.given_texts[path] if path in self.given_texts else read_text(path, self.folder)
+            table = table_in(text, path)
         except ValueError as error:
             advice = "The path is relative to the case." if "no such file" in str(error) else ""
             words = {"message": str(error), "advice": advice}
             raise PydanticCustomError("unusable_file", "{message}", words) from None
+        self.texts_read[path] = text
+        return table
 
     @property
     def left_out(self) -> list[str]:

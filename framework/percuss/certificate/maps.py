@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
 from percuss.certificate.closed_contacts import closed_contacts
@@ -28,6 +29,7 @@ WAYS = ("closed-form", "pencil", "black-box")
 STEP = ("time.courant", "time.step")
 
 
+@one_blas_thread()
 def stability(
     case: Case,
     vary: Mapping[str, Sequence[Any]] | None = None,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.lapack import lapack
 
 if TYPE_CHECKING:
@@ -248,7 +249,8 @@ def largest_eigenvalue(matrix: Any) -> float:
     rows, columns = place[entries.row], place[entries.col]
     width = int(np.abs(rows - columns).max(initial=0))
     if width > size // 8:
-        return float(eigh(_full(matrix), eigvals_only=True, subset_by_index=last)[0])
+        with one_blas_thread():  # once more, of the library that this import may have brought
+            return float(eigh(_full(matrix), eigvals_only=True, subset_by_index=last)[0])
     lower = rows >= columns
     band = np.zeros((width + 1, size))
     band[(rows - columns)[lower], columns[lower]] = entries.data[lower]

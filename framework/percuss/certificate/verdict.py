@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import (
     BlackBoxCriterion,
@@ -88,6 +89,7 @@ class SettledRun(NamedTuple):
     criterion: RunCriterion | None
 
 
+@one_blas_thread()
 def settled(case: Case) -> SettledRun:
     """Return the model of a case; where the case leaves the step open, choose a share of the critical step.
 
@@ -142,6 +144,7 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
     return RunCriterion(model, kind, other_step, closed=closed)
 
 
+@one_blas_thread()
 def certificate(model: Model, criterion: RunCriterion | None = None) -> Certificate:
     """Return the certificate of a run.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.certificate.black_box import ClosedStep, Motions
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.errors import InputError, PercussError, Problem, suggestion
@@ -66,6 +67,7 @@ class Waves:
         ]
 
 
+@one_blas_thread()
 def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     """Return reflection and transmission of waves at a contact that is held closed.
 

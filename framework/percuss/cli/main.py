@@ -8,6 +8,7 @@ import sys
 
 import typer
 
+from percuss.blas import start_with_one_blas_thread
 from percuss.cli.check import check
 from percuss.cli.compare import compare
 from percuss.cli.new import new
@@ -37,8 +38,7 @@ for command in (run, check, compare, study, stability, waves, report, verify, pl
 
 def main() -> None:
     """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input."""
-    # The matrices are small, so threads of BLAS cost more time than they save, above all beside other runs.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    start_with_one_blas_thread()
     # Pydantic would look through all installed distributions for plug-ins of its own.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Importing makes many objects that stay: to look for garbage among them every time takes a tenth of a short run.

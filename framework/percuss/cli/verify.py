@@ -1,4 +1,4 @@
-"""The command ``percuss verify``, which checks cases against their expectations and methods against the contract."""
+"""The command ``percuss verify``: cases against what they expect, results by another run, methods with the kit."""
 
 from __future__ import annotations
 
@@ -15,10 +15,16 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.testing import Report
 
+BEGINNINGS_OF_RESULTS = (b"\x89HDF", b"CDF")  # NetCDF-4, and older NetCDF, which is refused as what it is
+
 
 def verify(
-    cases: Annotated[
-        list[Path] | None, typer.Argument(metavar="[CASE]...", help="YAML files of cases, run against their `expect`.")
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[CASE|RESULT]...",
+            help="YAML files of cases, run against their `expect`; saved results, whose cases are run again.",
+        ),
     ] = None,
     plugin: Annotated[
         list[Path] | None,
@@ -29,35 +35,63 @@ def verify(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Verify cases against their own expectations, or methods with the conformance kit."""
+    """Verify cases against their expectations, results by running them again, or methods with the conformance kit."""
     with reporting(as_json):
-        if cases and not method:
-            results = [_verify_case(path, plugin) for path in cases]
-            passed, data = all(result["passed"] for result in results), {"cases": results}
-        elif cases:
+        if files and method:
             raise InputError([Problem("percuss verify", "", "expected cases or --method, found both", "Give one.")])
+        if files:
+            passed, data = _verify_files(files, plugin or [], quiet=as_json)
         else:
             reports = _run_kit(plugin or [], method or [], quiet=as_json)
             passed = all(report.passed for report in reports)
             data = {"methods": [report.as_dict() for report in reports]}
         if as_json:
             print_json({"passed": passed, **data})
-        elif cases:
-            from percuss.reporting.terminal import tell_checks
-
-            tell_checks(data["cases"])
         if not passed:
             raise typer.Exit(1)
 
 
-def _verify_case(path: Path, plugins: list[Path] | None) -> dict[str, Any]:
+def _verify_files(files: list[Path], plugins: list[Path], *, quiet: bool) -> tuple[bool, dict[str, Any]]:
+    """Return whether all cases and results pass, and their checks; print these unless `quiet`."""
+    results = [path for path in files if _is_result(path)]
+    cases = [_verify_case(path, plugins) for path in files if path not in results]
+    reruns = []
+    if results:
+        from percuss.results.rerun import rerun
+
+        reruns = [rerun(path, plugins) for path in results]
+    if not quiet and cases:
+        from percuss.reporting.terminal import tell_checks
+
+        tell_checks(cases)
+    if not quiet and reruns:
+        from percuss.reporting.tell_reruns import tell_reruns
+
+        tell_reruns(reruns)
+    checked = {"cases": cases, "results": [one.as_dict() for one in reruns]}
+    passed = all(case["passed"] for case in cases) and all(one.passed for one in reruns)
+    return passed, {kind: entries for kind, entries in checked.items() if entries}
+
+
+def _is_result(path: Path) -> bool:
+    """Return whether a file is meant as a saved result: by its name, or by its first bytes."""
+    if path.suffix == ".nc":
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(4).startswith(BEGINNINGS_OF_RESULTS)
+    except OSError:  # which is told when the file is read as a case
+        return False
+
+
+def _verify_case(path: Path, plugins: list[Path]) -> dict[str, Any]:
     """Run a case, and return its checks with expected and measured values, its error and whether it passed."""
     from percuss.case.case import load
     from percuss.results.ledger import open_accounts
     from percuss.results.runner import run
     from percuss.results.verify import verify as verified
 
-    case = load(path, plugins=plugins or [])
+    case = load(path, plugins=plugins)
     try:
         result = run(case)
         checks = [check.as_dict() for check in verified(case, result)]

@@ -49,8 +49,10 @@ class Registry:
         Class and provenance of each (family, name), sorted.
     clashes
         Names that are not used because several plug-ins register them, with the provenance in each.
-    broken, files
-        Plug-ins and components that were left out, with the reason; paths of the single-file plug-ins.
+    broken
+        Plug-ins and components that were left out, with the reason.
+    single_files
+        The single-file plug-ins as they were read.
     distributions
         Whether the plug-ins of installed distributions are included.
     """
@@ -59,7 +61,7 @@ class Registry:
     sources: Mapping[Key, Provenance]
     clashes: Clashes
     broken: tuple[Broken, ...]
-    files: tuple[Path, ...]
+    single_files: tuple[SingleFile, ...]
     distributions: bool
 
     @staticmethod
@@ -86,6 +88,11 @@ class Registry:
                 read = SingleFile.read(Path(file))
                 given.setdefault(read.path, read)
             return _load(_environment() if distributions else None, tuple(given.values()))
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Paths of the single-file plug-ins."""
+        return tuple(file.path for file in self.single_files)
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -182,7 +189,7 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFi
         sources=MappingProxyType({key: chosen[key].source for key in sorted(chosen)}),
         clashes=MappingProxyType(clashes),
         broken=tuple(broken),
-        files=tuple(file.path for file in files),
+        single_files=files,
         distributions=environment is not None,
     )
 

@@ -14,7 +14,7 @@ from types import ModuleType
 
 from percuss.errors import PluginError, nearest
 from percuss.methods.provenance import Provenance, display_path
-from percuss.methods.source_digest import data_named, file_of_module, imports_of, record_import
+from percuss.methods.source_digest import content_digest, data_named, file_of_module, imports_of, record_import
 
 __all__ = ["SingleFile"]
 
@@ -76,10 +76,19 @@ class SingleFile:
         return cls(path, content, data, str(given))
 
     @property
+    def digest(self) -> str:
+        """SHA-256 of the file and its data files, in hexadecimal digits."""
+        return content_digest(self._all_content)
+
+    @property
+    def _all_content(self) -> bytes:
+        return b"\0".join([self.content, *(text for _, text in self.data)])
+
+    @property
     def source(self) -> Provenance:
         """Provenance of the plug-in, with a module name of its own for each path and content."""
-        content = b"\0".join([self.content, *(text for _, text in self.data)])
-        version = hashlib.sha256(content).hexdigest()[:12]
+        content = self._all_content
+        version = self.digest[:12]
         # The name depends on the content too, so that an edited file is a new module and the old one stays intact.
         unique = hashlib.sha256(str(self.path).encode() + b"\0" + content).hexdigest()[:12]
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)

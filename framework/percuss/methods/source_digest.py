@@ -38,6 +38,7 @@ __all__ = [
     "file_of_module",
     "function_digest",
     "imports_of",
+    "numeric_settings",
     "own_digest",
     "record_import",
     "remember",
@@ -73,15 +74,21 @@ def content_digest(content: bytes) -> str:
 
 def surroundings() -> dict[str, str]:
     """Return versions and settings outside the methods that can change numbers: packages, environment, numba's file."""
-    versions_and_settings = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
-    versions_and_settings |= {name: installed_version(name) for name in COMPUTING_PACKAGES}
-    for name, value in sorted(os.environ.items()):
-        if name.startswith(NUMERIC_PREFIXES) and not name.startswith(HARMLESS_PREFIXES):
-            versions_and_settings[name] = value
-    settings = Path(".numba_config.yaml")
-    if settings.is_file():
-        versions_and_settings[settings.name] = content_digest(settings.read_bytes())
-    return versions_and_settings
+    versions = {"python": f"{platform.python_implementation()} {platform.python_version()}"}
+    return versions | {name: installed_version(name) for name in COMPUTING_PACKAGES} | numeric_settings()
+
+
+def numeric_settings() -> dict[str, str]:
+    """Return variables of the environment that can change numbers, and the digest of numba's settings file."""
+    settings = {
+        name: value
+        for name, value in sorted(os.environ.items())
+        if name.startswith(NUMERIC_PREFIXES) and not name.startswith(HARMLESS_PREFIXES)
+    }
+    file = Path(".numba_config.yaml")
+    if file.is_file():
+        settings[file.name] = content_digest(file.read_bytes())
+    return settings
 
 
 def own_digest() -> str:

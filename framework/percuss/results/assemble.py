@@ -8,10 +8,10 @@ import numpy as np
 
 from percuss.certificate import cause
 from percuss.compiling import Stopwatch
-from percuss.jsonable import plain
+from percuss.jsonable import as_lists, plain
 from percuss.results import energy_growth, ledger, true_error
 from percuss.results.exact import exact_solution, sampled
-from percuss.results.provenance import expected_forces, geometry, machine, plugins_used, resolved_methods
+from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins, resolved_methods
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
 from percuss.solver.march import CONTACT_WORK_GROWTH, March, Outcome
@@ -115,16 +115,21 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "notes": notes,
         "seconds": outcome.seconds,
     }
-    provenance = {
-        **machine(),
-        "case": model.case.data,
+    errors = true_errors["exact"] or true_errors["exact_covered"]
+    components = components_used(model.case, solution=errors["solution"] if errors else None)
+    found = {
         "resolved": resolved_methods(model),
         "geometry": geometry(model),
         "expected_forces": expected_forces(model.case),
-        "plugins": plugins_used(model.case),
+    }
+    provenance = {
+        **machine(),
+        "case": as_lists(model.case.data),
+        **origins(model.case, components),
+        **plain(found),
     }
     coordinates = {"contact": [contact_pair.name for contact_pair in model.contact_pairs], "probe": probe_names}
-    result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), plain(provenance))
+    result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), provenance)
     result.solution = solution
     return result
 

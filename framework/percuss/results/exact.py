@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.results import kept_solutions
 from percuss.solver.contact_problem import contact_problem
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
 
 
+@one_blas_thread()
 def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     """Return the exact solution of a model up to `end`.
 

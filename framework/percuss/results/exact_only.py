@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.errors import InputError, Problem
-from percuss.jsonable import plain
+from percuss.jsonable import as_lists, plain
 from percuss.results.exact import exact_solution
 from percuss.results.exact_result import ExactSolutionResult
-from percuss.results.provenance import expected_forces, geometry, machine, plugins_used
+from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins
 from percuss.solver.model import Model
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def load_for_exact(
     return load(source, overrides, plugins=plugins)
 
 
+@one_blas_thread()
 def run_exact(case: Case) -> ExactSolutionResult:
     """Return the exact solution of a case up to its end, or up to the time that the solution reaches.
 
@@ -74,17 +76,17 @@ def run_exact(case: Case) -> ExactSolutionResult:
         "notes": list(case.notes),
         "seconds": {"total": time.perf_counter() - started, "exact": solved},
     }
+    # Methods from single files change nothing, but without them nobody can read the case again.
+    of_files = [key for key in components_used(case) if not case.registry.sources[key].distribution]
+    components = sorted({*components_used(case, methods=False, solution=name), *of_files})
     provenance = {
         **machine(),
-        "case": case.data,
-        "geometry": geometry(model),
-        "expected_forces": expected_forces(case),
-        "plugins": plugins_used(case, solution=name),
+        "case": as_lists(case.data),
+        **origins(case, components),
+        **plain({"geometry": geometry(model), "expected_forces": expected_forces(case)}),
     }
     coordinates = {"contact": names, "probe": probes}
-    return ExactSolutionResult(
-        arrays, coordinates, _field(model, solution), plain(summary), plain(provenance), solution
-    )
+    return ExactSolutionResult(arrays, coordinates, _field(model, solution), plain(summary), provenance, solution)
 
 
 def _coverage(solution: Exact, name: str, reason: str) -> dict[str, Any]:

@@ -11,19 +11,22 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from percuss.errors import InputError
+from percuss.methods.source_digest import SourceDigests, numeric_settings, own_digest
 from percuss.version import installed_version
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from percuss.case.case import Case
     from percuss.methods.provenance import Provenance
+    from percuss.methods.single_file import SingleFile
     from percuss.solver.model import Model
 
 
 def versions() -> dict[str, str]:
     """Return the versions in use."""
-    names = ("percuss", "numpy", "numba", "scipy", "xarray", "netCDF4")
+    names = ("percuss", "numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4")
     return {"python": platform.python_version(), **{name: installed_version(name) for name in names}}
 
 
@@ -43,16 +46,47 @@ def processor_model() -> str:
     return platform.processor() or "unknown"
 
 
+@cache
+def _instructions() -> tuple[str, str]:
+    """Return the name of the processor and the sets of instructions for which numba compiles."""
+    from llvmlite import binding
+
+    features = binding.get_host_cpu_features()
+    return binding.get_host_cpu_name(), " ".join(sorted(name for name, present in features.items() if present))
+
+
+@cache
+def _own_digest() -> str | None:
+    """Return the digest of the sources of percuss, None if one of them was edited after this process imported it."""
+    try:
+        return own_digest()
+    except InputError:
+        return None
+
+
+@cache
+def _settings() -> dict[str, str]:
+    return numeric_settings()
+
+
 def machine() -> dict[str, Any]:
-    """Return versions, machine and current time for the provenance of a result."""
+    """Return versions, settings, the digest of percuss, machine and current time for the provenance of a result.
+
+    The processor for which numba compiles is named once this process has loaded the compiler's library.
+    """
+    described = {
+        "system": platform.platform(),
+        "processor": platform.machine(),
+        "cpu": processor_model(),
+        "byteorder": sys.byteorder,
+    }
+    if "llvmlite" in sys.modules:
+        described["compiled_for"], described["instructions"] = _instructions()
     return {
         "versions": versions(),
-        "machine": {
-            "system": platform.platform(),
-            "processor": platform.machine(),
-            "cpu": processor_model(),
-            "byteorder": sys.byteorder,
-        },
+        "settings": dict(_settings()),
+        "source_digest": _own_digest(),
+        "machine": described,
         "time": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     }
 
@@ -112,29 +146,73 @@ def expected_forces(case: Case) -> list[dict[str, Any]]:
     ]
 
 
-def plugins_used(case: Case, *, solution: str | None = None) -> dict[str, dict[str, str]]:
-    """Return distribution, version and file of every component of a case, by family and name.
+def components_used(case: Case, *, methods: bool = True, solution: str | None = None) -> list[tuple[str, str]]:
+    """Return family and name of every component that a result of a case depends on, sorted.
 
     Parameters
     ----------
     case
         The case.
+    methods
+        Whether its integrator, contact laws and mass count, as they do for a run.
     solution
-        Name of the exact solution that stands in for the methods of the case; None for a run.
+        Name of the exact solution that judges the run, or stands in for the methods; None if there is none.
     """
     components: list[Any] = [load.load for load in case.loads.values()]
     components += [
         component for body in case.bodies.values() for component in (body.shape, body.material, body.element)
     ]
-    used = {(component.family, component.name) for component in components}
-    if solution is None:
+    if methods:
         laws = [contact.law for contact in case.contacts.values()]
-        methods: list[Any] = [case.method.integrator, case.method.contact, case.method.mass, *laws]
-        used |= {(component.family, component.name) for component in methods}
-    else:
-        used.add(("solutions", solution))
-    return {"/".join(key): _origin(case.registry.sources[key]) for key in sorted(used)}
+        components += [case.method.integrator, case.method.contact, case.method.mass, *laws]
+    used = {(component.family, component.name) for component in components}
+    return sorted(used | ({("solutions", solution)} if solution else set()))
 
 
-def _origin(source: Provenance) -> dict[str, str]:
-    return {"distribution": source.distribution, "version": source.version, "file": source.file}
+def origins(case: Case, components: Iterable[tuple[str, str]]) -> dict[str, Any]:
+    """Return where the components of a case and its data files come from.
+
+    Parameters
+    ----------
+    case
+        The case.
+    components
+        Family and name of each component that counts.
+
+    Returns
+    -------
+    dict
+        ``plugins``: distribution, version, file and digest of the sources of each component, by family and name;
+        the digest is None where a source was edited after this process imported it. ``single_files``: digest and texts
+        of each single-file plug-in among them, by its path. ``data_files``: texts of the files that the case names.
+    """
+    sources = {"/".join(key): case.registry.sources[key] for key in components}
+    files = {source.file for source in sources.values() if not source.distribution}
+    return {
+        "plugins": {name: dict(_origin(source)) for name, source in sources.items()},
+        "single_files": {
+            str(file.path): _content(file) for file in case.registry.single_files if str(file.path) in files
+        },
+        "data_files": dict(case.data_files),
+    }
+
+
+_DIGESTS = SourceDigests()  # of this process, which runs the sources that it imported first
+
+
+@cache
+def _origin(source: Provenance) -> dict[str, str | None]:
+    digest = None
+    with contextlib.suppress(InputError):  # a source was edited after its import
+        digest = _DIGESTS.of(source)
+    return {"distribution": source.distribution, "version": source.version, "file": source.file, "digest": digest}
+
+
+@cache
+def _content(file: SingleFile) -> dict[str, Any]:
+    """Return the digest of a single-file plug-in, and the texts of it and of its data files."""
+    texts = {}
+    for name, content in file.files.items():
+        with contextlib.suppress(UnicodeDecodeError):  # data that are no text count by the digest alone
+            texts[name] = content.decode("utf-8")
+    return {"digest": file.digest, "texts": texts}

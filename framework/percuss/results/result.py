@@ -30,7 +30,8 @@ class Result:
     summary
         Plain dict of the entries by which runs are compared.
     provenance
-        Versions, case, resolved parameters, machine.
+        All that the run can be made again with: the case with its data files, versions, settings, machine, digests of
+        percuss and of each plug-in; besides, the resolved parameters.
     coordinates
         Names along the axes ``contact`` and ``probe``.
     """
@@ -69,11 +70,11 @@ class Result:
         errors, partial_errors = self.summary["exact"], self.summary.get("exact_covered")
         until = errors["reached"] if errors else partial_errors["until"] if partial_errors else None
         if self.solution is None and until is not None:
-            from percuss.case.case import load
+            from percuss.results.case_inside import case_inside
             from percuss.results.exact import exact_solution
             from percuss.solver.model import Model
 
-            self.solution = exact_solution(Model(load(self.provenance["case"])), until)[0]
+            self.solution = exact_solution(Model(case_inside(self.provenance)), until)[0]
         return self.solution
 
     @property

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.blas import one_blas_thread
 from percuss.case.case import expect_case
 from percuss.certificate import cause, verdict
 from percuss.compiling import Stopwatch
@@ -91,12 +92,35 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) ->
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True)
 
 
+def run_again(case: Case, summary: Mapping[str, Any]) -> Result:
+    """Run the case of an earlier run again, in the way of that run.
+
+    Parameters
+    ----------
+    case
+        The case.
+    summary
+        Summary of the earlier run: whether it was compiled, whether it had a nudged twin, after which step it was
+        interrupted.
+    """
+    exact = summary["exact"]
+    return _run(
+        case,
+        Stopwatch(),
+        compiled=summary["compiled"],
+        nudge=exact is not None and exact["fragile"] is not None,
+        interrupt_after=summary["steps"] if summary["status"] == "interrupted" else None,
+    )
+
+
+@one_blas_thread()
 def _run(
     case: Case,
     watch: Stopwatch,
     *,
     compiled: bool = True,
     nudge: bool = False,
+    interrupt_after: int | None = None,
     progress: Progress | None = None,
     repeats: int | None = 1,
     timed: bool = False,
@@ -113,7 +137,7 @@ def _run(
         marginal = certificate["stable"] == "marginal"
         march.compile()  # before the lock is taken, so that no other thread waits for the compilation
         with MARCH_LOCK if timed else nullcontext():
-            outcome = march.run(progress, marginal=marginal)
+            outcome = march.run(progress, marginal=marginal, interrupt_after=interrupt_after)
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, marginal=marginal)
     watch.lap()

@@ -237,7 +237,9 @@ class March:
 
     # -- time integration --------------------------------------------------------------------------------
 
-    def run(self, progress: Progress | None = None, *, marginal: bool = False) -> Outcome:
+    def run(
+        self, progress: Progress | None = None, *, marginal: bool = False, interrupt_after: int | None = None
+    ) -> Outcome:
         """Integrate to the end of the run, or until it is stopped.
 
         Parameters
@@ -247,6 +249,8 @@ class March:
         marginal
             Whether the time step is the critical one, at which the motion of highest frequency of a bar may grow
             linearly with time.
+        interrupt_after
+            Number of steps after which the run ends as if it were interrupted, as an earlier run was; None for none.
         """
         started = time.perf_counter()
         self.compile()
@@ -264,7 +268,7 @@ class March:
         )
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
         with interruptible() as interrupted, np.errstate(all="ignore"):
-            self._march(outcome, progress, interrupted)
+            self._march(outcome, progress, interrupted, interrupt_after)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
             outcome.final_displacement = self.u.copy()
@@ -312,7 +316,9 @@ class March:
             seconds=self.seconds,
         )
 
-    def _march(self, outcome: Outcome, progress: Progress | None, interrupted: threading.Event) -> None:
+    def _march(
+        self, outcome: Outcome, progress: Progress | None, interrupted: threading.Event, interrupt_after: int | None
+    ) -> None:
         model = self.model
         for first, last in model.segments():
             if first > 0:
@@ -330,6 +336,8 @@ class March:
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
                 if progress is not None:
                     progress(outcome.done, model.steps)
+                if interrupt_after is not None and outcome.done >= interrupt_after:
+                    interrupted.set()
                 if interrupted.is_set() and outcome.done < model.steps:
                     outcome.status = "interrupted"
                     return

@@ -101,14 +101,15 @@ class Keys:
 
         `changed` is the text of the case with the changes of the task, or None if they cannot be made.
         """
-        from percuss.results.provenance import plugins_used
+        from percuss.results.provenance import components_used
         from percuss.studies.perform import tying_law
 
         sources = case.registry.sources
         used = {f"{family}/{name}" for (family, name), source in sources.items() if not source.distribution}
         if changed is not None:
             with contextlib.suppress(PercussError):
-                used = set(plugins_used(load(changed, registry=case.registry)))
+                components = components_used(load(changed, registry=case.registry))
+                used = {f"{family}/{name}" for family, name in components}
         for (family, name), source in sources.items():
             # Any solution may cover the case: it gives the true error, and the times at which a tied twin is tied.
             wanted = family == "solutions" or (family == "measures" and name in self.measures)

@@ -1,0 +1,209 @@
+"""Differences between two results of one case, to the last bit, and between what they were made with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.case.quantities import QUANTITIES
+
+if TYPE_CHECKING:
+    from percuss.results.exact_result import ExactSolutionResult
+    from percuss.results.result import Result
+
+__all__ = ["Change", "Difference", "changes", "differences"]
+
+# Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
+_NOT_COMPARED = {"seconds", "notes", "compiled_why"}
+_UNCHANGED_BY_TIME = ("versions", "settings", "source_digest", "machine")
+_MACHINE_WORDS = {
+    "cpu": "processor",
+    "processor": "architecture",
+    "compiled_for": "processor that numba compiles for",
+    "instructions": "instructions of the processor that numba uses",
+}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A quantity in which two results differ.
+
+    Attributes
+    ----------
+    quantity
+        Name of a history, or dotted path of a number in the summary.
+    then, now
+        Value in the earlier and in the later result: of a history the first values that differ, or its shape.
+    time
+        Time of the first difference of a history; None for a number of the summary, or if the shapes differ.
+    of
+        Contact, probe or body with that difference; may be empty.
+    largest
+        Largest difference, None where it is no number.
+    relative
+        The same over the largest magnitude of the earlier values.
+    """
+
+    quantity: str
+    then: Any
+    now: Any
+    time: float | None = None
+    of: str = ""
+    largest: float | None = None
+    relative: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the difference as plain data for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Change:
+    """Something that is not as it was when a result was made: its name, then and now; None where it was not there."""
+
+    what: str
+    then: str | None
+    now: str | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the change as plain data for JSON."""
+        return asdict(self)
+
+
+def differences(then: Result | ExactSolutionResult, now: Result | ExactSolutionResult) -> list[Difference]:
+    """Return all quantities whose bits differ: histories in the order of their first difference, then numbers."""
+    histories = [
+        *_of_arrays({**then.arrays}, {**now.arrays}, then.coordinates),
+        *_of_arrays(_fields(then.field_arrays), _fields(now.field_arrays), {"body": then.field_arrays.get("body", [])}),
+    ]
+    histories.sort(key=lambda difference: -np.inf if difference.time is None else difference.time)
+    numbers = [
+        *_of_numbers(_compared(then.summary), _compared(now.summary), ""),
+        *_of_numbers(then.provenance.get("resolved"), now.provenance.get("resolved"), "resolved"),
+    ]
+    return [*histories, *numbers]
+
+
+def _compared(summary: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in summary.items() if name not in _NOT_COMPARED}
+
+
+def _fields(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    names = {"time": "time of the fields", "stress": "stress", "position": "position of the fields"}
+    return {words: arrays[name] for name, words in names.items() if name in arrays}
+
+
+def _of_arrays(
+    then: Mapping[str, Any], now: Mapping[str, Any], coordinates: Mapping[str, list[str]]
+) -> Iterator[Difference]:
+    for name in dict.fromkeys([*then, *now]):
+        before, after = then.get(name), now.get(name)
+        if before is None or after is None or np.shape(before) != np.shape(after):
+            yield Difference(name, _shape(before), _shape(after))
+            continue
+        differs = _bits(before) != _bits(after)
+        if not differs.any():
+            continue
+        first = tuple(int(i) for i in np.unravel_index(int(np.argmax(differs)), differs.shape))
+        quantity = QUANTITIES.get(name)
+        times = then.get("time_half" if quantity and quantity.axis == "time_half" else "time")
+        times = then.get("time of the fields") if times is None else times
+        largest, relative = _size(before, after)
+        yield Difference(
+            name,
+            _plain(before[first]),
+            _plain(after[first]),
+            time=None if times is None or len(times) != len(before) else float(times[first[0]]),
+            of=_owner(quantity.of if quantity else "", first, coordinates),
+            largest=largest,
+            relative=relative,
+        )
+
+
+def _shape(values: Any) -> str | None:
+    return None if values is None else f"{' x '.join(map(str, np.shape(values)))} values"
+
+
+def _bits(values: Any) -> Any:
+    """Return the bits of numbers, in which all that is not a number is one."""
+    values = np.ascontiguousarray(values, dtype=float)
+    return np.where(np.isnan(values), np.nan, values).view(np.int64)
+
+
+def _size(before: Any, after: Any) -> tuple[float | None, float | None]:
+    """Return the largest difference between numbers, and the same over the largest magnitude before."""
+    with np.errstate(all="ignore"):
+        difference = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
+        largest = float(np.max(difference, where=np.isfinite(difference), initial=0.0))
+        scale = float(np.max(np.abs(before), where=np.isfinite(before), initial=0.0))
+    return largest, largest / scale if scale > 0.0 else None
+
+
+def _owner(of: str, first: tuple[int, ...], coordinates: Mapping[str, list[str]]) -> str:
+    names = coordinates.get("body" if of == "element" else of, [])
+    return str(names[first[1]]) if len(first) > 1 and first[1] < len(names) else ""
+
+
+def _plain(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _of_numbers(then: Any, now: Any, path: str) -> Iterator[Difference]:
+    if isinstance(then, Mapping) and isinstance(now, Mapping):
+        for name in dict.fromkeys([*then, *now]):
+            yield from _of_numbers(then.get(name), now.get(name), f"{path}.{name}" if path else str(name))
+    elif isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        for place, (before, after) in enumerate(zip(then, now, strict=True)):
+            yield from _of_numbers(before, after, f"{path}[{place}]")
+    elif repr(then) != repr(now):  # of a number, the shortest text that gives back its bits
+        numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (then, now))
+        largest, relative = _size(np.array([then]), np.array([now])) if numeric else (None, None)
+        yield Difference(path, then, now, largest=largest, relative=relative)
+
+
+def changes(then: Mapping[str, Any], now: Mapping[str, Any]) -> list[Change]:
+    """Return what has changed between the provenances of two results: versions, settings, sources, plug-ins, machine.
+
+    What one of them does not know, such as the instructions of the processor where nothing was compiled, is no change.
+    """
+    out = [
+        Change(what, before, after)
+        for part in _UNCHANGED_BY_TIME
+        for what, before, after in _entries(part, then.get(part), now.get(part))
+        if before != after and (part == "settings" or None not in {before, after})
+    ]
+    plugins = {**dict.fromkeys(then["plugins"]), **dict.fromkeys(now["plugins"])}
+    for name in plugins:
+        before, after = (_plugin_words(provenance["plugins"].get(name)) for provenance in (then, now))
+        if before != after:
+            out.append(Change(f"plug-in {name}", before, after))
+    return out
+
+
+def _entries(part: str, then: Any, now: Any) -> Iterator[tuple[str, str | None, str | None]]:
+    """Yield name, earlier and later value of each entry of a part of the provenance."""
+    if part == "source_digest":
+        yield "sources of percuss", then, now
+        return
+    words = {"versions": "version of ", "settings": "setting ", "machine": ""}[part]
+    names = _MACHINE_WORDS if part == "machine" else {}
+    for name in sorted({*(then or {}), *(now or {})}):
+        before, after = (then or {}).get(name), (now or {}).get(name)
+        if name == "instructions" and before and after:
+            before, after = _without_common_words(before, after), _without_common_words(after, before)
+        yield f"{words}{names.get(name, name)}", before, after
+
+
+def _without_common_words(text: str, other: str) -> str:
+    return " ".join(sorted({*text.split()} - {*other.split()}))
+
+
+def _plugin_words(origin: Mapping[str, Any] | None) -> str | None:
+    """Return version and digest of a plug-in; its place is no change."""
+    if origin is None:
+        return None
+    version = f"{origin['distribution']} {origin['version']}" if origin["distribution"] else "a file"
+    return f"{version}, sources {origin['digest'] or 'edited while they were in use'}"

@@ -1,0 +1,179 @@
+"""The same case gives the same bits: whatever ran before it, beside it, or around it."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+import scipy.linalg  # noqa: F401 - a library of BLAS of its own
+from threadpoolctl import ThreadpoolController, threadpool_limits
+
+import percuss
+import places
+from percuss import blas
+from strategies import hunek
+
+CASES = {
+    "wu": hunek(8, end=0.5),
+    "auto": hunek(8, 0.5, "central-difference", {"name": "penalty"}) | {"time": {"courant": "auto", "end": 0.5}},
+    "stages": hunek(8, 0.5, "noh-bathe", {"name": "penalty"}, end=0.5),
+}
+# Runs cases in the order given, under a profiler or a tracer if one is named, and prints all their bits.
+RUNS = """
+import cProfile, json, sys
+cases, around = json.loads(sys.argv[1]), sys.argv[2]
+if around == "profiler":
+    cProfile.Profile().enable()
+elif around == "tracer":
+    sys.setprofile(lambda *event: None)
+    sys.settrace(lambda *event: None)
+import percuss
+bits = {}
+for name, case in cases.items():
+    result = percuss.run(percuss.load(case))
+    del result.summary["seconds"]
+    arrays = {key: values.tobytes().hex() for key, values in result.arrays.items()}
+    bits[name] = [arrays, result.summary, result.provenance["resolved"]]
+print(json.dumps(bits))
+"""
+LONG = {"refine": 150, "time.end": None, "time.steps": 5}  # sums of more than ten thousand terms
+DAMPED = """\
+from dataclasses import dataclass
+from percuss import ContactLaw, LinearLaw
+
+
+@dataclass(frozen=True)
+class Damped(ContactLaw):
+    '''A penalty spring with a dashpot, which is certified from the step itself.'''
+
+    name = "damped"
+    summary = "Penalty spring and dashpot"
+
+    def bind(self, points, dt):
+        return LinearLaw("explicit", 1 / (1.3 * points.stiffness), rate=1e-4)
+"""
+
+
+def threads_of_blas():
+    return [library.get_num_threads() for library in ThreadpoolController().select(user_api="blas").lib_controllers]
+
+
+@pytest.mark.skipif(threads_of_blas() == [], reason="no library of BLAS whose threads can be counted")
+def test_bits_do_not_depend_on_the_threads_of_blas():
+    """Sums of more than ten thousand terms are split among threads, and their order changes the last digits."""
+    case = percuss.load(places.CASES / "doyen-impact.yaml", LONG)
+    errors = []
+    for threads in (1, 2, 4):
+        with threadpool_limits(threads, user_api="blas"):
+            errors.append(percuss.run(case).summary["exact"]["displacement_error"])
+    assert len(set(errors)) == 1
+
+
+def test_eigenvalues_that_choose_the_step_are_found_by_one_thread(tmp_path, monkeypatch):
+    """The step that `courant: auto` takes hangs on their last digits, and all histories on the step."""
+    law = tmp_path / "damped.py"
+    law.write_text(DAMPED, encoding="utf-8")
+    case = hunek(5, contact="damped", integrator="central-difference") | {"plugins": [str(law)]}
+    case["time"] = {"courant": "auto", "steps": 3}
+    found, eigenvalues = [], np.linalg.eigvals
+
+    def counted(matrix):
+        found.append(threads_of_blas())
+        return eigenvalues(matrix)
+
+    monkeypatch.setattr(np.linalg, "eigvals", counted)
+    with threadpool_limits(2, user_api="blas"):
+        result = percuss.run(percuss.load(case))
+        after = threads_of_blas()
+    assert result.summary["certificate"]["by"] == "black-box"
+    assert found
+    assert {threads for counts in found for threads in counts} == {1}
+    assert set(after) == {2}
+
+
+def test_threads_that_compute_at_once_share_the_limit():
+    """The one that computes longest sets BLAS free, whichever thread that is."""
+    with threadpool_limits(2, user_api="blas"):
+        inside, leave = threading.Event(), threading.Event()
+
+        def compute():
+            with blas.one_blas_thread():
+                inside.set()
+                leave.wait(10)
+
+        other = threading.Thread(target=compute)
+        with blas.one_blas_thread():
+            other.start()
+            inside.wait(10)
+        while_other_computes = threads_of_blas()
+        leave.set()
+        other.join()
+        assert set(while_other_computes) == {1}
+        assert set(threads_of_blas()) == {2}
+
+
+def bits_of(names, around="", **environment):
+    """Run cases in a process of their own; return their bits by name."""
+    cases = json.dumps({name: CASES[name] for name in names})
+    made = subprocess.run(
+        [sys.executable, "-c", RUNS, cases, around],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert made.returncode == 0, made.stderr
+    return json.loads(made.stdout)
+
+
+@pytest.mark.slow
+def test_bits_do_not_depend_on_the_process():
+    """Alone, or in any order after others; profiled or traced; with any number of threads and any seed of hashes."""
+    expected = bits_of(CASES)
+    assert bits_of(["stages"])["stages"] == expected["stages"]
+    threads = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "3", "PYTHONHASHSEED": "7"}
+    assert bits_of(reversed(CASES), "profiler", **threads) == expected
+    assert bits_of(CASES, "tracer", PYTHONHASHSEED="8") == expected
+
+
+@pytest.mark.deep
+def test_bits_do_not_depend_on_who_compiled_them(tmp_path):
+    """Just compiled, and under a tracer, as from the cache."""
+    expected = bits_of(CASES)
+    for around in ("", "tracer"):
+        own = {"NUMBA_CACHE_DIR": str(tmp_path / f"cache {around}")}
+        assert bits_of(["auto"], around, **own)["auto"] == expected["auto"]
+
+
+@pytest.mark.slow
+def test_bits_do_not_depend_on_the_workers_of_a_study(tmp_path):
+    plan = {
+        "percuss-study": 1,
+        "cases": [str(places.CASES / "hunek.yaml")],
+        "set": {"refine": 1, "time.end": 0.3},
+        "methods": {"integrators": ["central-difference", "wu-predictor-corrector"], "contacts": ["penalty"]},
+        "vary": {"method.contact.beta_s": [0.25, "auto"]},
+        "measure": ["force_error_l2", "displacement_error", "contacts.*.impulse", "energy.final", "dt"],
+    }
+    tables = []
+    for workers in (1, 2):
+        study = percuss.study(plan, tmp_path / f"{workers}.sqlite", workers=workers)
+        rows = [{name: row[name] for name in (*plan["measure"], "integrator")} for row in study.as_records()]
+        tables.append(sorted(rows, key=repr))
+    alone = []
+    for integrator in plan["methods"]["integrators"]:
+        for beta_s in plan["vary"]["method.contact.beta_s"]:
+            methods = {"method.integrator": integrator, "method.contact": {"name": "penalty", "beta_s": beta_s}}
+            summary = percuss.run(percuss.load(plan["cases"][0], {**plan["set"], **methods})).summary
+            alone.append({
+                "force_error_l2": summary["exact"]["contacts"]["tip"]["force_error_l2"],
+                "displacement_error": summary["exact"]["displacement_error"],
+                "contacts.*.impulse": summary["contacts"]["tip"]["impulse"],
+                "energy.final": summary["energy"]["final"],
+                "dt": summary["dt"],
+                "integrator": integrator,
+            })  # fmt: skip
+    assert tables == [sorted(alone, key=repr)] * 2
