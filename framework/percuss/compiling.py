@@ -14,7 +14,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["LOCK", "NOTICES", "Stopwatch", "compile_seconds", "compiler", "counted", "listen"]
+from percuss.heartbeat import beat
+
+__all__ = ["LOCK", "NOTICES", "Stopwatch", "announced", "compile_seconds", "compiler", "counted", "listen"]
 
 LOCK = threading.RLock()
 # These callbacks are called with True when numba begins to compile a function, and with False when it has finished.
@@ -92,6 +94,18 @@ def counted() -> Iterator[None]:
 
 
 @contextmanager
+def announced() -> Iterator[None]:
+    """Call `NOTICES` as for a compilation: this context waits for another process that compiles."""
+    for notice in NOTICES:
+        notice(True)
+    try:
+        yield
+    finally:
+        for notice in NOTICES:
+            notice(False)
+
+
+@contextmanager
 def compiler() -> Iterator[None]:
     """Hold the lock inside this context; the time, including the wait for the lock, counts as compile time."""
     with counted(), LOCK:
@@ -112,10 +126,12 @@ def listen() -> None:
 
             def on_start(self, event: Any) -> None:  # noqa: ARG002
                 """Start the clock."""
+                beat()
                 _CLOCK.start()
 
             def on_end(self, event: Any) -> None:  # noqa: ARG002
                 """Stop the clock."""
+                beat()
                 _CLOCK.stop()
 
         class Announcer(event.Listener):  # type: ignore[misc]

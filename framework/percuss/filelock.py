@@ -19,7 +19,7 @@ from typing import IO, Any
 
 from percuss.errors import InputError, Problem
 
-__all__ = ["BusyError", "in_turn", "locked"]
+__all__ = ["BusyError", "NotWritableError", "in_turn", "locked"]
 
 WAIT_SECONDS = 0.02  # between two attempts to get a lock
 
@@ -41,6 +41,20 @@ class BusyError(InputError):
         super().__init__([Problem(str(path), "", message, "Wait until it has ended, or name another file with -o.")])
 
 
+class NotWritableError(InputError):
+    """Refusal to write to a file in a folder that cannot be written to.
+
+    Attributes
+    ----------
+    path
+        The file.
+    """
+
+    def __init__(self, path: Path, reason: str | None) -> None:
+        self.path = path
+        super().__init__([Problem(str(path), "", f"cannot write here: {reason}", "Name another file with -o.")])
+
+
 @contextmanager
 def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
     """Hold the lock on a file.
@@ -56,7 +70,7 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
     ------
     BusyError
         If another process, or another thread of this one, holds the lock.
-    InputError
+    NotWritableError
         If the lock file cannot be opened for writing.
     """
     lock_file = path.with_name(f"{path.name}.lock")
@@ -107,8 +121,7 @@ def _acquired(path: Path, lock_file: Path) -> IO[str]:
             # `locked` closes the file at its end, which releases the lock.
             file = lock_file.open("a+", encoding="utf-8")
         except OSError as error:
-            message = f"cannot write here: {error.strerror}"
-            raise InputError([Problem(str(path), "", message, "Name another file with -o.")]) from error
+            raise NotWritableError(path, error.strerror) from error
         try:
             free = _try_lock(file)
         except OSError as error:

@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -13,7 +14,8 @@ from typing import Any
 def interruptible() -> Iterator[threading.Event]:
     """Turn the first Ctrl-C into an event for the caller to check between chunks; a second one interrupts as usual.
 
-    In any thread but the main one Ctrl-C is left as it is, and the event is never set.
+    Inside another such context the events of both are set, as the inner work may be at its end when Ctrl-C comes. In
+    any thread but the main one Ctrl-C is left as it is, and the event is never set.
     """
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
@@ -21,12 +23,26 @@ def interruptible() -> Iterator[threading.Event]:
         return
     previous_handler = signal.getsignal(signal.SIGINT)
 
-    def set_event(number: int, frame: Any) -> None:  # noqa: ARG001
-        event.set()
-        signal.signal(signal.SIGINT, previous_handler)
-
-    signal.signal(signal.SIGINT, set_event)
+    signal.signal(signal.SIGINT, _SetEvents(event, previous_handler))
     try:
         yield event
     finally:
-        signal.signal(signal.SIGINT, previous_handler)
+        # The handler that was there before, unless Ctrl-C has put the usual one back for all contexts.
+        interrupted = isinstance(previous_handler, _SetEvents) and previous_handler.event.is_set()
+        if not interrupted:
+            signal.signal(signal.SIGINT, previous_handler)
+
+
+@dataclass(frozen=True)
+class _SetEvents:
+    """A handler of Ctrl-C that sets its event and those of the handlers it replaced, and puts back the usual one."""
+
+    event: threading.Event
+    previous: Any
+
+    def __call__(self, number: int, frame: Any) -> None:  # noqa: ARG002
+        handler: Any = self
+        while isinstance(handler, _SetEvents):
+            handler.event.set()
+            handler = handler.previous
+        signal.signal(signal.SIGINT, handler)

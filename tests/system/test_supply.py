@@ -31,12 +31,12 @@ WORDS = {
 
 def licences(about):
     """Return the licences in the metadata of a distribution: its expression, its classifiers, or else its text."""
-    expression = about["License-Expression"]
+    expression = about.get("License-Expression")
     if expression:
         return set(re.findall(r"[\w.-]+", expression)) - {"AND", "OR", "WITH"}
     classifiers = [line.split(" :: ") for line in about.get_all("Classifier") or ()]
     found = {parts[-1] for parts in classifiers if parts[0] == "License" and parts[-1] != "OSI Approved"}
-    return {WORDS.get(name, name) for name in found or {about["License"] or "none given"}}
+    return {WORDS.get(name, name) for name in found or {about.get("License") or "none given"}}
 
 
 def stands_on(name, extras, found):

@@ -95,7 +95,7 @@ WRONG = {
     "keeps in a global": (
         LAW, SET, f"            globals()['CALLS'] = CALLS + 1\n{SET}CALLS, ", "the kernel keeps state between calls",
     ),
-    "draws at random": (LAW, SET, f"{SET}1e-9 * np.random.rand(), ", "the kernel keeps state between calls, or draws random"),
+    "draws at random": (LAW, SET, f"{SET}1e-9 * np.random.rand(), ", "the kernel keeps state between calls, draws random"),
     "keeps in a bound array": (
         LAW.replace("Bound(0.0)", "Bound(np.zeros(1))"), SET, f"            bound.e[0] += 1.0\n{SET}",
         "mine.py:34: contact law mine: multipliers: it changes what it was handed; it may write to",

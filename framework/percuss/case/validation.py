@@ -21,6 +21,7 @@ from percuss.case.options import Option, options_of
 from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
+from percuss.methods.blame import SINGULAR
 from percuss.methods.interfaces import AllowInf, Component, DataFile
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NO_KEY",
-    "SINGULAR",
     "Context",
     "EmptyIfAbsent",
     "Keyed",
@@ -43,15 +43,6 @@ __all__ = [
 
 T = TypeVar("T")
 
-SINGULAR = {
-    "integrators": "integrator",
-    "contacts": "contact law",
-    "loads": "load",
-    "shapes": "shape",
-    "elements": "element",
-    "materials": "material",
-    "masses": "mass",
-}
 _STRICT = core_schema.CoreConfig(strict=True, allow_inf_nan=False)
 # Mistakes of these types are worded by what the annotation expects.
 _DESCRIBED = {

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import socket
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from percuss.errors import InputError, PercussError, Problem
+from percuss.heartbeat import Watch, beat
+from percuss.methods.blame import line_in_plugin
+from percuss.methods.process_guard import exit_text, guarded_output, plug_ins_cannot_exit, where_is
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -27,6 +35,10 @@ Plugins = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")]
 
 
+STANDSTILL = 60.0  # seconds without a completed step after which the line of the plug-in is named
+FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
+REACTION = 2.0  # seconds that a command has to end after a second Ctrl-C
+
 COMPILING = "compiling the time loop, once for this kind of model"
 
 # The progress bar that is shown, if any: a terminal has no room for a spinner beside it.
@@ -35,12 +47,18 @@ _ON_TERMINAL: list[Any] = []
 
 @contextmanager
 def _compiling_shown() -> Iterator[None]:
-    """Show a spinner on standard error while numba compiles, on a terminal that shows no progress bar."""
+    """Show a spinner on standard error while numba compiles, on a terminal that shows no progress bar.
+
+    Where there is no terminal, a line tells of a compilation that lasts.
+    """
     from percuss.compiling import NOTICES
 
     spinner: list[Any] = []
+    line = _CompilationLine()
 
     def notice(begun: bool) -> None:
+        if not sys.stderr.isatty():
+            line.notice(begun)
         if begun and not _ON_TERMINAL and sys.stderr.isatty():
             from rich.console import Console
 
@@ -54,8 +72,34 @@ def _compiling_shown() -> Iterator[None]:
         yield
     finally:
         NOTICES.remove(notice)
+        line.notice(False)
         if spinner:
             spinner.pop().stop()
+
+
+class _CompilationLine:
+    """A line on standard error, once for a command, that tells of compilations that last."""
+
+    def __init__(self) -> None:
+        self._since: float | None = None
+        self._timer: threading.Timer | None = None
+        self._said = False
+
+    def notice(self, begun: bool) -> None:
+        """Wait with the line until some seconds have passed since the first compilation began, and one is under way."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if begun and not self._said:
+            now = time.monotonic()
+            self._since = now if self._since is None else self._since
+            self._timer = threading.Timer(max(0.0, self._since + FIRST_LINE - now), self._say)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _say(self) -> None:
+        self._said = True
+        print(COMPILING, file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -65,8 +109,13 @@ def reporting(as_json: bool) -> Iterator[None]:
     Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so.
     """
     try:
-        with _compiling_shown():
+        with guarded_output(), plug_ins_cannot_exit(), _standstill_told(), _compiling_shown():
             yield
+    except SystemExit as error:
+        text = exit_text(error)
+        if not text:
+            raise
+        _refuse(text, as_json=as_json)
     except PercussError as error:
         if as_json:
             problems = [vars(problem) for problem in error.problems] if isinstance(error, InputError) else []
@@ -78,11 +127,10 @@ def reporting(as_json: bool) -> Iterator[None]:
             print(f"{count} mistake{'s' if count > 1 else ''}; nothing was run", file=sys.stderr)
         raise typer.Exit(error.exit_code) from None
     except MemoryError as error:
-        text = f"this needs more memory than there is ({error or 'of no known size'}): take fewer elements or records"
-        if as_json:
-            print_json({"status": "bad input", "error": text, "problems": []})
-        print(f"error: {text}", file=sys.stderr)
-        raise typer.Exit(2) from None
+        _refuse(
+            f"this needs more memory than there is ({error or 'of no known size'}): take fewer elements or records",
+            as_json=as_json,
+        )
     except Exception as error:
         from percuss.methods.blame import line_in_plugin
 
@@ -90,23 +138,88 @@ def reporting(as_json: bool) -> Iterator[None]:
         # A defect of percuss itself keeps its full traceback.
         if not where:
             raise
-        text = f"{where}: {type(error).__name__}: {error}"
-        if as_json:
-            print_json({"status": "bad input", "error": text, "problems": []})
-        print(f"error: {text}", file=sys.stderr)
-        raise typer.Exit(2) from None
+        _refuse(f"{where}: {type(error).__name__}: {error}", as_json=as_json)
+
+
+def _refuse(text: str, *, as_json: bool) -> NoReturn:
+    """Print an error that is no list of mistakes, and end the command with exit code 2."""
+    if as_json:
+        print_json({"status": "bad input", "error": text, "problems": []})
+    print(f"error: {text}", file=sys.stderr)
+    raise typer.Exit(2) from None
+
+
+@contextmanager
+def _standstill_told() -> Iterator[None]:
+    """Say in which line of a plug-in the work stands still, and let a second Ctrl-C end it in any case.
+
+    Python sees no Ctrl-C while a compiled kernel runs: a thread that reads the signals themselves does.
+    """
+    main = threading.main_thread()
+    if threading.current_thread() is not main:
+        yield
+        return
+
+    def say() -> None:
+        if place := where_is(main.ident or 0):
+            message = f"note: no step has been completed for {STANDSTILL:g} s; the work is in {place}; Ctrl-C ends it"
+            print(message, file=sys.stderr, flush=True)
+
+    receiving, sending = socket.socketpair()
+    sending.setblocking(False)
+    before = signal.set_wakeup_fd(sending.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=_second_interrupt, args=(receiving,), daemon=True).start()
+    try:
+        with Watch(STANDSTILL, say):
+            yield
+    except KeyboardInterrupt as interrupt:
+        where = line_in_plugin(interrupt)
+        print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
+        raise typer.Exit(1) from None
+    finally:
+        signal.set_wakeup_fd(before)
+        sending.close()  # which ends the thread
+
+
+def _second_interrupt(receiving: socket.socket) -> None:
+    """End this process if it has not reacted to two Ctrl-C after a while; tell where it was."""
+    interrupts = 0
+    with receiving:
+        while received := receiving.recv(64):
+            interrupts += received.count(bytes([signal.SIGINT]))
+            if interrupts < 2:
+                continue
+            receiving.settimeout(REACTION)
+            try:
+                receiving.recv(64)  # empty once the command has ended
+                receiving.settimeout(None)
+            except TimeoutError:
+                place = where_is(threading.main_thread().ident or 0)
+                print(f"interrupted{f' in {place}' if place else ''}", file=sys.stderr, flush=True)
+                os._exit(1)
 
 
 @contextmanager
 def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
-    """Yield a callback that shows a bar with the remaining time, on a terminal and if the work lasts over a second."""
-    import time
+    """Yield a callback that shows the progress of work that lasts: as a bar on a terminal, else as lines now and then.
 
+    Both go to standard error. A line comes after 10 s, then every half minute, and of work that lasts for hours more
+    rarely.
+    """
     started = time.monotonic()
     shown: list[Any] = []
+    next_line = FIRST_LINE
 
     def show(done: int, total: int) -> None:
-        if not shown and sys.stderr.isatty() and time.monotonic() - started > 1.0 and done < total:
+        nonlocal next_line
+        beat()
+        elapsed = time.monotonic() - started
+        if not sys.stderr.isatty():
+            if elapsed >= next_line and done < total:
+                print(_progress_line(done, total, unit, elapsed), file=sys.stderr, flush=True)
+                next_line = elapsed + max(LINES_EVERY, 0.1 * elapsed)
+            return
+        if not shown and elapsed > 1.0 and done < total:
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -124,6 +237,20 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
         if shown:
             shown[0].stop()
             _ON_TERMINAL.remove(shown[0])
+
+
+def _progress_line(done: int, total: int, unit: str, elapsed: float) -> str:
+    """Return the line that tells the progress where there is no terminal."""
+    left = f", about {_duration(elapsed * (total - done) / done)} to go" if done else ""
+    return f"{done} of {total} {unit} after {_duration(elapsed)}{left}"
+
+
+def _duration(seconds: float) -> str:
+    """Return a time in seconds, minutes or hours, in words."""
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
 
 
 def print_json(data: dict[str, Any]) -> None:

@@ -8,7 +8,17 @@ from typing import Annotated
 
 import typer
 
-from percuss.cli.common import AsJson, CaseFile, Plugins, Sets, load_to_write, names_in, print_json, reporting
+from percuss.cli.common import (
+    AsJson,
+    CaseFile,
+    Plugins,
+    Sets,
+    load_to_write,
+    names_in,
+    print_json,
+    progress_bar,
+    reporting,
+)
 
 
 def compare(
@@ -41,7 +51,8 @@ def compare(
         if own:
             print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
         axes = varied(vary or [])
-        rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied)
+        with progress_bar("runs") as progress:
+            rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied, progress=progress)
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
             print(f"note: {note}", file=sys.stderr)
         orders = convergence.orders(rows)

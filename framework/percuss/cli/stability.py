@@ -39,6 +39,7 @@ def stability(
     plugin: Plugins = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the rows (csv).")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw curves or maps.")] = None,
+    whole: Annotated[bool, typer.Option("--all", help="Print every combination, however many there are.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the critical Courant number of a case, over varied parameters."""
@@ -64,6 +65,6 @@ def stability(
         else:
             from percuss.reporting.terminal import tell_stability
 
-            tell_stability(loaded.title, rows)
+            tell_stability(loaded.title, rows, whole=whole)
         if not any(row["courant_critical"] for row in rows):
             raise typer.Exit(1)

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, print_json, reporting
+from percuss.cli.common import AsJson, print_json, progress_bar, reporting
 from percuss.errors import InputError, PercussError, PluginError, Problem
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
+    from percuss.results.rerun import Rerun
     from percuss.testing import Report
 
 BEGINNINGS_OF_RESULTS = (b"\x89HDF", b"CDF")  # NetCDF-4, and older NetCDF, which is refused as what it is
@@ -53,13 +54,17 @@ def verify(
 
 def _verify_files(files: list[Path], plugins: list[Path], *, quiet: bool) -> tuple[bool, dict[str, Any]]:
     """Return whether all cases and results pass, and their checks; print these unless `quiet`."""
-    results = [path for path in files if _is_result(path)]
-    cases = [_verify_case(path, plugins) for path in files if path not in results]
-    reruns = []
-    if results:
-        from percuss.results.rerun import rerun
+    cases: list[dict[str, Any]] = []
+    reruns: list[Rerun] = []
+    with progress_bar("files") as progress:
+        for path in files:
+            if _is_result(path):
+                from percuss.results.rerun import rerun
 
-        reruns = [rerun(path, plugins) for path in results]
+                reruns.append(rerun(path, plugins))
+            else:
+                cases.append(_verify_case(path, plugins))
+            progress(len(cases) + len(reruns), len(files))
     if not quiet and cases:
         from percuss.reporting.terminal import tell_checks
 
@@ -129,9 +134,13 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         subject = Subject.of(registry.components[key], registry)
         say(f"{subject.name} ({subject.family}), {registry.sources[key]}")
         outcomes: list[Outcome] = []
-        for check, partner in checks_of(subject):
-            outcomes.append(perform(check, subject, partner))
-            say(str(outcomes[-1]))
+        planned = list(checks_of(subject))
+        with progress_bar(f"checks of {subject.name}") as progress:
+            for check, partner in planned:
+                outcomes.append(perform(check, subject, partner))
+                say(str(outcomes[-1]))
+                if quiet:  # else each line tells of the progress
+                    progress(len(outcomes), len(planned))
         reports.append(Report(subject.component, tuple(outcomes)))
         say(f"{reports[-1].verdict}\n")
     return reports

@@ -9,10 +9,10 @@ import os
 import re
 import sys
 import traceback
+from collections.abc import Iterable
 from pathlib import Path
+from types import FrameType
 from typing import Any
-
-import pluggy
 
 from percuss import version
 from percuss.errors import PluginError, nearest
@@ -22,16 +22,58 @@ OWN_PACKAGES = {"percuss", "percuss_methods"}
 RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # names that contract 2 changed
 PLUGIN_MODULES: set[str] = set()  # top-level modules of all loaded plug-ins; the registry adds to it
 
+SINGULAR = {
+    "integrators": "integrator",
+    "contacts": "contact law",
+    "loads": "load",
+    "shapes": "shape",
+    "elements": "element",
+    "materials": "material",
+    "masses": "mass",
+    "measures": "measure",
+    "solutions": "exact solution",
+}
+
 _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
 
 
 def line_in_plugin(error: BaseException) -> str:
     """Return ``file:line`` of the innermost call of an error that lies in a third-party plug-in, or an empty text."""
-    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        module = frame.f_globals.get("__name__", "")
-        if module.startswith("percuss_file_") or module.partition(".")[0] in PLUGIN_MODULES - OWN_PACKAGES:
+    return _innermost(reversed(list(traceback.walk_tb(error.__traceback__))))
+
+
+def running_line(frame: FrameType | None) -> str:
+    """Return ``file:line`` of the innermost call, from a frame outwards, that lies in a plug-in, or an empty text."""
+    return _innermost(traceback.walk_stack(frame)) if frame is not None else ""
+
+
+def _innermost(calls: Iterable[tuple[FrameType, int]]) -> str:
+    """Return ``file:line`` of the first call that lies in a third-party plug-in, or an empty text."""
+    for frame, line in calls:
+        if is_third_party(frame.f_globals.get("__name__", "")):
             return f"{frame.f_code.co_filename}:{line}"
     return ""
+
+
+def is_third_party(module: str) -> bool:
+    """Return whether a module belongs to a plug-in that does not come with percuss."""
+    return module.startswith("percuss_file_") or module.partition(".")[0] in PLUGIN_MODULES - OWN_PACKAGES
+
+
+def breach(component: Any, method: str, message: str) -> PluginError:
+    """Return the error for a method of a component that does what its contract forbids.
+
+    Parameters
+    ----------
+    component
+        The component, with its family and its name.
+    method
+        Name of the method or kernel; its first line is the place of the error.
+    message
+        What it does, what is expected, and what to do.
+    """
+    place = definition_place(inspect.getattr_static(type(component), method, type(component)))
+    return PluginError(f"{place + ': ' if place else ''}{SINGULAR[component.family]} {component.name}: {message}")
 
 
 def place_of(error: BaseException, plugin: str) -> str:
@@ -46,8 +88,8 @@ def place_of(error: BaseException, plugin: str) -> str:
     """
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}:{error.lineno}"
-    # importlib_metadata, once imported, takes over the finding of distributions.
-    packages: Any = (importlib, pluggy, sys.modules.get("importlib_metadata", pluggy))
+    # Both find distributions where they are imported; importlib_metadata then takes over from importlib.
+    packages: Any = (importlib, *filter(None, map(sys.modules.get, ("pluggy", "importlib_metadata"))))
     percuss_folder = str(PACKAGE) + os.sep
     machinery = ("<frozen", percuss_folder, *(str(Path(package.__file__).parent) for package in packages))
     trace = ((frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__))
@@ -60,6 +102,8 @@ def place_of(error: BaseException, plugin: str) -> str:
 
 def definition_place(definition: Any) -> str:
     """Return ``file:line`` where a class or function is defined, or an empty text."""
+    definition = getattr(definition, "__func__", definition)  # a static method
+    definition = getattr(definition, "py_func", definition)  # a compiled function
     try:
         return f"{inspect.getsourcefile(definition)}:{inspect.getsourcelines(definition)[1]}"
     except (OSError, TypeError, SyntaxError):

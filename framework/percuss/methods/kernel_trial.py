@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import PluginError
-from percuss.methods.blame import line_in_plugin
+from percuss.methods.blame import breach, line_in_plugin
 from percuss.methods.interfaces import LinearLaw, Trial
+from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, ContactPoints
@@ -39,13 +40,13 @@ def bound_of(law: ContactLaw, points: ContactPoints, dt: float) -> Any:
     PluginError
         If `bind` returned neither a `LinearLaw` nor a NamedTuple, or the kernel fails its trial calls.
     """
-    bound = law.bind(points, dt)
+    bound = answer(law, "bind", points, dt)
     if isinstance(bound, LinearLaw):
         return bound
     if not (isinstance(bound, tuple) and hasattr(bound, "_fields")):
         returned = "nothing" if bound is None else f"a {type(bound).__name__}"
         expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
-        raise PluginError(f"contact law {law.name}: bind returned {returned}, expected {expected}")
+        raise breach(law, "bind", f"bind returned {returned}, expected {expected}")
     bound = read_only(bound)
     count = len(points.names)
     key = (count, repr(law)) if count <= MOST_POINTS else count
@@ -53,18 +54,6 @@ def bound_of(law: ContactLaw, points: ContactPoints, dt: float) -> Any:
         _try_kernel(law, bound, points, dt)
         _TRIED[type(law)].add(key)
     return bound
-
-
-def read_only(value: Any) -> Any:
-    """Return a bound value with its arrays, also those inside tuples, replaced by read-only views."""
-    if isinstance(value, np.ndarray):
-        view = value.view()
-        view.flags.writeable = False
-        return view
-    if isinstance(value, tuple):
-        parts = [read_only(item) for item in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return value
 
 
 def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
@@ -83,9 +72,11 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
     first_results = [_multipliers_of(law, kernel, bound, _trial_of(points, dt, state, law)) for state in states]
     for name, value in _mutable_globals(kernel).items():
         if value != before[name]:
-            raise PluginError(
-                f"contact law {law.name}: multipliers changes `{name}`: a kernel keeps nothing between calls; what it "
-                "needs is in what `bind` returns and in the trial"
+            raise breach(
+                law,
+                "multipliers",
+                f"multipliers changes `{name}`: a kernel keeps nothing between calls; what it needs is in what `bind` "
+                "returns and in the trial",
             )
     low_indices: list[int] = []
     watched_bound = _with_watched_arrays(bound, low_indices)
@@ -93,17 +84,20 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
         trial = _trial_of(points, dt, state, law)
         repeated = _multipliers_of(law, kernel, watched_bound, trial)
         if low_indices:
-            raise PluginError(
-                f"contact law {law.name}: multipliers reads a bound array at index {low_indices[0]}, which counts from "
-                f"its end, in the state with {describe_state(trial, 0)}: check the index, or write `array.size - n` "
-                "where the end is meant"
+            raise breach(
+                law,
+                "multipliers",
+                f"multipliers reads a bound array at index {low_indices[0]}, which counts from its end, in the state "
+                f"with {describe_state(trial, 0)}: check the index, or write `array.size - n` where the end is meant",
             )
         if not np.array_equal(multipliers, repeated):
             point = int((multipliers != repeated).argmax())
-            raise PluginError(
-                f"contact law {law.name}: multipliers gives {multipliers[point]:.17g} for point {point}, and "
-                f"{repeated[point]:.17g} when it is asked the same again after other calls: the kernel keeps state "
-                "between calls, or draws random numbers; what it needs is in what `bind` returns and in the trial"
+            raise breach(
+                law,
+                "multipliers",
+                f"multipliers gives {multipliers[point]:.17g} for point {point}, and {repeated[point]:.17g} when it is "
+                "asked the same again after other calls: the kernel keeps state between calls, draws random numbers or "
+                "reads the clock; what it needs is in what `bind` returns and in the trial",
             )
 
 
@@ -202,9 +196,11 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
         raise PluginError(f"{where + ': ' if where else ''}contact law {law.name}: multipliers: {text}") from error
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
-        raise PluginError(
-            f"contact law {law.name}: multipliers leaves point {point} of {multiplier.size} without a number: "
-            f"set every entry, 0.0 where nothing presses (at {describe_state(trial, point)})"
+        raise breach(
+            law,
+            "multipliers",
+            f"multipliers leaves point {point} of {multiplier.size} without a number: set every entry, 0.0 where "
+            f"nothing presses (at {describe_state(trial, point)})",
         )
     return multiplier
 
@@ -243,8 +239,9 @@ def kernel_of(law: ContactLaw) -> Callable[..., None]:
     """
     kernel = getattr(type(law), "multipliers", None)
     if kernel is None:
-        raise PluginError(
-            f"contact law {law.name}: bind returned no LinearLaw, and the class has no static method "
-            "`multipliers(bound, trial, multiplier)`"
+        raise breach(
+            law,
+            "bind",
+            "bind returned no LinearLaw, and the class has no static method `multipliers(bound, trial, multiplier)`",
         )
     return kernel  # type: ignore[no-any-return]

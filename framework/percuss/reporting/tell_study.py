@@ -6,10 +6,11 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.table import Table
 
 from percuss.case.quantities import STUDY_TABLE
-from percuss.reporting.terminal import _console, _number
+from percuss.reporting.tables import Column, print_table
+from percuss.reporting.tables import console as console_of_output
+from percuss.reporting.terminal import _number
 
 if TYPE_CHECKING:
     from percuss.studies.study_table import Study
@@ -19,7 +20,7 @@ BEST = 12
 
 def tell_study(study: Study) -> None:
     """Print the number of rows with each status, the best of the done rows, and the reasons why others are not done."""
-    console, rows = _console(), study.as_records()
+    console, rows = console_of_output(), study.as_records()
     counts = ", ".join(f"{count} {status}" for status, count in study.counts.items())
     resumed = f", {study.found} found done" if study.found else ""
     console.print(f"[bold]{escape(study.title or 'untitled study')}[/bold]: {len(rows)} runs: {counts}{resumed}")
@@ -54,25 +55,33 @@ def _print_best_runs(console: Any, done: list[dict[str, Any]], measured: list[st
 def _print_cases(console: Any, done: list[dict[str, Any]], error: str) -> None:
     """Print one measure as a table with one line per case and one column per pair of methods."""
     pairs = list(dict.fromkeys((row["integrator"], row["contact"]) for row in done))
-    table = Table("case", *(escape(f"{integrator}\n{contact}") for integrator, contact in pairs), title=error)
     value_of = {(row["case"], row["integrator"], row["contact"]): row[error] for row in done}
-    for case in dict.fromkeys(row["case"] for row in done):
-        table.add_row(escape(case), *(_number(value_of.get((case, *pair)), 3) for pair in pairs))
-    console.print(table)
+    cases = list(dict.fromkeys(row["case"] for row in done))
+    columns = [Column("case", cases, is_number=False)]
+    columns += [
+        Column(f"{integrator} {contact}", [_number(value_of.get((case, integrator, contact)), 3) for case in cases])
+        for integrator, contact in pairs
+    ]
+    print_table(console, columns, error, continued=1)
 
 
 def _print_ranked(console: Any, done: list[dict[str, Any]], error: str, shown: list[str], keys: list[str]) -> None:
     """Print the rows with the smallest values of an error, or the first rows where no error was measured."""
     varied = [key for key in keys[3 : keys.index("status")] if len({str(row[key]) for row in done}) > 1]
     cases = ["case"] if len({row["case"] for row in done}) > 1 else []
-    heads = [*cases, "integrator", "contact", *varied, *shown]
-    table = Table(*(escape(head) for head in heads), title=f"smallest {error}" if error else "first runs")
     # A run without a number for the error cannot be ranked by it.
     ranked = sorted((row for row in done if _is_number(row[error])), key=lambda row: row[error]) if error else done
-    for row in ranked[:BEST]:
-        cells = [row[key] for key in heads]
-        table.add_row(*(_number(cell, 3 if key in shown else 5) for key, cell in zip(heads, cells, strict=True)))
-    console.print(table)
+    best = ranked[:BEST]
+    columns = [
+        Column(head, [_number(row[head]) for row in best], is_number=False)
+        for head in (*cases, "integrator", "contact")
+    ]
+    columns += [Column(head, [_number(row[head], 5) for row in best]) for head in varied]
+    columns += [
+        Column(head, [_number(row[head], 3) for row in best], drop=None if head == error else rank)
+        for rank, head in enumerate(shown)
+    ]
+    print_table(console, columns, f"smallest {error}" if error else "first runs")
 
 
 def _is_number(value: Any) -> bool:

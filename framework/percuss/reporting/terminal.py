@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from percuss import version
 from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
 from percuss.methods.admission import OLDEST
+from percuss.reporting.tables import Column, print_table
+from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
 from percuss.studies.comparison import Run, metrics
 
@@ -23,23 +25,22 @@ if TYPE_CHECKING:
     from percuss.results.summary import Summary
 
 
+LONGEST_PATH = 4096  # a path is shown in one line, or not at all
+STABILITY_LINES = 12  # most lines of the table of critical Courant numbers, unless the whole table is asked for
+STABILITY_REASONS = 3  # most reasons below it
+
+
 def _number(value: Any, digits: int = 6) -> str:
     if value is None:
         return "-"
-    return f"{value:.{digits}g}" if isinstance(value, float) else escape(str(value))
-
-
-def _console() -> Console:
-    console = Console(highlight=False)
-    # Piped output is read by programs and pasted into notes, so it is made wide enough that no name is cut.
-    return console if console.is_terminal else Console(highlight=False, width=400)
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 def tell_result(result: Result) -> None:
     """Print a run: status, step, notes, contacts, true errors, energy ledger and momentum balance."""
     summary = result.summary
     resolved = result.provenance["resolved"]
-    console = _console()
+    console = console_of_output()
     console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {summary['status']}")
     console.print(
         f"{resolved['integrator']}, "
@@ -66,7 +67,7 @@ def tell_result(result: Result) -> None:
 
 def tell_exact(result: ExactSolutionResult) -> None:
     """Print an exact solution: how far it holds, notes, contacts, and the balances of energy and momentum."""
-    summary, console = result.summary, _console()
+    summary, console = result.summary, console_of_output()
     console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {result.status}")
     console.print(escape(result.solution_name))
     for note in summary["notes"]:
@@ -83,18 +84,18 @@ def _print_contacts(
     console: Console, contacts: dict[str, Any], laws: dict[str, str], penetrations: dict[str, float]
 ) -> None:
     """Print the table of contacts with their laws and penetrations, which are given by name."""
-    table = Table("contact", "law", *(quantity.head for quantity in CONTACT_NUMBERS.values()))
-    for name, contact in contacts.items():
-        table.add_row(
-            escape(name),
-            laws[name],
-            *(
-                _number(penetrations[name], 3) if quantity.is_error else _number(quantity.of_contact(contact))
-                for quantity in CONTACT_NUMBERS.values()
-            ),
-        )
+    columns = [
+        Column("contact", list(contacts), is_number=False),
+        Column("law", [laws[name] for name in contacts], is_number=False),
+    ]
+    for rank, quantity in enumerate(CONTACT_NUMBERS.values()):
+        cells = [
+            _number(penetrations[name], 3) if quantity.is_error else _number(quantity.of_contact(contact))
+            for name, contact in contacts.items()
+        ]
+        columns.append(Column(quantity.head, cells, drop=rank or None))
     if contacts:
-        console.print(table)
+        print_table(console, columns)
 
 
 def _print_balances(console: Console, summary: Mapping[str, Any], contact_work: float) -> None:
@@ -139,18 +140,22 @@ def _print_errors(console: Console, summary: Summary) -> None:
 
 def tell_rows(title: str, rows: list[Run]) -> None:
     """Print the table of a comparison, one line per run, and below it the reason of each run that is not done."""
-    console = _console()
+    console = console_of_output()
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
-    heads = ["integrator", "contact", *varied, "status", *(QUANTITIES[name].head for name in COMPARISON_TABLE), "s"]
-    table = Table(*(escape(head) for head in heads), title=escape(title), caption="force, impulse, displ.: true errors")
-    for row in rows:
-        values = metrics(row) if row.status in {"done", "interrupted"} else {}
-        keys = (*COMPARISON_TABLE, "seconds")
-        cells = [_number(values.get(key), 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5) for key in keys]
-        table.add_row(
-            row.integrator, row.contact, *(_number(row.varied.get(path)) for path in varied), row.status, *cells
-        )
-    console.print(table)
+    values = [metrics(row) if row.status in {"done", "interrupted"} else {} for row in rows]
+    columns = [
+        Column("integrator", [row.integrator for row in rows], is_number=False),
+        Column("contact", [row.contact for row in rows], is_number=False),
+        *(Column(path, [_number(row.varied.get(path)) for row in rows]) for path in varied),
+        # The last numbers are left out first, and the state of the runs only after all that has nothing to say.
+        Column("status", [row.status for row in rows], drop=0, is_number=False),
+    ]
+    for rank, key in enumerate((*COMPARISON_TABLE, "seconds")):
+        digits = 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5
+        head = "s" if key == "seconds" else QUANTITIES[key].head
+        columns.append(Column(head, [_number(of_row.get(key), digits) for of_row in values], drop=1 + rank))
+    print_table(console, columns, title)
+    console.print("force, impulse, displ.: true errors")
     for row in rows:
         if row.reason:
             source = f" (says {row.said_by})" if row.said_by else ""
@@ -159,65 +164,121 @@ def tell_rows(title: str, rows: list[Run]) -> None:
 
 def tell_orders(orders: list[dict[str, Any]]) -> None:
     """Print the observed order of convergence of each error for each pair of methods."""
-    console = _console()
+    console = console_of_output()
     others = list(dict.fromkeys(path for fit in orders for path in fit if "." in path))
-    heads = ["integrator", "contact", *others, "refine", *(QUANTITIES[name].label for name in TRUE_ERRORS)]
-    table = Table(*(escape(head) for head in heads), title="observed orders of convergence")
-    for fit in orders:
-        cells = [_number(fit[f"{name}_order"], 3) for name in TRUE_ERRORS]
-        refined = ", ".join(str(value) for value in fit["refine"])
-        table.add_row(fit["integrator"], fit["contact"], *(_number(fit.get(path)) for path in others), refined, *cells)
-    console.print(table)
+    columns = [
+        Column("integrator", [fit["integrator"] for fit in orders], is_number=False),
+        Column("contact", [fit["contact"] for fit in orders], is_number=False),
+        *(Column(path, [_number(fit.get(path)) for fit in orders]) for path in others),
+        Column("refine", [", ".join(map(str, fit["refine"])) for fit in orders], drop=9, is_number=False),
+    ]
+    for rank, name in enumerate(TRUE_ERRORS):
+        cells = [_number(fit[f"{name}_order"], 3) for fit in orders]
+        columns.append(Column(QUANTITIES[name].label, cells, drop=rank or None))
+    print_table(console, columns, "observed orders of convergence")
 
 
-def tell_stability(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print critical Courant numbers, one line per combination of varied values and one column per criterion."""
-    console = _console()
+def tell_stability(title: str, rows: list[dict[str, Any]], *, whole: bool = False) -> None:
+    """Print critical Courant numbers: for each criterion the least and the largest, and a table of some lines.
+
+    Parameters
+    ----------
+    title
+        Title of the case.
+    rows
+        The rows of `percuss.stability`.
+    whole
+        Whether the table has a line for each combination of varied values, however many there are.
+    """
+    console = console_of_output()
     criteria = list(dict.fromkeys(row["by"] for row in rows))
     paths = [key for key in rows[0] if "." in key or key == "refine"]
     extra_columns = [key for key in ("margin", "theta") if any(key in row for row in rows)]
-    table = Table(
-        *(escape(path) for path in paths),
-        *(f"C critical, {criterion}" for criterion in criteria),
-        *extra_columns,
-        title=escape(title),
-    )
     lines: dict[tuple[Any, ...], dict[str, Any]] = {}
     for row in rows:
         lines.setdefault(tuple(row[path] for path in paths), {})[row["by"]] = row
-    for values, row_of_criterion in lines.items():
-        extras = {
-            key: next((row[key] for row in row_of_criterion.values() if row.get(key) is not None), None)
-            for key in extra_columns
-        }
-        cells = [
-            _number(row_of_criterion[criterion]["courant_critical"]) if criterion in row_of_criterion else "-"
-            for criterion in criteria
-        ]
-        table.add_row(*(_number(value) for value in values), *cells, *(_number(extras[key]) for key in extra_columns))
-    console.print(table)
-    for reason in dict.fromkeys(f"{row['by']}: {row['reason']}" for row in rows if row["reason"]):
-        console.print(escape(reason))
+    shown = list(lines) if whole or len(lines) <= STABILITY_LINES else _telling_lines(lines)
+    columns = [Column(path, [_number(values[k]) for values in shown]) for k, path in enumerate(paths)]
+    for criterion in criteria:
+        found = [lines[values].get(criterion) for values in shown]
+        cells = [_number(row["courant_critical"]) if row is not None else "-" for row in found]
+        columns.append(Column(f"C critical, {criterion}", cells))
+    for rank, key in enumerate(extra_columns):
+        given = [[row[key] for row in lines[values].values() if row.get(key) is not None] for values in shown]
+        columns.append(Column(key, [_number(numbers[0] if numbers else None) for numbers in given], drop=rank))
+    print_table(console, columns, title)
+    if len(shown) < len(lines):
+        for criterion in criteria:
+            console.print(_summary_of(criterion, [row for row in rows if row["by"] == criterion], paths), markup=False)
+        console.print(f"{len(shown)} of {len(lines)} combinations: --all prints every one, -o FILE.csv saves them")
+    reasons = Counter(f"{row['by']}: {row['reason']}" for row in rows if row["reason"])
+    for reason, count in list(reasons.items())[: None if whole else STABILITY_REASONS]:
+        console.print(f"{f'{count} times ' if count > 1 else ''}{escape(reason)}")
+    if not whole and len(reasons) > STABILITY_REASONS:
+        console.print(f"and {len(reasons) - STABILITY_REASONS} other reasons: --all prints them")
+
+
+def _telling_lines(lines: Mapping[tuple[Any, ...], Mapping[str, Any]]) -> list[tuple[Any, ...]]:
+    """Return the combinations to be shown of many: evenly spread, with the least and the largest critical step."""
+    values = list(lines)
+    count = STABILITY_LINES - 4
+    chosen = {round(k * (len(values) - 1) / (count - 1)) for k in range(count)}
+    numbers = [
+        (row["courant_critical"], k)
+        for k, by_criterion in enumerate(lines.values())
+        for row in by_criterion.values()
+        if row["courant_critical"] is not None
+    ]
+    if numbers:
+        chosen |= {min(numbers)[1], max(numbers)[1]}
+    return [values[k] for k in sorted(chosen)]
+
+
+def _summary_of(criterion: str, rows: list[dict[str, Any]], paths: list[str]) -> str:
+    """Return the least and the largest critical Courant number by a criterion, and where they are, in words."""
+    found = [row for row in rows if row["courant_critical"] is not None]
+    if not found:
+        return f"{criterion}: no critical Courant number in {len(rows)} combinations"
+
+    def place(row: dict[str, Any]) -> str:
+        return ", ".join(f"{path} {_number(row[path])}" for path in paths)
+
+    least, largest = (choose(found, key=lambda row: row["courant_critical"]) for choose in (min, max))
+    words = (
+        f"{criterion}: C critical from {_number(least['courant_critical'])} (at {place(least)}) to "
+        f"{_number(largest['courant_critical'])} (at {place(largest)})"
+    )
+    if judged := [row for row in found if row.get("margin") is not None]:
+        stable = sum(row["margin"] <= 1.0 for row in judged)
+        words += f"; the step is at most the critical one in {stable} of {len(judged)}"
+    missing = len(rows) - len(found)
+    return words + (f"; no number in {missing} of {len(rows)}" if missing else "")
 
 
 def tell_waves(title: str, waves: Waves) -> None:
     """Print the reflection and transmission of waves at about twenty frequencies."""
-    console = _console()
-    table = Table(
-        "omega h/c", "reflected", "transmitted", "by formula", "energy that leaves again", title=escape(title)
-    )
+    console = console_of_output()
     rows = waves.rows()
-    for row in rows[:: max(1, len(rows) // 20)]:
-        keys = ("frequency", "reflection", "transmission", "formula", "energy_kept")
-        table.add_row(*(_number(row[key], 5) for key in keys))
-    console.print(table)
+    rows = rows[:: max(1, len(rows) // 20)]
+    heads = {
+        "omega h/c": "frequency",
+        "reflected": "reflection",
+        "transmitted": "transmission",
+        "by formula": "formula",
+        "energy that leaves again": "energy_kept",
+    }
+    columns = [
+        Column(head, [_number(row[key], 5) for row in rows], drop=rank or None)
+        for rank, (head, key) in enumerate(heads.items())
+    ]
+    print_table(console, columns, title)
     if waves.reason:
         console.print(escape(waves.reason))
 
 
 def tell_checks(cases: list[dict[str, Any]]) -> None:
     """Print the checks of each case with the measured and the expected value, and the number of cases that passed."""
-    console = _console()
+    console = console_of_output()
     for case in cases:
         mark = "[green]passed[/green]" if case["passed"] else "[red]FAILED[/red]"
         console.print(f"{mark} [bold]{escape(case['case'])}[/bold] {escape(case['title'])}")
@@ -236,14 +297,17 @@ def tell_checks(cases: list[dict[str, Any]]) -> None:
 
 def tell_registry(registry: Registry) -> None:
     """Print every registered component with its origin, and the plug-ins that are not usable with the reason."""
-    console = _console()
-    table = Table("family", "name", "what it is", "from", "file")
+    console = console_of_output()
+    columns = [Column(head, is_number=False) for head in ("family", "name", "what it is", "from", "file")]
+    columns[4].drop, columns[3].drop = 2, 1
+    columns[2].least, columns[4].least = 30, LONGEST_PATH
     for (family, name), component in registry.components.items():
         source = registry.sources[family, name]
         origin = f"{source.distribution} {source.version}".strip() if source.distribution else f"file {source.version}"
         origin += f", contract {component.contract_version}" if component.contract_version else ""
-        table.add_row(family, name, escape(component.summary), escape(origin), escape(source.file))
-    console.print(table)
+        for column, cell in zip(columns, (family, name, component.summary, origin, source.file), strict=True):
+            column.cells.append(cell)
+    print_table(console, columns)
     console.print(f"percuss {version.__version__}, contract {version.CONTRACT}; keeps contracts from {OLDEST} on")
     for broken in registry.broken:
         where = f" ({broken.file})" if broken.file else ""

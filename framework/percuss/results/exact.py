@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.methods.plugin_calls import answer
 from percuss.results import kept_solutions
 from percuss.solver.contact_problem import contact_problem
 
@@ -58,7 +59,8 @@ def why_not_covered(solution: Solution, model: Model, problem: ContactProblem) -
     """Return the reason why an exact solution does not cover a case with this problem, or None if it does."""
     if solution.linear_bodies_only and model.why_not_linear:
         return model.why_not_linear
-    return solution.covers(problem)
+    reason: str | None = answer(solution, "covers", problem)
+    return reason
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:

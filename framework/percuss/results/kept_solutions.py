@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.methods.plugin_calls import answer
+
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 
@@ -36,11 +38,12 @@ def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact:
     try:
         key = _identity(engine), end, _identity(problem)
     except (TypeError, AttributeError):
-        return engine.solve(problem, end)
+        found: Exact = answer(engine, "solve", problem, end)
+        return found
     with _lock:
         kept = _kept.pop(key, None)
     if kept is None:
-        kept = _Kept(engine.solve(problem, end))
+        kept = _Kept(answer(engine, "solve", problem, end))
     if kept.solution.fronts <= MOST_FRONTS and not kept.solution.stopped:
         with _lock:
             _kept[key] = kept  # The last of the dictionary is the one used last.

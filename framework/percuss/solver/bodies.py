@@ -12,6 +12,7 @@ import numpy as np
 
 from percuss.methods import slots
 from percuss.methods.interfaces import BodyMesh
+from percuss.methods.plugin_calls import answer
 from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
@@ -39,8 +40,8 @@ class ElementProbe:
 
     def __init__(self, element: Element, material: Material, mesh: BodyMesh) -> None:
         self.dim = mesh.mesh.nodes.shape[1]
-        self._arrays = element.bind(mesh)
-        self._parameters = np.array(material.parameters(), dtype=float)
+        self._arrays = answer(element, "bind", mesh)
+        self._parameters = np.array(answer(material, "parameters"), dtype=float)
         self._stresses: list[float] = []
         stress: Callable[[Floats, float], float] = getattr(material.stress, "py_func", material.stress)
 

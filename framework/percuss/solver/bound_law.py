@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from percuss.errors import PluginError
+from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
 from percuss.methods.kernel_trial import bound_of, kernel_of
 
@@ -57,7 +57,7 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
         If the options of the law do not fit together or do not fit its points.
     """
     bound = bound_of(law, points, dt)
-    linear = broadcast(bound, points, law.name) if isinstance(bound, LinearLaw) else None
+    linear = broadcast(bound, points, law) if isinstance(bound, LinearLaw) else None
     return BoundLaw(
         law=law,
         where=where,
@@ -70,7 +70,7 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
     )
 
 
-def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> LinearLaw:
+def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> LinearLaw:
     """Return a linear law with one value of each coefficient for each point, or refuse invalid ones.
 
     Raises
@@ -83,27 +83,25 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: str) -> LinearL
     for field in ("sigma", "gap", "rate", "acceleration"):
         value = np.asarray(getattr(linear_law, field), dtype=float)
         if value.shape not in {(), (count,)}:
-            raise PluginError(
-                f"contact law {law}: LinearLaw.{field} has shape {value.shape}, expected ({count},) or a number"
-            )
+            message = f"LinearLaw.{field} has shape {value.shape}, expected ({count},) or a number"
+            raise breach(law, "bind", message)
         if not np.isfinite(value).all():
-            raise PluginError(f"contact law {law}: LinearLaw.{field} is not finite")
+            raise breach(law, "bind", f"LinearLaw.{field} is not finite")
         coefficients[field] = np.broadcast_to(value, (count,))
     if (coefficients["sigma"] < 0).any():
-        raise PluginError(f"contact law {law}: LinearLaw.sigma is negative, expected a compliance of at least 0")
+        raise breach(law, "bind", "LinearLaw.sigma is negative, expected a compliance of at least 0")
     for field, allowed in (
         ("at", ("explicit", "end")),
         ("active", ("gap < 0", "all")),
         ("sign", ("free", ">= 0")),
     ):
         if getattr(linear_law, field) not in allowed:
-            raise PluginError(
-                f"contact law {law}: LinearLaw.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
-            )
+            message = f"LinearLaw.{field} is {getattr(linear_law, field)!r}, expected one of {allowed}"
+            raise breach(law, "bind", message)
     return linear_law._replace(during=_intervals(linear_law, law), **coefficients)
 
 
-def _intervals(linear_law: LinearLaw, law: str) -> Floats | None:
+def _intervals(linear_law: LinearLaw, law: ContactLaw) -> Floats | None:
     """Return the (K, 2) intervals of time in which a linear law is active, None if it always is.
 
     Raises
@@ -117,8 +115,6 @@ def _intervals(linear_law: LinearLaw, law: str) -> Floats | None:
     if during.size == 0:
         return np.zeros((0, 2))
     if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
-        raise PluginError(
-            f"contact law {law}: LinearLaw.during is {linear_law.during!r}, "
-            "expected pairs (start, stop), stop not before start"
-        )
+        message = f"LinearLaw.during is {linear_law.during!r}, expected pairs (start, stop), stop not before start"
+        raise breach(law, "bind", message)
     return during

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
-from percuss.methods.kernel_trial import read_only
+from percuss.methods.plugin_calls import read_only
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import PluginError
+from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
 from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ENTRY, LAW, NOTHING, OTHER, POINT
 
@@ -58,9 +58,11 @@ def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
     weights = linear.gap, linear.rate, linear.acceleration
     response = sum(weight * unit_response for weight, unit_response in zip(weights, state.response, strict=True))
     if ((sigma + response * delassus) <= 0).any():
-        raise PluginError(
-            f"contact law {bound_law.law.name}: sigma and the response of the state at which it is evaluated are both "
-            "zero, so no force follows; give a compliance, or evaluate it at the end of the step"
+        raise breach(
+            bound_law.law,
+            "bind",
+            "sigma and the response of the state at which it is evaluated are both zero, so no force follows; give a "
+            "compliance, or evaluate it at the end of the step",
         )
     records["weight_gap"], records["weight_rate"], records["weight_acceleration"] = weights
     records["sigma"], records["response"] = sigma, response

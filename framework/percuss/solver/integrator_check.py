@@ -9,8 +9,9 @@ import numpy as np
 
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
-from percuss.methods.blame import line_in_plugin
+from percuss.methods.blame import breach, line_in_plugin
 from percuss.methods.interfaces import ContactState, Integrator, LeapFrog, Stages
+from percuss.methods.plugin_calls import answer
 from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
 
 def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
     """Return stages and states as `scheme` does, for an integrator that has passed the trial steps at another step."""
-    definition = integrator.bind(dt)
+    definition = answer(integrator, "bind", dt)
     if isinstance(definition, LeapFrog):
         return None, (definition,)
     if not isinstance(definition, Stages):
@@ -130,7 +131,7 @@ def kernel_of(integrator: Integrator) -> Callable[..., None]:
 
 
 def _plugin_error(integrator: Integrator, message: str) -> PluginError:
-    return PluginError(f"integrator {integrator.name}: {message}")
+    return breach(integrator, "step" if hasattr(integrator, "step") else "bind", message)
 
 
 def constant_accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -170,7 +171,10 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
         raise _plugin_error(
             integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"
         )
-    if abs(u[0] - dt) > ROUND_OFF_TOLERANCE * dt or np.abs(v - [1.0, dt]).max() > ROUND_OFF_TOLERANCE * max(1.0, dt):
+    # a value that is not a number fails these comparisons
+    if not (
+        abs(u[0] - dt) <= ROUND_OFF_TOLERANCE * dt and np.abs(v - [1.0, dt]).max() <= ROUND_OFF_TOLERANCE * max(1.0, dt)
+    ):
         raise _plugin_error(
             integrator,
             "step must change u and v in place (u += ..., or u[:] = ...), v by dt times an acceleration that is "
@@ -206,5 +210,6 @@ def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> 
                 raise _plugin_error(
                     integrator,
                     f"step gives another {name} when it is made again from the same state: the kernel keeps state "
-                    "between calls, or draws random numbers; what a scheme remembers is in the rows of `kept`",
+                    "between calls, draws random numbers or reads the clock; what a scheme remembers is in the rows of "
+                    "`kept`",
                 )

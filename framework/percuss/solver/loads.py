@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from percuss.methods.blame import breach
+from percuss.methods.plugin_calls import answer
 from percuss.solver.entities import BodyForce, Constraint, NodalForce
 
 if TYPE_CHECKING:
@@ -95,10 +97,10 @@ def amplitude(spec: LoadSpec, time: Floats, dt: float, *, average: bool) -> Floa
     """
     start = -math.inf if average and spec.start <= 0 else spec.start
     clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
-    values = np.asarray(spec.load.amplitude(clock), dtype=float)
+    values = np.asarray(answer(spec.load, "amplitude", clock), dtype=float)
     if values.shape != time.shape:
-        message = f"load {spec.load.name} returned amplitudes of shape {values.shape}, expected {time.shape}"
-        raise ValueError(message)
+        message = f"amplitude returned numbers of shape {values.shape}, expected {time.shape}"
+        raise breach(spec.load, "amplitude", message)
     if not average:
         return values
     half = 0.5 * dt

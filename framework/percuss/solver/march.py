@@ -13,7 +13,9 @@ import numpy as np
 
 from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
+from percuss.heartbeat import beat
 from percuss.interrupt import interruptible
+from percuss.methods.plugin_calls import answer
 from percuss.solver import diagnosis, recording
 from percuss.solver.build import Kernels, LoopParts, bind, bind_plain, keep
 from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
@@ -153,13 +155,13 @@ class March:
             kinds.setdefault((type(body.spec.element), type(body.spec.material)), []).append(body)
         groups = []
         for bodies in kinds.values():
-            bound = [body.spec.element.bind(BodyMesh(body.mesh, body.spec.area)) for body in bodies]
+            bound = [answer(body.spec.element, "bind", BodyMesh(body.mesh, body.spec.area)) for body in bodies]
             arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
             counts = [body.stiffness.size for body in bodies]
             groups.append(
                 bulk.Group(
                     arrays,
-                    _read_only(np.array([body.spec.material.parameters() for body in bodies], dtype=float)),
+                    _read_only(np.array([answer(body.spec.material, "parameters") for body in bodies], dtype=float)),
                     np.array([body.number for body in bodies], dtype=np.int64),
                     np.array([body.start for body in bodies], dtype=np.int64),
                     np.array([body.stop for body in bodies], dtype=np.int64),
@@ -334,6 +336,7 @@ class March:
                     return
                 outcome.done += count
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
+                beat()
                 if progress is not None:
                     progress(outcome.done, model.steps)
                 if interrupt_after is not None and outcome.done >= interrupt_after:

@@ -15,8 +15,10 @@ import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Stages
+from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
 from percuss.solver.bound_law import BoundLaw, bind_law
+from percuss.solver.bulk_trial import try_kernels
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
@@ -484,15 +486,18 @@ def _bodies_of(case: Case) -> dict[str, Body]:
         mesh = size_limits.mesh_of_body(case, spec)
         view = BodyMesh(mesh, spec.area)
         velocity = np.asarray(spec.velocity, dtype=float)
+        try_kernels(spec.element, spec.material, view)
         bodies[name] = Body(
             name=name,
             number=number,
             spec=spec,
             mesh=mesh,
             start=start,
-            mass=case.method.mass.nodal(spec.material.rho * spec.area * mesh.lengths),
-            stiffness=spec.element.axial_stiffness(view, spec.material.modulus),
-            frequency=spec.element.highest_frequency(view, math.sqrt(spec.material.modulus / spec.material.rho)),
+            mass=answer(case.method.mass, "nodal", spec.material.rho * spec.area * mesh.lengths),
+            stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus),
+            frequency=answer(
+                spec.element, "highest_frequency", view, math.sqrt(spec.material.modulus / spec.material.rho)
+            ),
             velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
         )
         start = bodies[name].stop

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import InputError, TooLargeError
+from percuss.methods.plugin_calls import answer
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -74,10 +75,11 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
     path: tuple[str, ...] = ("bodies", spec.name)
     amount = f"more in body '{spec.name}' than the machine can hold"
     try:
-        count = spec.shape.mesh(start, 1).lengths.size * case.refine if case.refine > 1 else 0
+        count = answer(spec.shape, "mesh", start, 1).lengths.size * case.refine if case.refine > 1 else 0
         size = float(BYTES_PER_NODE) * count * start.size
         if fits_in_memory(size):
-            return spec.shape.mesh(start, case.refine)
+            mesh: Mesh = answer(spec.shape, "mesh", start, case.refine)
+            return mesh
         path, amount = (
             ("refine",),
             f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}",

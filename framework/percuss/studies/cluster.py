@@ -6,8 +6,10 @@ Everything that a worker needs, some kilobytes, travels with each batch: so a wo
 from __future__ import annotations
 
 import functools
+import logging
 import pickle
 import threading
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
@@ -24,6 +26,9 @@ from percuss.version import __version__
 __all__ = ["run_cluster"]
 
 Keep = Callable[[Sequence[Record]], None]
+
+FIRST_WORD, LATER_WORDS = 5.0, 60.0  # seconds without workers until it is said, and until it is said again
+LOG = logging.getLogger("percuss")  # without other settings Python prints its warnings on standard error
 
 
 def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, stop: threading.Event) -> None:
@@ -84,12 +89,14 @@ def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop
     in_flight: dict[Any, list[Job]] = {}
     # Addresses of workers that cannot make runs of this study: they would use up all runs at once by failing them.
     unfit: set[str] = set()
+    waiting = _WaitForWorkers(client)
     while (batches.waiting or in_flight) and not stop.is_set():
         while batches.waiting and len(in_flight) < 2 * workers:
             batch = batches.take()
             fit_workers = [address for address in client.nthreads() if address not in unfit] if unfit else []
             placement = {"workers": fit_workers} if fit_workers else {}
             in_flight[client.submit(_work, bench, __version__, batch, pure=False, **placement)] = batch
+        waiting.tell()
         for future in _finished(list(in_flight)):
             batch = in_flight.pop(future)
             try:
@@ -103,6 +110,35 @@ def _distribute(client: Any, bench: bytes, jobs: Sequence[Job], keep: Keep, stop
             keep(records)
             batches.put_back(batch, records)
     client.cancel(list(in_flight))
+
+
+class _WaitForWorkers:
+    """Messages to the log while a scheduler has no workers, which may still come."""
+
+    def __init__(self, client: Any) -> None:
+        self.client = client
+        self.since: float | None = None
+        self.told = 0
+
+    def tell(self) -> None:
+        """Say, after some seconds and then once a minute, that there are no workers; and that they have come."""
+        address = self.client.scheduler.address
+        if self.client.nthreads():
+            if self.told:
+                LOG.warning("%s: workers have come", address)
+            self.since, self.told = None, 0
+            return
+        now = time.monotonic()
+        self.since = now if self.since is None else self.since
+        if now - self.since >= FIRST_WORD + self.told * LATER_WORDS:
+            self.told += 1
+            LOG.warning(
+                "%s: the scheduler has no workers, for %.0f s now: start some with `dask worker %s`; Ctrl-C ends the "
+                "wait and keeps what is made",
+                address,
+                now - self.since,
+                address,
+            )
 
 
 def _finished(futures: list[Any]) -> list[Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
 from percuss.errors import nearest, suggestion
+from percuss.methods.plugin_calls import answer
 from percuss.results.measures import CannotMeasure, measure
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Column:
         arguments = dict(self.arguments)
         if self.kind == "plug-in":
             component: Any = registry.get("measures", self.name)
-            return component().of(result)
+            return answer(component(), "of", result)
         if self.kind == "metric":
             return metric(result, self.name)
         if self.kind == "summary":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_names
@@ -28,6 +28,7 @@ def compare(
     vary: Mapping[str, Sequence[Any]] | None = None,
     *,
     tied: bool = False,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[Run]:
     """Run every pair of the named integrators and contact laws on one case.
 
@@ -43,6 +44,8 @@ def compare(
     tied
         Whether each integrator also runs with its interfaces tied while the exact contact is closed, which shows the
         error of the bulk alone.
+    progress
+        Called with (runs made, runs in all).
 
     Returns
     -------
@@ -75,7 +78,11 @@ def compare(
     if any(path not in used for point in points for path in point):  # no pair has such an option: let the runs say so
         planned = list(tasks("", case, *methods, points, tied=tied, strict=True))
     pairs = [task for task in planned if not task.tied]
-    outcomes = [perform(case, task) for task in pairs]
+    outcomes = []
+    for task in pairs:
+        outcomes.append(perform(case, task))
+        if progress is not None:
+            progress(len(outcomes), len(planned))
     errors = [error for _, error in outcomes if error is not None]
     if errors and len(errors) == len(pairs):
         raise errors[0]

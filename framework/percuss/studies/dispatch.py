@@ -5,23 +5,28 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Any
 
+from percuss.compiling import announced
 from percuss.errors import InputError
 from percuss.interrupt import interruptible
 from percuss.studies.perform import LOST
+from percuss.studies.preflight import rehearse
 
 if TYPE_CHECKING:
     import threading
 
+    from percuss.case.case import Case
     from percuss.studies.job_package import Bench, Job
     from percuss.studies.spec import StudySpec
     from percuss.studies.store import Store
     from percuss.studies.stored_run import Record
     from percuss.studies.tasks import Task
+    from percuss.studies.workers import LocalWorkers
 
-__all__ = ["Progress", "make", "row_counter"]
+__all__ = ["Progress", "local_workers", "make", "row_counter", "summaries_of"]
 
 Progress = Callable[[int, int], None]
 
@@ -30,12 +35,15 @@ def make(
     bench: Bench,
     jobs: Sequence[Job],
     store: Store,
-    workers: int | None,
     scheduler: str | None,
+    local: LocalWorkers | None,
     count: Callable[[Sequence[Record]], None],
     spec: StudySpec,
 ) -> None:
-    """Make runs and store them batch by batch, until all are made or Ctrl-C."""
+    """Make runs and store them batch by batch, until all are made or Ctrl-C.
+
+    They are made by the workers of the scheduler, or else by the local workers, or else in this process.
+    """
     from percuss.studies.workers import run_here, run_local
 
     tasks = {job.key: job.task for job in jobs}
@@ -54,11 +62,52 @@ def make(
 
             run_cluster(bench, jobs, scheduler, keep, stop)
             return
-        number = workers or _cores()
-        if number == 1 or len(jobs) == 1:
+        if local is None:
             run_here(bench, jobs, keep, stop)
         else:
-            run_local(bench, jobs, number, keep, stop)
+            run_local(local, jobs, keep, stop)
+
+
+def summaries_of(
+    local: LocalWorkers | None, cases: Mapping[str, Case], steps: Sequence[Task]
+) -> list[Mapping[str, Any]]:
+    """Make the rehearsals of a study, by a local worker or else in this process, and return their summaries.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If Ctrl-C ended them.
+    """
+    summaries: list[Mapping[str, Any]] = []
+    with interruptible() as stop:
+        if local is not None:
+            with announced():
+                summaries = local.rehearse(steps, stop)
+        else:
+            for step in steps:
+                summary = rehearse(cases[step.case], step)
+                summaries += [summary] if summary is not None else []
+                if stop.is_set():
+                    break
+        if stop.is_set():
+            raise KeyboardInterrupt
+    return summaries
+
+
+def local_workers(
+    bench: Bench, count: int, workers: int | None, scheduler: str | None, stalled_after: float
+) -> AbstractContextManager[LocalWorkers | None]:
+    """Return the local workers for `count` runs, or nothing where the runs are to be made in this process.
+
+    A run that never returns, or that ends its process, can only be given up where it is not made in this process: so
+    that is left to those who ask for it with ``workers=1``. With a scheduler one local worker rehearses the study.
+    """
+    from percuss.studies.workers import LocalWorkers
+
+    if workers == 1 and scheduler is None:
+        return nullcontext()
+    number = 1 if scheduler is not None else min(workers or _cores(), count)
+    return LocalWorkers(bench, number, stalled_after)
 
 
 def row_counter(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from percuss.case.case import Case, load
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
+from percuss.heartbeat import beat
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, own_digest, surroundings
@@ -105,6 +106,7 @@ class Bench:
         for key, task in jobs:
             if note is not None:
                 note(key)
+            beat()
             began = time.perf_counter()
             try:
                 case = self._case_once(task.case)
@@ -120,6 +122,17 @@ class Bench:
             if time.perf_counter() - started > LONGEST:
                 break
         return records
+
+    def rehearse(self, task: Task) -> Mapping[str, object] | None:
+        """Make one step of a run of one step; return its summary as plain data, or None if it fails."""
+        from percuss.jsonable import plain
+        from percuss.studies.preflight import rehearse
+
+        try:
+            case = self._case_once(task.case)
+        except Exception:  # noqa: BLE001 - the runs of this case will say why it cannot be read here
+            return None
+        return plain(rehearse(case, task))  # type: ignore[no-any-return]
 
     def _check_environment(self, registry: Registry, components: Mapping[str, str]) -> None:
         """Raise PluginError if numbers computed here could differ from those where the study began."""

@@ -12,7 +12,7 @@ from percuss.case.options import Key
 from percuss.case.specs import During
 from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
-from percuss.methods.interfaces import Doc, Ge, Le, Unit
+from percuss.methods.interfaces import Doc, Ge, Gt, Le, Unit
 
 __all__ = [
     "Condition",
@@ -180,6 +180,9 @@ class StudySection(Section):
     ] = ()
     tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
     nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer hang on round-off?")] = False
+    stalled_after: Annotated[
+        float, Gt(0), Unit("s"), Doc("seconds without a completed step after which a run is ended as failed")
+    ] = 600.0
     repeats: (
         Annotated[int, Ge(1), Le(1000), Unit("1"), Doc("how often each march is made, the least time counts; null: 5")]
         | None

@@ -7,7 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from percuss.errors import InputError, PercussError, RefusedPair, RunError, TooLargeError
+from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError, TooLargeError
+from percuss.methods.blame import line_in_plugin
+from percuss.methods.process_guard import exit_text
 from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
 from percuss.results.runner import run, timed_run
 from percuss.studies.tasks import TIED, Task
@@ -130,16 +132,21 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
         return Run(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
     except PercussError as error:
         return Run(*names, "failed", str(error)), None
-    except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
         return Run(*names, *failure_status(error, case.registry)), None
     reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
     return Run(*names, result.status, reason, result=result), None
 
 
-def failure_status(error: Exception, registry: Registry) -> tuple[str, str]:
+def failure_status(error: BaseException, registry: Registry) -> tuple[str, str]:
     """Return status and reason of a run ended by an unexpected error: `LOST` unless the code of a plug-in raised it."""
-    message = f"{type(error).__name__}: {error}"
+    if isinstance(error, PluginError):
+        return "failed", str(error)
+    if isinstance(error, SystemExit) and (text := exit_text(error)):
+        return "failed", text
+    where = line_in_plugin(error)
+    message = f"{where + ': ' if where else ''}{type(error).__name__}: {error}"
     files = {source.file for source in registry.sources.values() if source.file}
     packages = {source.module.partition(".")[0] for source in registry.sources.values() if source.distribution}
     in_plugin = any(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from percuss.studies.spec import StudySpec
     from percuss.studies.tasks import Task
 
-__all__ = ["check_measures", "check_points", "first_steps"]
+__all__ = ["check_measures", "check_points", "rehearsals", "rehearse"]
 
 
 def check_points(spec: StudySpec, points: Sequence[Mapping[str, Any]]) -> None:
@@ -96,25 +96,37 @@ def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Pro
     return ()
 
 
-def first_steps(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Mapping[str, Any]]:
-    """Make one step of each kind of run in this process and return the summaries.
+def rehearsals(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Task]:
+    """Return a task of one step for each kind of run.
 
-    This compiles the code for all workers once; they find it in the user's cache folder.
+    Making them compiles the code for all workers once; they find it in the user's cache folder.
     """
     kinds: dict[tuple[str, str], Task] = {}
     for task in planned:
         # A tied twin is expensive to start, and its compiled code does not depend on the case.
         kinds.setdefault(("", task.contact) if task.tied else (task.case, task.contact), task)
-    summaries: list[Mapping[str, Any]] = []
+    steps = []
     for task in kinds.values():
         case = cases[task.case]
         changes = {path: value for path, value in task.changes.items() if path.split(".")[0] != "time"}
         step = {"step": case.time.step} if case.time.courant is None else {"courant": case.time.courant}
         one_step = {**changes, "time": {**step, "steps": 1, "on_unstable": "warn"}}
-        run, _ = perform(case, type(task)(task.case, task.integrator, task.contact, task.varied, one_step, task.tied))
-        if run.result is not None and run.status == "done":
-            summaries.append(run.result.summary)
-    return summaries
+        steps.append(type(task)(task.case, task.integrator, task.contact, task.varied, one_step, task.tied))
+    return steps
+
+
+def rehearse(case: Case, task: Task) -> Mapping[str, Any] | None:
+    """Make one step and return its summary, or None if it fails: its run will say why.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If Ctrl-C ended it.
+    """
+    run, _ = perform(case, task)
+    if run.status == "interrupted":
+        raise KeyboardInterrupt
+    return run.result.summary if run.result is not None and run.status == "done" else None
 
 
 def check_measures(spec: StudySpec, summaries: Sequence[Mapping[str, Any]]) -> None:

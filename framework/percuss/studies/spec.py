@@ -13,9 +13,9 @@ from percuss.case.reader import Reader
 from percuss.case.source import Source
 from percuss.case.specs import Address
 from percuss.case.type_words import found
-from percuss.case.validation import SINGULAR
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
+from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import Column, column, column_by_name
@@ -51,7 +51,7 @@ class StudySpec:
         Measured columns.
     where
         Conditions that every run meets.
-    tied, nudge, histories, repeats
+    tied, nudge, histories, stalled_after, repeats
         As in the file.
     data
         The study as a plain mapping.
@@ -69,6 +69,7 @@ class StudySpec:
     tied: bool
     nudge: bool
     histories: int
+    stalled_after: float
     repeats: int | None
     data: Mapping[str, Any]
     source: Source
@@ -144,6 +145,7 @@ class _StudyReader:
             tied=section.tied,
             nudge=section.nudge,
             histories=section.keep.histories,
+            stalled_after=section.stalled_after,
             repeats=section.repeats,
             data=data,
             source=self.source,

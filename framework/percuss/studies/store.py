@@ -56,7 +56,11 @@ class Store:
     def __init__(self, path: str | os.PathLike[str], *, new: bool = False) -> None:
         self.path = Path(path)
         self.session = 0
-        if self.path.is_dir():
+        try:
+            is_folder = self.path.is_dir()
+        except OSError as error:
+            raise self._error(f"cannot be read: {error.strerror}") from error
+        if is_folder:
             raise self._error("expected a file, found a folder", "Name a file in it.")
         if not new and not self.path.is_file():
             raise self._error("expected the file of a study, found nothing", "Make one with `percuss study`.")
@@ -74,13 +78,27 @@ class Store:
     def _open(self, *, write: bool = False) -> Iterator[sqlite3.Connection]:
         """Open a connection for a with statement, whose body is one transaction."""
         try:
-            with closing(sqlite3.connect(self.path, timeout=60.0)) as db, db:
+            with closing(self._connected(write=write)) as db, db:
                 yield db
         except sqlite3.DatabaseError as error:
             if isinstance(error, sqlite3.OperationalError):
                 action = "written to" if write else "read"
                 raise self._error(f"cannot be {action}: {error}", "Name another file with -o.") from error
             raise self._error(f"expected the file of a study, found something else ({error})") from error
+
+    def _connected(self, *, write: bool) -> sqlite3.Connection:
+        """Return a connection; a file in a folder that cannot be written to is read as it is.
+
+        SQLite otherwise puts a file beside a database with a write-ahead log, also to read it. A log that still holds
+        rows cannot be read without that file.
+        """
+        if write or os.access(self.path.parent, os.W_OK, effective_ids=os.access in os.supports_effective_ids):
+            return sqlite3.connect(self.path, timeout=60.0)
+        log = self.path.with_name(f"{self.path.name}-wal")
+        if log.exists() and log.stat().st_size:
+            message = f"cannot be read: {log.name} beside it holds rows, and this folder cannot be written to"
+            raise self._error(message, "Copy both files to a folder of yours.")
+        return sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
 
     def _check(self, db: sqlite3.Connection) -> None:
         tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}

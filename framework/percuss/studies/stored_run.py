@@ -96,7 +96,7 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
     for column in columns:
         try:
             measures[column.name] = plain(column.take(run.result, registry))
-        except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
             status, reason = failure_status(error, registry)
             return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
     histories = _packed(run.result, keep) if keep else b""

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
+from percuss.filelock import NotWritableError
 from percuss.results.provenance import machine
 from percuss.studies.claim import claimed, has_content
-from percuss.studies.dispatch import Progress, make, row_counter
+from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
 from percuss.studies.store import Store, as_json_data
 from percuss.studies.study_table import Study
 
@@ -87,17 +88,56 @@ def study(
         raise InputError([Problem("--again", "", message, "Runs that were lost are always made again.")])
     spec = read_study(path, [Path(plugin) for plugin in plugins])
     jobs, bench = _planned(spec)
+    try:
+        return _made(spec, jobs, bench, out, path, workers, scheduler, progress, plugins, again)
+    except NotWritableError as error:
+        made = None if again else _finished_study(error.path, jobs)
+        if made is None:
+            raise
+        return made
+
+
+def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
+    """Return the study in a file that cannot be written to if all its runs are made and planned there, else None."""
+    if not has_content(file):
+        return None
+    store = Store(file)
+    keys = {job.key for job in jobs}
+    if store.planned() != keys or keys - store.finished_keys():
+        return None
+    done = Study(file)
+    done.found = len(jobs)
+    return done
+
+
+def _made(
+    spec: StudySpec,
+    jobs: Sequence[Job],
+    bench: Bench,
+    out: str | os.PathLike[str] | None,
+    path: str | Path | Mapping[str, Any],
+    workers: int | None,
+    scheduler: str | None,
+    progress: Progress | None,
+    plugins: Sequence[str | Path],
+    again: Sequence[str],
+) -> Study:
+    """Make the runs that are not made yet and return the study; arguments as of `study`."""
+    from percuss.studies.preflight import check_measures, rehearsals
+
     with claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
         finished = Store(file).finished_keys(again) if has_content(file) else set()
         missing = list({job.key: job for job in jobs if job.key not in finished}.values())
-        if missing:
-            _rehearse(spec, missing)
-        store = Store(file, new=True)
-        _begin(store, spec, jobs, _command(path, plugins), identity)
-        done = Study(store.path)
-        done.found = sum(job.key in finished for job in jobs)
-        if missing:
-            make(bench, missing, store, workers, scheduler, row_counter(progress, jobs, finished), spec)
+        with local_workers(bench, len(missing), workers, scheduler, spec.stalled_after) as local:
+            if missing:
+                steps = rehearsals(spec.cases, [job.task for job in missing])
+                check_measures(spec, summaries_of(local, spec.cases, steps))
+            store = Store(file, new=True)
+            _begin(store, spec, jobs, _command(path, plugins), identity)
+            done = Study(store.path)
+            done.found = sum(job.key in finished for job in jobs)
+            if missing:
+                make(bench, missing, store, scheduler, local, row_counter(progress, jobs, finished), spec)
     return done
 
 
@@ -123,19 +163,6 @@ def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     return jobs, packed(
         spec.cases, spec.columns, keys, nudge=spec.nudge, histories=spec.histories, repeats=spec.repeats
     )
-
-
-def _rehearse(spec: StudySpec, missing: Sequence[Job]) -> None:
-    """Make one step of each kind of run, which compiles for all workers, and check the measures on its summary.
-
-    Raises
-    ------
-    InputError
-        If a measure is in none of the summaries.
-    """
-    from percuss.studies.preflight import check_measures, first_steps
-
-    check_measures(spec, first_steps(spec.cases, [job.task for job in missing]))
 
 
 def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path]) -> str | None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
+import functools
 import multiprocessing as mp
 import os
+import re
 import shutil
 import signal
 import sys
@@ -12,24 +15,28 @@ import tempfile
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from percuss.errors import RunError
+from percuss.heartbeat import Watch, beat
+from percuss.methods.process_guard import guarded_output, plug_ins_cannot_exit, where_is
 from percuss.studies.job_package import Bench, Interrupted, Job
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record
+from percuss.studies.tasks import Task
 
-__all__ = ["Batches", "run_here", "run_local"]
+__all__ = ["Batches", "LocalWorkers", "run_here", "run_local"]
 
 SECONDS = 0.4  # intended time of a batch: short enough to lose little, long enough to cost nothing
 MOST = 500  # largest number of runs in a batch
 STRIKES = 3  # a run that kills its worker this often is not tried again
+STALLED, CRASH = ".stalled", ".crash"  # endings of the notes of a worker that ends
 IN_VAIN = 5  # crews that may die before they make a run
 # A process keeps the machine code of every kernel that it has met. Workers of more than this memory [bytes] are
 # replaced by new ones, which load from disk what they need, but not until they have worked for some time [s].
@@ -85,17 +92,15 @@ def run_here(bench: Bench, jobs: Sequence[Job], keep: Keep, stop: threading.Even
         batches.put_back(batch, made)
 
 
-def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop: threading.Event) -> None:
+def run_local(local: LocalWorkers, jobs: Sequence[Job], keep: Keep, stop: threading.Event) -> None:
     """Make the runs in worker processes.
 
     Parameters
     ----------
-    bench
-        Everything the workers need.
+    local
+        The workers.
     jobs
         Runs to make.
-    workers
-        Number of processes.
     keep
         Called with the records of each finished batch.
     stop
@@ -106,11 +111,10 @@ def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop:
     RunError
         If the workers die again and again before they make any run.
     """
-    batches, in_flight, lost = Batches(jobs, workers), _InFlight(), _Lost()
-    crew = _Crew(bench, workers)
+    batches, in_flight, lost = Batches(jobs, local.number), _InFlight(), _Lost()
     try:
         while (batches.waiting or in_flight or lost.suspects) and not stop.is_set():
-            broken = not crew.retiring and not _submit(crew, batches, in_flight, lost)
+            broken = not local.crew.retiring and not _submit(local.crew, batches, in_flight, lost)
             for batch, made in in_flight.finished():
                 if made is None:
                     broken = True
@@ -121,19 +125,17 @@ def run_local(bench: Bench, jobs: Sequence[Job], workers: int, keep: Keep, stop:
                 batches.put_back(batch, made)
             if broken:
                 lost.batches += in_flight.take_all()
-                running = crew.at_work()
-                crew.end()
-                keep(lost.sort(running, batches))
-                crew = _Crew(bench, workers)
-            elif crew.retiring and not in_flight:
-                crew.end(wait=True)
-                crew = _Crew(bench, workers)
-            crew.retire_if_large()
+                keep(lost.sort(local.crew.ends(), batches))
+                local.renew()
+            elif local.crew.retiring and not in_flight:
+                local.renew(wait=True)
+            else:
+                local.crew.retire_if_large()
     finally:
         if stop.is_set():  # finished batches are kept, those under way are not waited for
             for _, made in in_flight.finished(0.0):
                 keep(made or [])
-        crew.end(wait=not stop.is_set() and not in_flight)
+        local.idle = not stop.is_set() and not in_flight
 
 
 def _submit(crew: _Crew, batches: Batches, in_flight: _InFlight, lost: _Lost) -> bool:
@@ -183,7 +185,7 @@ class _Lost:
         self.strikes: Counter[str] = Counter()
         self.in_vain = 0
 
-    def sort(self, running: set[str], batches: Batches) -> list[Record]:
+    def sort(self, running: Mapping[str, _End], batches: Batches) -> list[Record]:
         """Put lost jobs back into the queue, or among the suspects if `running`; return records of those given up."""
         given_up = []
         self.in_vain += 1
@@ -194,9 +196,14 @@ class _Lost:
                 if job.key not in running:
                     batches.waiting.appendleft(job)
                     continue
+                end = running[job.key]
                 self.strikes[job.key] += 1
-                if self.strikes[job.key] < STRIKES:
+                if end.stalled:
+                    given_up.append(Record(job.key, "failed", end.stalled, WORKER))
+                elif self.strikes[job.key] < STRIKES:
                     self.suspects.append(job)
+                elif end.crash:
+                    given_up.append(Record(job.key, "failed", end.crash, WORKER))
                 else:
                     reason = (
                         f"its worker process died {STRIKES} times; the next time the study is run it is tried again"
@@ -206,8 +213,73 @@ class _Lost:
         return given_up
 
 
+class _End(NamedTuple):
+    """How the worker of a run ended: what is known of a run that stood still, or of a crash in a plug-in."""
+
+    stalled: str = ""
+    crash: str = ""
+
+
+class LocalWorkers:
+    """The worker processes of a study, which start when there is work; a context that ends them.
+
+    Parameters
+    ----------
+    bench
+        Everything the workers need.
+    number
+        Number of processes.
+    stalled_after
+        Seconds without a completed step after which a worker gives up its run, and itself.
+    """
+
+    def __init__(self, bench: Bench, number: int, stalled_after: float) -> None:
+        self.number, self.idle = number, True
+        self._new_crew = functools.partial(_Crew, bench, number, stalled_after)
+        self._crew: _Crew | None = None
+
+    def __enter__(self) -> LocalWorkers:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if self._crew is not None:
+            self._crew.end(wait=self.idle and kind is None)
+
+    @property
+    def crew(self) -> _Crew:
+        """The processes."""
+        if self._crew is None:
+            self._crew = self._new_crew()
+        return self._crew
+
+    def renew(self, *, wait: bool = False) -> None:
+        """End all processes, in the middle of their work unless `wait` is set; new ones start when there is work."""
+        if self._crew is not None:
+            self._crew.end(wait=wait)
+            self._crew = None
+
+    def rehearse(self, steps: Sequence[Task], stop: threading.Event) -> list[Mapping[str, Any]]:
+        """Make runs of one step, one after the other; return the summaries of those that succeed."""
+        summaries: list[Mapping[str, Any]] = []
+        for step in steps:
+            try:
+                future = self.crew.rehearse(step)
+                while not stop.is_set() and not wait([future], timeout=0.2).done:
+                    pass
+                if stop.is_set():
+                    self.idle = False
+                    break
+                summary = future.result()
+            except BrokenProcessPool:  # the runs of this kind will say why
+                self.renew()
+                continue
+            if summary is not None:
+                summaries.append(summary)
+        return summaries
+
+
 class _Crew:
-    """Worker processes, and a folder in which each process notes the run that it is making.
+    """Worker processes, and a folder in which each process notes the run that it is making and how it ends.
 
     Attributes
     ----------
@@ -215,27 +287,45 @@ class _Crew:
         Whether the processes are to end when they have finished their batches.
     """
 
-    def __init__(self, bench: Bench, workers: int) -> None:
+    def __init__(self, bench: Bench, number: int, stalled_after: float) -> None:
         context = mp.get_context("forkserver" if "forkserver" in mp.get_all_start_methods() else "spawn")
         context.set_forkserver_preload([__name__])  # slow imports are made once for all workers
         self.notes = Path(tempfile.mkdtemp(prefix="percuss-"))
         self.alive, self.leash = context.Pipe(duplex=False)
-        self.pool = ProcessPoolExecutor(workers, context, _begin, (bench, self.alive, str(self.notes)))
-        self.began = time.monotonic()
-        self.retiring = False
+        self.plugins = {str(path) for plugins in bench.plugins.values() for path, _ in plugins}
+        self.began, self.retiring = time.monotonic(), False
+        arguments = (bench, self.alive, str(self.notes), stalled_after)
+        self.pool = ProcessPoolExecutor(number, context, _begin, arguments)
 
     def submit(self, batch: list[Job]) -> Future[list[Record]]:
         with _starting():
             return self.pool.submit(_work, batch)
 
-    def at_work(self) -> set[str]:
-        """Return the keys of the runs that workers were making when they died."""
-        return {note.read_text(encoding="ascii").strip() for note in self.notes.iterdir()} - {""}
+    def rehearse(self, step: Task) -> Future[Mapping[str, Any] | None]:
+        with _starting():
+            return self.pool.submit(_rehearse, step)
+
+    def ends(self) -> dict[str, _End]:
+        """Return how the workers ended that were making runs, by the keys of these runs."""
+        ends = {}
+        for note in self.notes.glob("*.run"):
+            key = note.read_text(encoding="ascii").strip()
+            stalled, crash = (_text_of(note.with_suffix(suffix)) for suffix in (STALLED, CRASH))
+            if key:
+                ends[key] = _End(stalled, self._crash_in_plugin(crash))
+        return ends
+
+    def _crash_in_plugin(self, trace: str) -> str:
+        """Return the message for a crash by its trace, or an empty text if the crash was in no plug-in."""
+        fatal = re.search(r"Fatal Python error: (.+)", trace)
+        calls = re.findall(r'File "(.+)", line (\d+)', trace)
+        place = next((f"{file}:{line}" for file, line in calls if file in self.plugins), "")
+        return f"{place}: its worker process died {STRIKES} times here: {fatal[1]}" if fatal and place else ""
 
     def retire_if_large(self) -> None:
         """Let the workers retire if one of them takes more than `MOST_MEMORY`."""
         if not self.retiring and time.monotonic() - self.began > SHORTEST_SERVICE:
-            self.retiring = any(_memory_of(note.name) > MOST_MEMORY for note in self.notes.iterdir())
+            self.retiring = any(_memory_of(note.stem) > MOST_MEMORY for note in self.notes.glob("*.run"))
 
     def end(self, *, wait: bool = False) -> None:
         """End the workers, in the middle of their work unless `wait` is set."""
@@ -245,6 +335,10 @@ class _Crew:
         self.pool.shutdown(wait=False, cancel_futures=True)
         self.alive.close()
         shutil.rmtree(self.notes, ignore_errors=True)
+
+
+def _text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
 
 
 def _memory_of(process: str) -> int:
@@ -281,14 +375,32 @@ def _starting() -> Iterator[None]:
 _PROCESS_STATE: dict[str, Any] = {}
 
 
-def _begin(bench: Bench, alive: Any, notes: str) -> None:
+def _begin(bench: Bench, alive: Any, notes: str, stalled_after: float) -> None:
     """Prepare this worker process for its work."""
     # The process that hands out the work handles Ctrl-C: a worker must not take half a run for a whole one.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     threading.Thread(target=_watch, args=(alive, notes), daemon=True).start()
-    _PROCESS_STATE["bench"] = bench
-    _PROCESS_STATE["note"] = os.open(Path(notes) / str(os.getpid()), os.O_CREAT | os.O_WRONLY, 0o600)
+    note = Path(notes) / f"{os.getpid()}.run"
+    guards = contextlib.ExitStack()
+    _PROCESS_STATE.update(bench=bench, key="", guards=guards)
+    _PROCESS_STATE["note"] = os.open(note, os.O_CREAT | os.O_WRONLY, 0o600)
+    # Standard output belongs to the results of the process that hands out the work.
+    os.dup2(2, 1)
+    guards.enter_context(guarded_output(shown=False))
+    guards.enter_context(plug_ins_cannot_exit())
+    faulthandler.enable(guards.enter_context(note.with_suffix(CRASH).open("w", encoding="utf-8")))
+    guards.enter_context(Watch(stalled_after, functools.partial(_stop_work, note.with_suffix(STALLED), stalled_after)))
+
+
+def _stop_work(note: Path, stalled_after: float) -> None:
+    """End this process, which has not completed a step for long, and leave a note with the line at which it was."""
+    if not _PROCESS_STATE["key"]:
+        return  # nothing is asked of this process
+    place = where_is(threading.main_thread().ident or 0)
+    reason = f"no step was completed for {stalled_after:g} s (`stalled_after` of the study)"
+    note.write_text(f"{place}: {reason}" if place else reason, encoding="utf-8")
+    os._exit(1)
 
 
 def _watch(alive: Any, notes: str) -> None:
@@ -305,6 +417,16 @@ def _work(batch: list[Job]) -> list[Record]:
     return made  # type: ignore[no-any-return]
 
 
+def _rehearse(step: Task) -> Mapping[str, Any] | None:
+    _PROCESS_STATE["key"] = "rehearsal"
+    beat()
+    try:
+        return _PROCESS_STATE["bench"].rehearse(step)  # type: ignore[no-any-return]
+    finally:
+        _PROCESS_STATE["key"] = ""
+
+
 def _note(key: str) -> None:
+    _PROCESS_STATE["key"] = key
     os.lseek(_PROCESS_STATE["note"], 0, os.SEEK_SET)
     os.write(_PROCESS_STATE["note"], f"{key:32}".encode("ascii"))

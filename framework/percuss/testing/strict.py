@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw, Stages, Trial
-from percuss.methods.kernel_trial import read_only
+from percuss.methods.plugin_calls import read_only
 from percuss.testing.subject import CheckFailed, NotApplicable
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.errors import InputError, RunError, nearest
 from percuss.methods.interfaces import ContactPoints, LinearLaw, Trial
-from percuss.methods.kernel_trial import read_only
+from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import STEEL, bar_chains, for_all, round_off, with_examples
 from percuss.testing.strict import StrictSystem
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started

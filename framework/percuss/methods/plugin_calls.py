@@ -1,0 +1,211 @@
+"""Calls of the methods of components from Python, and checks of what those of third-party plug-ins answer.
+
+Arrays are handed over read-only. An answer of the wrong shape, or one that is not finite, is refused with the place of
+the method. The first calls of each method of a component are made twice: an answer that depends on earlier calls, on
+chance or on the clock differs, unless it does so too seldom to be seen in so few calls. Kernels are tried elsewhere
+(`percuss.methods.kernel_trial`, `percuss.solver.bulk_trial`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import weakref
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from percuss.methods.blame import breach, is_third_party, line_in_plugin
+from percuss.methods.interfaces import Component, Exact, LeapFrog, Mesh
+
+__all__ = ["answer", "read_only", "same"]
+
+REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
+# How many calls of each method have been repeated, by the class and the options of the component.
+_REPEATED: weakref.WeakKeyDictionary[type, Counter[tuple[str, str]]] = weakref.WeakKeyDictionary()
+DEEPEST = 6  # levels of attributes up to which two answers are compared
+
+
+def answer(component: Component, method: str, *arguments: Any) -> Any:
+    """Return the answer of a method of a component to arguments whose arrays it cannot change.
+
+    Raises
+    ------
+    PluginError
+        If the method of a third-party plug-in changes its arguments, answers with the wrong shape or with a value that
+        is not finite, or answers differently when it is asked the same again.
+    """
+    call = getattr(component, method)
+    if not is_third_party(type(component).__module__):
+        return call(*arguments)
+    arguments = tuple(read_only(argument) for argument in arguments)
+    key, own_state = (method, repr(component)), repr(vars(component))
+    repeated = _REPEATED.setdefault(type(component), Counter())
+    try:
+        first = call(*arguments)
+        if repeated[key] < REPEATED_CALLS:
+            if not same(first, call(*arguments)):
+                raise breach(component, method, f"{method} {DIFFERENT}")
+            repeated[key] += 1
+        if repr(vars(component)) != own_state:
+            raise breach(component, method, f"{method} changes the component itself, which keeps nothing between calls")
+    except ValueError as error:
+        if "read-only" not in str(error) or not line_in_plugin(error):
+            raise
+        changed = breach(component, method, f"{method} changes an array that it was handed: copy it first")
+        raise type(changed)(f"{line_in_plugin(error)}: {str(changed).partition(': ')[2]}") from error
+    check = CHECKS.get((component.family, method))
+    fault = check(first, *arguments) if check is not None else ""
+    if fault:
+        raise breach(component, method, f"{method} {fault}")
+    return first
+
+
+DIFFERENT = (
+    "gives another answer when it is asked the same again: it keeps state between calls, draws random numbers or reads "
+    "the clock; its answer follows from its options and its arguments alone"
+)
+
+
+def read_only(value: Any) -> Any:
+    """Return a value with its arrays, also those inside tuples, replaced by read-only views."""
+    if isinstance(value, np.ndarray):
+        view = value.view()
+        view.flags.writeable = False
+        return view
+    if dataclasses.is_dataclass(value) and not isinstance(value, type | Component):
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        arrays = {name: read_only(item) for name, item in fields.items() if isinstance(item, np.ndarray | tuple)}
+        return dataclasses.replace(value, **arrays) if arrays else value
+    if isinstance(value, tuple):
+        parts = [read_only(item) for item in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+    return value
+
+
+def same(first: Any, second: Any, depth: int = 0) -> bool:
+    """Return whether two answers are equal to the last bit, as far as they consist of numbers, text and containers.
+
+    Of other objects the attributes are compared.
+    """
+    if first is second or depth > DEEPEST:
+        return True
+    if type(first) is not type(second):
+        return False
+    if isinstance(first, np.ndarray | np.generic | float | int):
+        bits = [(array.dtype, array.shape, array.tobytes()) for array in map(np.asarray, (first, second))]
+        return bits[0] == bits[1]
+    if isinstance(first, str | bytes):
+        return first == second  # type: ignore[no-any-return]
+    if isinstance(first, Mapping):
+        first, second = list(first.items()), list(second.items())
+    if isinstance(first, list | tuple):
+        return len(first) == len(second) and all(same(*pair, depth + 1) for pair in zip(first, second, strict=True))
+    is_compared = hasattr(first, "__dict__") and not isinstance(first, Component) and not callable(first)
+    return not is_compared or same(vars(first), vars(second), depth + 1)
+
+
+# ---------------------------------------------------------------------------------------- checks of the answers
+
+
+def _numbers_fault(value: Any, shape: tuple[int, ...]) -> str:
+    """Return what is wrong with an array of finite numbers, in words, or an empty text."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return f"returned {_shown(value)}, expected numbers of shape {shape}"
+    if array.shape != shape:
+        return f"returned numbers of shape {array.shape}, expected {shape}"
+    if not np.isfinite(array).all():
+        place = ", ".join(str(index[0]) for index in np.nonzero(~np.isfinite(np.atleast_1d(array))))
+        return f"returned {np.atleast_1d(array)[~np.isfinite(np.atleast_1d(array))][0]} at index {place}"
+    return ""
+
+
+def _shown(value: Any) -> str:
+    return "nothing" if value is None else f"a {type(value).__name__}"
+
+
+def _amplitude_fault(value: Any, time: Any) -> str:
+    fault = _numbers_fault(value, np.shape(time))
+    if " at index " not in fault:
+        return fault
+    wrong = np.flatnonzero(~np.isfinite(np.ravel(value)))
+    return f"returned {np.ravel(value)[wrong[0]]} at the time {np.ravel(time)[wrong[0]]:.6g} since the load began"
+
+
+def _mesh_fault(mesh: Any, at: Any, refine: int) -> str:  # noqa: ARG001 - the arguments of `Shape.mesh`
+    if not isinstance(mesh, Mesh):
+        return f"returned {_shown(mesh)}, expected a Mesh"
+    count, dim = np.size(mesh.lengths), np.size(at)
+    for name, shape in (("lengths", (count,)), ("nodes", (count + 1, dim)), ("direction", (dim,))):
+        fault = _numbers_fault(getattr(mesh, name), shape)
+        if fault:
+            return fault.replace("returned", f"returned as `{name}`", 1)
+    return ""
+
+
+def _nodal_fault(value: Any, element_mass: Any) -> str:
+    return _numbers_fault(value, (np.size(element_mass) + 1,))
+
+
+def _element_numbers_fault(value: Any, body: Any, property_: float) -> str:  # noqa: ARG001 - arguments of the method
+    return _numbers_fault(value, (body.mesh.lengths.size,))
+
+
+def _element_arrays_fault(value: Any, body: Any) -> str:
+    if not (isinstance(value, tuple) and hasattr(value, "_fields")):
+        return f"returned {_shown(value)}, expected a NamedTuple of arrays"
+    count = body.mesh.lengths.size
+    for name, array in zip(value._fields, value, strict=True):
+        fault = _numbers_fault(array, (count, *np.shape(array)[1:]))
+        if fault:
+            return fault.replace("returned", f"returned as `{name}`", 1)
+    return ""
+
+
+def _parameters_fault(value: Any) -> str:
+    return _numbers_fault(value, (len(value),) if isinstance(value, tuple | list) else np.shape(value)[:1] or (1,))
+
+
+def _covers_fault(value: Any, problem: Any) -> str:  # noqa: ARG001 - the arguments of `Solution.covers`
+    return "" if value is None or isinstance(value, str) else f"returned {_shown(value)}, expected a text or None"
+
+
+def _solve_fault(value: Any, problem: Any, end: float) -> str:  # noqa: ARG001 - the arguments of `Solution.solve`
+    if not isinstance(value, Exact):
+        return f"returned {_shown(value)}, expected an Exact"
+    return "" if np.isfinite(value.reached) else f"returned a solution that reached the time {value.reached}"
+
+
+def _measure_fault(value: Any, result: Any) -> str:  # noqa: ARG001 - the arguments of `Measure.of`
+    if value is None or isinstance(value, str | bool | int | np.integer | np.bool_):
+        return ""
+    fault = _numbers_fault(value, ())
+    return f"{fault}; None says that there is no number" if fault else ""
+
+
+def _bound_integrator_fault(value: Any, dt: float) -> str:  # noqa: ARG001 - the arguments of `Integrator.bind`
+    if not isinstance(value, LeapFrog):
+        return ""  # the numbers of `Stages` are checked with the trial steps
+    for name, state in zip(value._fields, value, strict=True):
+        fault = _numbers_fault(state.response, (3,))
+        if fault:
+            return fault.replace("returned", f"returned as the response of `{name}`", 1)
+    return ""
+
+
+CHECKS: dict[tuple[str, str], Callable[..., str]] = {
+    ("loads", "amplitude"): _amplitude_fault,
+    ("shapes", "mesh"): _mesh_fault,
+    ("masses", "nodal"): _nodal_fault,
+    ("elements", "bind"): _element_arrays_fault,
+    ("elements", "axial_stiffness"): _element_numbers_fault,
+    ("elements", "highest_frequency"): _element_numbers_fault,
+    ("materials", "parameters"): _parameters_fault,
+    ("solutions", "covers"): _covers_fault,
+    ("solutions", "solve"): _solve_fault,
+    ("measures", "of"): _measure_fault,
+    ("integrators", "bind"): _bound_integrator_fault,
+}

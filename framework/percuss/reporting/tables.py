@@ -1,0 +1,158 @@
+"""Tables on a terminal and in a pipe, in which no number is ever cut.
+
+On a terminal long names are broken into lines; if that is not enough, columns are left out in an order that the table
+states, and named below it; or, where all columns weigh the same, the table is continued below itself. In a pipe nothing
+is left out or broken, and there are no lines that are drawn.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+__all__ = ["Column", "console", "print_table"]
+
+GAP = 3  # characters between two columns: two of padding and the line
+BREAKS = re.compile(r"[^\s._,/=-]*[\s._,/=-]*")  # the pieces of a name or a head, between which a line may end
+
+
+@dataclass
+class Column:
+    """A column of a table.
+
+    Attributes
+    ----------
+    head
+        Head of the column.
+    cells
+        Its cells as text, one for each row.
+    drop
+        Rank in which it is left out where the table is too wide: the highest first; None if it never is.
+    is_number
+        Whether its cells are numbers, which are never broken.
+    least
+        Width below which it is not made narrower, unless its content is.
+    """
+
+    head: str
+    cells: list[str] = field(default_factory=list)
+    drop: int | None = None
+    is_number: bool = True
+    least: int = 1
+
+    @property
+    def full_width(self) -> int:
+        """Width in which nothing is broken."""
+        return max(len(self.head), *map(len, self.cells), 1)
+
+    @property
+    def least_width(self) -> int:
+        """Width below which a number, or a piece of a name, would be broken."""
+        pieces = BREAKS.findall(self.head)
+        for cell in self.cells:
+            pieces += [cell] if self.is_number else BREAKS.findall(cell)
+        return max(min(self.least, self.full_width), *(len(piece.rstrip()) for piece in pieces))
+
+
+def console() -> Console:
+    """Return the console on standard output: of the width of the terminal, or as wide as its content in a pipe."""
+    made = Console(highlight=False)
+    # Text in a pipe is read by programs and pasted into notes: lines are as long as what they say.
+    return made if made.is_terminal else Console(highlight=False, width=100_000)
+
+
+def print_table(out: Console, columns: Sequence[Column], title: str = "", *, continued: int = 0) -> None:
+    """Print a table, and below it the names of the columns that had no room.
+
+    Parameters
+    ----------
+    out
+        The console.
+    columns
+        The columns.
+    title
+        Title of the table.
+    continued
+        Number of columns that name a row. If it is not 0, columns without room are not left out: the table is continued
+        below, with these columns again.
+    """
+    room = out.width if out.is_terminal else None
+    if continued:
+        names, rest = list(columns[:continued]), list(columns[continued:])
+        while rest:
+            taken = [rest.pop(0)]
+            while rest and _fits([*names, *taken, rest[0]], room):
+                taken.append(rest.pop(0))
+            _print(out, [*names, *taken], title, room)
+            title = ""
+        return
+    shown = list(columns)
+    while not _fits(shown, room) and any(column.drop is not None for column in shown):
+        shown.remove(max((column for column in shown if column.drop is not None), key=lambda column: column.drop or 0))
+    _print(out, shown, title, room)
+    if left_out := [column.head for column in columns if column not in shown]:
+        out.print(Text(f"not shown, for lack of width: {', '.join(left_out)}; --json has all, a wider terminal too"))
+
+
+def _fits(columns: Sequence[Column], room: int | None) -> bool:
+    return room is None or sum(column.least_width + GAP for column in columns) + 1 <= room
+
+
+def _print(out: Console, columns: Sequence[Column], title: str, room: int | None) -> None:
+    """Print a table of which all columns are shown; one that is too narrow for that, row by row."""
+    if not _fits(columns, room):
+        out.print(Text(title, style="italic"))
+        for cells in zip(*(column.cells for column in columns), strict=True):
+            for column, cell in zip(columns, cells, strict=True):
+                out.print(Text(f"{column.head}: {cell}"), soft_wrap=True)
+            out.print()
+        return
+    widths = _widths(columns, room)
+    table = Table(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=title or None)
+    for column, width in zip(columns, widths, strict=True):
+        head = Text("\n".join(_broken(column.head, width)))
+        table.add_column(head, width=width, no_wrap=True, justify="right" if column.is_number else "left")
+    for cells in zip(*(column.cells for column in columns), strict=True):
+        table.add_row(
+            *(Text("\n".join(_broken(cell, width))) for cell, width in zip(cells, widths, strict=True)),
+        )
+    if out.is_terminal:
+        out.print(table)
+        return
+    with out.capture() as captured:
+        out.print(table)
+    lines = (line.rstrip() for line in captured.get().splitlines())
+    out.print(Text("\n".join(line for line in lines if line)), soft_wrap=True)
+
+
+def _widths(columns: Sequence[Column], room: int | None) -> list[int]:
+    """Return the widths of the columns: as wide as their content if there is room, and the widest are made narrower."""
+    widths = [column.full_width for column in columns]
+    if room is None:
+        return widths
+    excess = sum(widths) + GAP * len(columns) + 1 - room
+    while excess > 0:
+        spare = [width - column.least_width for column, width in zip(columns, widths, strict=True)]
+        widest = max(range(len(columns)), key=lambda i: (spare[i] > 0, widths[i]))
+        widths[widest] -= 1
+        excess -= 1
+    return widths
+
+
+def _broken(text: str, width: int) -> list[str]:
+    """Return a text in lines of at most a width, broken behind spaces and punctuation where that is possible."""
+    lines = [""]
+    for part in text.split("\n"):
+        if lines != [""]:
+            lines.append("")
+        for piece in BREAKS.findall(part):
+            if len(lines[-1]) + len(piece.rstrip()) > width:
+                lines.append("")
+            lines[-1] += piece
+    return [line.rstrip() for line in lines if line.strip()] or [""]

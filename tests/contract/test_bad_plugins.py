@@ -1,0 +1,235 @@
+"""Plug-ins with a misdeed: each is named with file and line, in a run and in a study, which goes on.
+
+The plug-ins are the templates of `percuss new` with one line put into one method.
+"""
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+import percuss
+from command_line import percuss_command
+from percuss.cli.scaffold import scaffold
+
+# The line that each misdeed puts at the beginning of a method, and what is said of it.
+BIASED = "it keeps state between calls, draws random numbers or reads the clock"
+DEEDS = {
+    "raises": ("raise RuntimeError('plan B')", "RuntimeError: plan B"),
+    "exits": ("sys.exit(3)", "a plug-in ends the process (3): raise an error instead"),
+    "exits at once": ("os._exit(3)", "a plug-in ends the process (3): raise an error instead"),
+    "keeps state": ("CALLS.append(1); bias = 1e-3 * len(CALLS)", BIASED),
+    "draws at random": ("bias = np.random.rand()", BIASED),
+    "reads the clock": ("bias = time.perf_counter() % 1.0", BIASED),
+}
+# For each method: the family, what a bias is put in, and lines that give nan, a wrong shape, or write to an argument.
+METHODS = {
+    "contact.bind": (
+        ("sigma=compliance", "sigma=compliance * (1.0 + bias)"),
+        ("return LinearLaw(at='end', sigma=np.nan, active='all')", "LinearLaw.sigma is not finite"),
+        ("return LinearLaw(at='end', sigma=np.ones(7), active='all')", "has shape (7,), expected (1,) or a number"),
+        ("points.stiffness[0] = 0.0", "bind changes an array that it was handed"),
+    ),
+    "integrator.bind": (
+        ("response=(0.0, 0.0, 1.0)", "response=(0.0, 0.0, 1.0 + bias)"),
+        (
+            "return LeapFrog(ContactState('predicted', 'predicted', 'none', (0.0, 0.0, np.nan)), end_of_step(dt))",
+            "returned as the response of `explicit` nan at index 2",
+        ),
+        (
+            "return LeapFrog(ContactState('predicted', 'predicted', 'none', (0.0, 1.0)), end_of_step(dt))",
+            "numbers of shape (2,), expected (3,)",
+        ),
+        ("self.__dict__['order'] = 3", "bind changes the component itself"),
+    ),
+    "load.amplitude": (
+        ("return self.peak *", "return (1.0 + bias) * self.peak *"),
+        ("return time * np.nan", "amplitude returned nan at the time "),
+        ("return np.ones(3)", "amplitude returned numbers of shape (3,)"),
+        ("time[...] = 0.0", "amplitude changes an array that it was handed"),
+    ),
+    "material.stress": (
+        ("] * strain", "] * strain * (1.0 + bias)"),
+        ("return np.nan", "stress gave nan, expected finite numbers"),
+        ("return parameters", "expected one number"),
+        ("parameters[0] = 1.0", "stress changes what it was handed to read"),
+    ),
+    "element.internal_force": (
+        ("axial = ", "axial = (1.0 + bias) * "),
+        ("force[:] = np.nan; return", "internal_force gave [nan nan], expected finite numbers"),
+        ("force[:] = np.ones(3)", "could not broadcast"),
+        ("displacement[0] = 1.0", "internal_force changes what it was handed to read"),
+    ),
+    "element.bind": (
+        ("np.full(h.size, body.area)", "np.full(h.size, body.area * (1.0 + bias))"),
+        ("return MyMethodArrays(*[body.mesh.lengths * np.nan] * 3)", "bind returned as `length` nan at index 0"),
+        ("return body.mesh.lengths", "bind returned a ndarray, expected a NamedTuple"),
+        ("body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),
+    ),
+    "mass.nodal": (
+        ("[0.5, 0.5])", "[0.5, 0.5]) * (1.0 + bias)"),
+        ("return np.append(element_mass, np.nan)", "nodal returned nan at index 3"),
+        ("return element_mass", "nodal returned numbers of shape (3,), expected (4,)"),
+        ("element_mass[0] = 9.0", "nodal changes an array that it was handed"),
+    ),
+    "shape.mesh": (
+        ("0.5 * self.length / count", "0.5 * self.length / count * (1.0 + bias)"),
+        ("at = at * np.nan", "mesh returned as `nodes` nan at index 0"),
+        ("return at", "mesh returned a ndarray, expected a Mesh"),
+        ("at[0] = 9.0", "mesh changes an array that it was handed"),
+    ),
+    "solution.solve": (
+        ("Rebound(problem, end)", "Rebound(problem, end * (1.0 - bias))"),
+        ("end = np.nan", "reached the time nan"),
+        ("return np.ones(3)", "solve returned a ndarray, expected an Exact"),
+        ("problem.bodies.clear()", "AttributeError: 'mappingproxy' object"),
+    ),
+    "measure.of": (
+        ("float(i**2 / s)", "float(i**2 / s) * (1.0 + bias)"),
+        ("return float('nan')", "of returned nan at index 0; None says that there is no number"),
+        ("return np.ones(3)", "of returned numbers of shape (3,), expected ()"),
+        ("result.histories['contact_force'].values[0] = 1.0", ""),
+    ),
+}
+OWN = ("gives nan", "has the wrong shape", "writes its inputs")
+ALL = [(method, deed) for method in METHODS for deed in (*DEEDS, *OWN)]
+# Each method and each misdeed once: the others are the same few lines of code, asked in another order.
+QUICK = {
+    ("contact.bind", "keeps state"), ("contact.bind", "exits at once"), ("integrator.bind", "has the wrong shape"),
+    ("load.amplitude", "gives nan"), ("load.amplitude", "draws at random"), ("material.stress", "writes its inputs"),
+    ("element.internal_force", "exits"), ("element.bind", "writes its inputs"), ("mass.nodal", "has the wrong shape"),
+    ("shape.mesh", "reads the clock"),
+}  # fmt: skip
+
+
+def written(folder, method, deed):
+    """Write the template of a family with a misdeed and its case; return case, plug-in and what is said."""
+    family, _, name = method.partition(".")
+    bias, *own = METHODS[method]
+    line, said = DEEDS[deed] if deed in DEEDS else own[OWN.index(deed)]
+    files = scaffold("my-method", family, folder, single_file=True).files
+    (plugin,), (case,) = ([path for path in files if path.suffix == suffix] for suffix in (".py", ".yaml"))
+    text = plugin.read_text()
+    if said == BIASED:
+        assert bias[0] in text
+        text = text.replace(*bias)
+    (place,) = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and node.name == name]
+    lines = text.splitlines()
+    at = place.body[1].lineno - 1  # behind the docstring
+    lines.insert(at, " " * place.body[1].col_offset + line)
+    lines.insert(1, "import os, sys, time\nimport numpy as np\nCALLS = []\nbias = 0.0")
+    plugin.write_text("\n".join(lines) + "\n")
+    small = re.sub(r"elements: \d+", "elements: 3", case.read_text()).replace("end: 0.35", "end: 0.15")
+    case.write_text(small)
+    return case, plugin, said
+
+
+@pytest.mark.parametrize(
+    ("method", "deed"),
+    [
+        pytest.param(*each, marks=() if each in QUICK else pytest.mark.deep)
+        for each in ALL
+        if each[0] != "measure.of" and not each[0].startswith("solution")
+    ],
+)
+def test_a_misdeed_is_named_with_file_and_line(method, deed, tmp_path):
+    case, plugin, said = written(tmp_path, method, deed)
+    done = percuss_command("run", case, "--json", cwd=tmp_path, plain=True)
+    assert done.returncode == 2, done.stdout
+    assert len(done.stderr.splitlines()) == 1
+    assert re.match(rf"error: {plugin}:\d+: ", done.stderr)
+    assert said in done.stderr
+    assert json.loads(done.stdout)["error"] in done.stderr
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("deed", [*DEEDS, *OWN])
+@pytest.mark.parametrize("method", ["solution.solve", "measure.of"])
+def test_a_misdeed_of_what_looks_at_a_run_fails_its_row(method, deed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    case, plugin, said = written(tmp_path, method, deed)
+    measure = ["my-method" if method == "measure.of" else "steps"]
+    made = percuss.study({"percuss-study": 1, "cases": [str(case)], "measure": measure}, workers=1, plugins=[plugin])
+    (row,) = made.as_records()
+    assert row["status"] == "failed"
+    assert f"{plugin}:" in row["reason"]
+    assert said in row["reason"]
+
+
+def test_what_a_plug_in_prints_is_no_part_of_the_output(tmp_path):
+    case, plugin, _ = written(tmp_path, "mass.nodal", "raises")
+    plugin.write_text(plugin.read_text().replace("raise RuntimeError('plan B')", "print('HELLO')"))
+    done = percuss_command("run", case, "--json", cwd=tmp_path, plain=True)
+    assert json.loads(done.stdout)["status"] == "done"
+    assert re.search(rf"note: {plugin}:\d+ prints to standard output, which is for results", done.stderr)
+    assert done.stderr.count("note: ") == 1
+    assert done.stderr.count("HELLO") >= 1
+
+
+FATES = """
+import ctypes, os, signal, sys, time
+from dataclasses import dataclass
+from percuss import ContactLaw, LinearLaw
+
+
+@dataclass(frozen=True)
+class Fated(ContactLaw):
+    '''A penalty with a fate.'''
+
+    name = "fated"
+    summary = "A penalty with a fate"
+    fate: str = "none"
+
+    def bind(self, points, dt):
+        if self.fate == "raises":
+            raise RuntimeError("plan B")
+        if self.fate == "exits":
+            os._exit(3)
+        if self.fate == "endless":
+            while True: pass
+        if self.fate == "crashes":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        if self.fate == "is killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.fate == "prints":
+            os.write(1, b"HELLO")
+            print("HELLO")
+        return LinearLaw(at="explicit", sigma=4.0 / points.stiffness)
+"""
+
+
+def line_of(text):
+    return 1 + FATES[: FATES.index(text)].count("\n")
+
+
+@pytest.mark.slow
+def test_a_study_goes_on_whatever_a_plug_in_does(tmp_path):
+    case, *_ = written(tmp_path, "mass.nodal", "raises")
+    text = case.read_text().replace("plugins: [my_method.py]\n", "").replace("mass: my-method", "")
+    case.write_text(text.replace("contact: bipenalty", "contact: fated"))
+    (tmp_path / "fates.py").write_text(FATES)
+    fates = {
+        "none": ("done", ""),
+        "raises": ("failed", f"fates.py:{line_of('raise Run')}: RuntimeError: plan B"),
+        "exits": ("failed", f"fates.py:{line_of('os._exit')}: a plug-in ends the process (3)"),
+        "endless": ("failed", f"fates.py:{line_of('while')}: no step was completed for 8 s (`stalled_after`"),
+        "crashes": ("failed", f"fates.py:{line_of('os.kill')}: its worker process died 3 times here: Segmentation"),
+        "is killed": ("lost", "its worker process died 3 times"),
+        "prints": ("done", ""),
+    }
+    study = {"percuss-study": 1, "cases": [case.name], "stalled_after": 8, "vary": {"method.contact.fate": [*fates]}}
+    (tmp_path / "study.yaml").write_text(json.dumps(study))
+    options = ["--plugin", "fates.py", "--json", "--workers", "2"]
+    command = [sys.executable, "-m", "percuss", "study", "study.yaml", *options]
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(command, cwd=tmp_path, env=plain, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    rows = {row["method.contact.fate"]: row for row in json.loads(done.stdout)["rows"]}
+    for fate, (status, reason) in fates.items():
+        assert rows[fate]["status"] == status, rows[fate]
+        assert reason in rows[fate]["reason"]

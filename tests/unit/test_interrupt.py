@@ -1,0 +1,169 @@
+"""Ctrl-C, places that cannot be written to, and schedulers without workers: nothing is waited for in silence."""
+
+import logging
+import os
+import signal
+import sqlite3
+import stat
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import percuss
+from fake_studies import TWO_BARS
+from percuss.cli.main import app
+from percuss.errors import InputError
+from percuss.heartbeat import Watch, beat
+from percuss.interrupt import interruptible
+from percuss.studies.cluster import _WaitForWorkers
+
+CASE = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
+
+
+def press():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_the_first_ctrl_c_is_an_event_and_the_second_interrupts():
+    with interruptible() as event:
+        press()
+        assert event.is_set()
+        with pytest.raises(KeyboardInterrupt):
+            press()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_ctrl_c_in_the_last_step_of_a_run_ends_the_study_around_it():
+    with interruptible() as outer:
+        with interruptible() as inner:
+            press()
+        assert inner.is_set()
+        assert outer.is_set()
+        with pytest.raises(KeyboardInterrupt):
+            press()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with interruptible() as outer:
+        with interruptible() as inner:
+            pass
+        press()
+        assert outer.is_set()
+        assert not inner.is_set()
+
+
+def test_ctrl_c_ends_a_rehearsal_and_nothing_is_left(tmp_path, monkeypatch):
+    from percuss.studies import preflight
+
+    rehearsed = []
+
+    def perform(case, task):
+        rehearsed.append(task)
+        with interruptible():
+            press()  # as the run of one step, which is at its end, does not see it
+        return SimpleNamespace(status="done", result=None), None
+
+    monkeypatch.setattr(preflight, "perform", perform)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "case.yaml").write_text(repr(CASE))
+    study = {"percuss-study": 1, "cases": ["case.yaml"], "methods": {"contacts": ["penalty", "lagrange"]}}
+    with pytest.raises(KeyboardInterrupt):
+        percuss.study(study, "a.sqlite", workers=1)
+    assert len(rehearsed) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["case.yaml"]
+
+
+def test_a_watch_notices_silence_once_and_not_while_there_are_beats():
+    silences = []
+    with Watch(0.2, lambda: silences.append(1)) as watch:
+        for _ in range(10):
+            beat()
+            watch._ended.wait(0.05)
+        assert silences == []
+        watch._ended.wait(1.0)
+    assert silences == [1]
+
+
+# ------------------------------------------------------------------------------------- a folder of somebody else
+
+
+@pytest.fixture
+def read_only(monkeypatch):
+    """Make a folder one that cannot be written to; for the superuser, who may write anywhere, the calls that would."""
+
+    def make(folder):
+        folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
+        if os.access(folder, os.W_OK):
+            real_open, real_connect = Path.open, sqlite3.connect
+
+            def path_open(self, mode="r", *arguments, **options):
+                if self.parent == folder and mode[0] != "r":
+                    raise PermissionError(13, "Permission denied", str(self))
+                return real_open(self, mode, *arguments, **options)
+
+            def connect(database, *arguments, **options):
+                if "immutable" not in str(database):  # a log beside the database would have to be made
+                    raise sqlite3.OperationalError("unable to open database file")
+                return real_connect(database, *arguments, **options)
+
+            def mkstemp(*_, **__):
+                raise PermissionError(13, "Permission denied")
+
+            monkeypatch.setattr(os, "access", lambda path, *_, **__: Path(path) != folder)
+            monkeypatch.setattr(Path, "open", path_open)
+            monkeypatch.setattr(sqlite3, "connect", connect)
+            monkeypatch.setattr("percuss.files.tempfile.mkstemp", mkstemp)
+
+    yield make
+    monkeypatch.undo()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folders have no such permissions there")
+def test_a_finished_study_in_a_read_only_folder_is_opened_reported_and_not_run_again(tmp_path, read_only, capsys):
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    (folder / "case.yaml").write_text(repr(CASE))
+    study = {"percuss-study": 1, "cases": [str(folder / "case.yaml")], "vary": {"time.courant": [0.4, 0.5]}}
+    out = folder / "a.sqlite"
+    percuss.study(study, out, workers=1)
+    read_only(folder)
+    assert percuss.open_study(out).counts == {"done": 2}
+    again = percuss.study(study, out, workers=1)
+    assert (again.found, again.counts) == (2, {"done": 2})
+    more = {**study, "vary": {"time.courant": [0.4, 0.5, 0.6]}}
+    with pytest.raises(InputError, match="cannot write here: Permission denied\n  Name another file with -o"):
+        percuss.study(more, out, workers=1)
+    with pytest.raises(SystemExit) as ended:
+        app(["report", str(out)])
+    assert ended.value.code == 2
+    assert "a.html: cannot write here: Permission denied\n  Name another folder." in capsys.readouterr().err
+
+
+def test_a_log_that_holds_rows_is_not_passed_over(tmp_path, read_only):
+    out, log = tmp_path / "a.sqlite", tmp_path / "a.sqlite-wal"
+    log.write_bytes(b"rows")
+    out.write_bytes(b"others")
+    read_only(tmp_path)
+    with pytest.raises(InputError, match=r"a\.sqlite-wal beside it holds rows, and this folder cannot be written to"):
+        percuss.open_study(out)
+
+
+# ------------------------------------------------------------------------------------- a scheduler without workers
+
+
+def test_a_scheduler_without_workers_is_told(caplog, monkeypatch):
+    now, threads = [0.0], {}
+    monkeypatch.setattr("percuss.studies.cluster.time.monotonic", lambda: now[0])
+    client = SimpleNamespace(nthreads=lambda: threads, scheduler=SimpleNamespace(address="tcp://10.0.0.1:8786"))
+    waiting = _WaitForWorkers(client)
+    with caplog.at_level(logging.WARNING, "percuss"):
+        for second in range(130):
+            now[0] = float(second)
+            waiting.tell()
+        threads["tcp://10.0.0.2:1"] = 1
+        waiting.tell()
+        waiting.tell()
+    said = caplog.messages
+    assert [text.partition(", for ")[2].partition(" now")[0] for text in said[:-1]] == ["5 s", "65 s", "125 s"]
+    assert "start some with `dask worker tcp://10.0.0.1:8786`" in said[0]
+    assert said[-1] == "tcp://10.0.0.1:8786: workers have come"

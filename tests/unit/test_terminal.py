@@ -1,0 +1,189 @@
+"""Tables on narrow terminals and in pipes: no number is ever cut, and what is left out is named."""
+
+import io
+import re
+
+import pytest
+from rich.console import Console
+
+from percuss.cli.common import FIRST_LINE, progress_bar
+from percuss.methods.registry import Registry
+from percuss.reporting import tell_study, terminal
+from percuss.reporting.tables import Column, print_table
+from percuss.studies.perform import Run
+
+LONG = "integrator-with-a-name-that-someone-liked"
+NUMBER = re.compile(r"-?\d[\d.]*(?:e[+-]?\d+)?")
+
+
+class Waves:
+    reason = ""
+
+    def rows(self):
+        keys = ("frequency", "reflection", "transmission", "formula", "energy_kept")
+        return [dict.fromkeys(keys, 0.123456 + k) for k in range(40)]
+
+
+class Study:
+    title, found, path, complete = "A study with a title that is rather long", 3, "study.sqlite", True
+    columns = {f"measure_number_{k}_error": "a number" for k in range(9)}
+
+    def __init__(self, cases):
+        self.cases = cases
+
+    @property
+    def counts(self):
+        return {"done": len(self.as_records())}
+
+    def as_records(self):
+        return [
+            {
+                "case": case, "integrator": LONG, "contact": f"law-{k}-with-a-long-name",
+                **({"method.contact.beta_s": 1.23456e-05 * (k + 1)} if len(self.cases) == 1 else {}), "status": "done",
+                "reason": "", "said_by": "", "fragile": None, **dict.fromkeys(self.columns, -1.23456e-05),
+                "seconds": 0.123, "key": "k",
+            }
+            for case in self.cases
+            for k in range(7)
+        ]  # fmt: skip
+
+
+def comparison(monkeypatch):
+    numbers = dict.fromkeys((*terminal.COMPARISON_TABLE, "seconds"), -1.23456789e-05)
+    monkeypatch.setattr(terminal, "metrics", lambda _: numbers)
+    varied = {"method.contact.beta_s": 1.2345678e-05, "bodies.short.bar.elements": 12345}
+    runs = [Run(LONG, "bipenalty", varied, "done") for _ in range(3)]
+    terminal.tell_rows("A long title " * 9, runs)
+
+
+def contacts(monkeypatch):
+    contact = dict.fromkeys(terminal.CONTACT_NUMBERS, -1.23456789e-05)
+    monkeypatch.setattr(type(next(iter(terminal.CONTACT_NUMBERS.values()))), "of_contact", lambda *_: -1.23456789e-05)
+    laws = {"tip": "bipenalty (beta_s 0.25, ratio 1)"}
+    terminal._print_contacts(terminal.console_of_output(), {"tip": contact}, laws, {"tip": 0.000123})
+
+
+def stability(monkeypatch, **options):
+    rows = [
+        {
+            "method.contact.beta_s": 0.0123456 * n, "time.courant": 0.9, "by": by, "courant_critical": 1.0 / (n + 1),
+            "margin": 0.87654321, "theta": 0.12345678, "reason": "the bodies are not linear" if n % 2 else "",
+        }
+        for n in range(200)
+        for by in ("closed-form", "pencil", "black-box")
+    ]  # fmt: skip
+    terminal.tell_stability("A case", rows, **options)
+
+
+TABLES = {
+    "compare": comparison,
+    "run": contacts,
+    "stability": stability,
+    "waves": lambda _: terminal.tell_waves("A case", Waves()),
+    "plugins": lambda _: terminal.tell_registry(Registry.load()),
+    "study of one case": lambda _: tell_study.tell_study(Study(["hunek"])),
+    "study of cases": lambda _: tell_study.tell_study(Study(["hunek", "a-case-with-a-long-name"])),
+    "orders": lambda _: terminal.tell_orders(
+        [
+            {"integrator": LONG, "contact": "bipenalty", "refine": [1, 2, 4, 8], "bodies.short.bar.elements": 12345}
+            | {f"{name}_order": -1.2345678 for name in terminal.TRUE_ERRORS}
+        ]
+    ),
+}
+
+
+@pytest.fixture
+def told(monkeypatch):
+    """Return what a table prints on a terminal of some width, or in a pipe."""
+
+    def tell(name, width, **options):
+        out = io.StringIO()
+        console = Console(
+            file=out, width=width or 100_000, force_terminal=bool(width), color_system=None, highlight=False
+        )
+        for module in (terminal, tell_study):
+            monkeypatch.setattr(module, "console_of_output", lambda: console)
+        TABLES[name](monkeypatch, **options)
+        return out.getvalue()
+
+    return tell
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_no_number_is_cut_on_a_narrow_terminal(name, told):
+    whole = set(NUMBER.findall(told(name, 0)))
+    for width in (80, 60, 30):
+        text = told(name, width)
+        assert "…" not in text
+        inside = [line for line in text.splitlines() if line.startswith(("│", "┃"))]
+        assert all(len(line) <= width for line in inside)
+        for line in inside:  # a number that is broken in two is none of those of the whole table
+            cells = [cell.strip() for cell in line.split("│")]
+            assert all(cell in whole for cell in cells if NUMBER.fullmatch(cell)), line
+
+
+@pytest.mark.parametrize("name", ["compare", "study of one case", "plugins"])
+def test_the_columns_left_out_are_named(name, told):
+    wide, narrow = told(name, 0), told(name, 80)
+    left_out = re.search(r"not shown, for lack of width: ([^;]*); --json has all", narrow.replace("\n", " "))
+    assert left_out
+    heads = wide.splitlines()[0 if wide.startswith("|") else [line[0] for line in wide.splitlines()].index("|")]
+    for head in left_out[1].split(", "):
+        assert head.strip() in heads
+    assert "not shown" not in wide
+
+
+def test_what_goes_into_a_pipe_is_plain(told):
+    for name in TABLES:
+        text = told(name, 0)
+        assert text.isascii() or name == "plugins", text
+        assert "\x1b" not in text
+        assert all(line == line.rstrip() for line in text.splitlines())
+
+
+def test_a_table_of_columns_of_equal_weight_goes_on_below_itself(told):
+    text = told("study of cases", 60)
+    assert "not shown" not in text
+    for k in range(7):
+        assert f"law-{k}-" in text
+    assert text.count("┏") > 1
+
+
+def test_a_table_that_fits_nowhere_is_told_row_by_row():
+    out = io.StringIO()
+    console = Console(file=out, width=12, force_terminal=True, color_system=None)
+    print_table(console, [Column("a quantity", ["0.123456789"]), Column("another", ["-1.5e-10"])], "title")
+    assert "a quantity: 0.123456789\nanother: -1.5e-10\n" in out.getvalue()
+
+
+def test_many_critical_courant_numbers_are_summed_up(told):
+    short, whole = told("stability", 0), told("stability", 0, whole=True)
+    assert len(short.splitlines()) < 30
+    assert "pencil: C critical from 0.005 (at method.contact.beta_s 2.45677, time.courant 0.9) to 1 (at" in short
+    assert "of 200 combinations: --all prints every one, -o FILE.csv saves them" in short
+    assert "300 times" not in short
+    assert len(whole.splitlines()) > 200
+    # every line that is shown is one of the whole table
+    rows = {tuple(line.split()) for line in whole.splitlines() if line.startswith("|")}
+    assert {tuple(line.split()) for line in short.splitlines() if line.startswith("|") and "." in line[:40]} <= rows
+
+
+def test_progress_is_told_without_a_terminal(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("percuss.cli.common.time.monotonic", lambda: now[0])
+    with progress_bar("runs") as progress:
+        for done in range(1, 100):
+            now[0] = 4.0 * done
+            progress(done, 100)
+    said = capsys.readouterr()
+    lines = said.err.splitlines()
+    assert said.out == ""
+    assert now[0] / 60 < len(lines) < now[0] / 20
+    assert lines[0] == "3 of 100 runs after 12 s, about 6 min to go"
+    assert FIRST_LINE <= 12
+
+
+def test_short_work_says_nothing(capsys):
+    with progress_bar() as progress:
+        progress(1, 2)
+    assert capsys.readouterr() == ("", "")
