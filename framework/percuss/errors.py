@@ -7,6 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+MOST_SHOWN = 20  # mistakes that the message of an error shows
+LONGEST_SHOWN = 1000  # letters of a path or a message that are shown
+
 
 class PercussError(Exception):
     """Base class of all errors that percuss raises on purpose; the command line prints them without a traceback."""
@@ -62,12 +65,14 @@ class Problem:
     excerpt: str = ""
 
     def __str__(self) -> str:
-        head = ": ".join(part for part in (self.place, self.path, self.message) if part)
+        head = ": ".join(part for part in (self.place, shortened(self.path), shortened(self.message)) if part)
         return "\n".join(part for part in (head, self.excerpt, f"  {self.advice}" if self.advice else "") if part)
 
 
 class InputError(PercussError):
     """Mistakes in a case, an override or a file given by the user; the error carries all mistakes found.
+
+    Its message shows the first `MOST_SHOWN` of them.
 
     Attributes
     ----------
@@ -77,7 +82,10 @@ class InputError(PercussError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        shown = [str(problem) for problem in self.problems[:MOST_SHOWN]]
+        if hidden := len(self.problems) - len(shown):
+            shown.append(f"... and {hidden} more mistake{'s' if hidden > 1 else ''}")
+        super().__init__("\n".join(shown))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.problems,)
@@ -85,6 +93,10 @@ class InputError(PercussError):
 
 class TooLargeError(InputError):
     """Refusal of a case that needs more memory than this machine has; another machine may run it."""
+
+
+class UnwrittenError(PercussError):
+    """Failure to write a file, as on a full disk; a file of that name from before is left as it was."""
 
 
 class RunError(PercussError):
@@ -104,6 +116,11 @@ class RunError(PercussError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (str(self), self.result)
+
+
+def shortened(text: str, most: int = LONGEST_SHOWN) -> str:
+    """Return a text with at most `most` letters, the last three of them dots where some were left out."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:

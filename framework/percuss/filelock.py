@@ -78,15 +78,20 @@ def locked(path: Path, about: Mapping[str, Any]) -> Iterator[None]:
     try:
         since = dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
         holder = {**about, "process": os.getpid(), "machine": socket.gethostname(), "since": since}
-        file.seek(0)
-        file.truncate()
-        file.write(json.dumps(holder))
-        file.flush()
+        try:
+            file.seek(0)
+            file.truncate()
+            file.write(json.dumps(holder))
+            file.flush()
+        except OSError as error:
+            message = f"cannot write here: {error.strerror}"
+            raise InputError([Problem(str(path), "", message, "Make room, or name another file with -o.")]) from error
         yield
     finally:
         with contextlib.suppress(OSError):
             lock_file.unlink()
-        file.close()
+        with contextlib.suppress(OSError):  # the disk is full
+            file.close()
 
 
 @contextmanager

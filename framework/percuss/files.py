@@ -2,17 +2,48 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, UnwrittenError
 
 PACKAGE = Path(__file__).parent  # folder of percuss's own modules
 
+# Errors of a disk that is full, broken or not to be written to.
+_ERRORS = ("ENOSPC", "EDQUOT", "EFBIG", "EIO", "EROFS", "EACCES", "EPERM")
+CANNOT_BE_WRITTEN = {getattr(errno, name) for name in _ERRORS if hasattr(errno, name)}  # Windows lacks one
+
+
+def is_file(path: Path) -> bool:
+    """Return whether a path is that of a file; False for a text that can be no path."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long, or with a null character
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether a path is that of a folder; False for a text that can be no path."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
 
 class replacing:  # noqa: N801 - named like a function because it is used in with statements
-    """A context manager that gives a temporary path and, if no error occurs, renames that file to the target."""
+    """A context manager that gives a temporary path and, if no error occurs, renames that file to the target.
+
+    Raises
+    ------
+    InputError
+        On entry, if there cannot be such a file.
+    UnwrittenError
+        At the end, if the file could not be written to its end or renamed.
+    """
 
     def __init__(self, path: str | os.PathLike[str], suffix: str) -> None:
         self.target = Path(path)
@@ -20,28 +51,56 @@ class replacing:  # noqa: N801 - named like a function because it is used in wit
 
     def __enter__(self) -> Path:
         folder = self.target.parent
-        if not folder.is_dir():
+        if not is_folder(folder):
             raise InputError(
                 [Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")]
             )
-        if self.target.is_dir():
+        if is_folder(self.target):
             raise InputError(
                 [Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")]
             )
         try:
             handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
-        except OSError as error:
-            problem = Problem(str(self.target), "", f"cannot write here: {error.strerror}", "Name another folder.")
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            problem = Problem(str(self.target), "", f"cannot write here: {reason}", "Name another file or folder.")
             raise InputError([problem]) from error
         os.close(handle)
         self.temporary = Path(name)
         return self.temporary
 
-    def __exit__(self, kind: object, error: object, trace: object) -> None:
-        if kind is None:
-            umask = os.umask(0)
-            os.umask(umask)
-            self.temporary.chmod(0o666 & ~umask)  # mkstemp makes a private file, but a result is an ordinary one.
-            self.temporary.replace(self.target)
-        else:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        try:
+            with writing(self.target):
+                if isinstance(error, OSError):
+                    raise error
+                if kind is None:
+                    umask = os.umask(0)
+                    os.umask(umask)
+                    self.temporary.chmod(0o666 & ~umask)  # mkstemp makes a private file; a result is an ordinary one.
+                    self.temporary.replace(self.target)
+        finally:
             self.temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(target: Path) -> Iterator[None]:
+    """Turn the errors of a disk that is full or broken into one message about the target, which is not written then.
+
+    Raises
+    ------
+    UnwrittenError
+        If the disk cannot be written to.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in CANNOT_BE_WRITTEN:
+            raise
+        raise unwritten(target, str(error.strerror)) from error
+
+
+def unwritten(target: Path, reason: str) -> UnwrittenError:
+    """Return the error for a target that could not be written."""
+    before = "what was there is as it was" if target.exists() else "nothing is left behind"
+    return UnwrittenError(f"{target}: cannot be written: {reason}; {before}. Make room, or name another place.")

@@ -33,3 +33,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if isinstance(value, (str, int)) else str(value)
+
+
+def infinity_as_text(value: Any) -> Any:
+    """Return plain data for JSON, which has no infinities: they are the texts ``inf`` and ``-inf``, and nan is None."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    if isinstance(value, dict):
+        return {key: infinity_as_text(item) for key, item in value.items()}
+    return [infinity_as_text(item) for item in value] if isinstance(value, (list, tuple)) else value

@@ -8,9 +8,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numba
+import typer
 
 from percuss.cli.main import app
 
+COMMAND = typer.main.get_command(app)  # made once: that takes longer than many a command
 WIDTH = {"COLUMNS": "120", "NO_COLOR": "1"}
 
 
@@ -28,7 +30,7 @@ def percuss_command(*words, cwd=None, plain=False):
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
             warnings.simplefilter("default")
-            app([str(word) for word in words], standalone_mode=True)
+            COMMAND([str(word) for word in words], prog_name="percuss", standalone_mode=True)
     except SystemExit as done:
         code = done.code or 0
     finally:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from percuss.case import source
 from percuss.case.case import load
 from percuss.case.source import Source
 from percuss.errors import InputError
@@ -104,7 +105,7 @@ def test_an_alias_bomb_is_refused_quickly(folder):
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
     assert message("\n".join(lines)).startswith("case.yaml:6:")
-    assert "more than 1000000 values, aliases written out" in message("\n".join(lines))
+    assert "more than 200000 values, aliases written out" in message("\n".join(lines))
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 100_000, "- " * 10_000, "a: &a [*a]"])
@@ -119,6 +120,43 @@ def test_a_text_with_many_mistakes_takes_linear_time(folder):
         Source.parse("a: 1\n" * 30_000, "x")
     assert len(caught.value.problems) == 29_999
     assert time.process_time() - start < 15
+
+
+def test_many_mistakes_in_one_line_take_linear_time_and_the_first_are_shown(folder):
+    """With the whole line made printable for each mistake, this would take minutes."""
+    start = time.process_time()
+    text = message("a: {" + ", ".join(["key: 1"] * 20_000) + "}")
+    assert time.process_time() - start < 15
+    assert text.count("the key 'key' stands twice") == 20
+    assert text.endswith("\n... and 19979 more mistakes")
+    assert len(text) < 10_000
+
+
+def test_many_wrong_items_take_linear_time(folder):
+    Path("case.yaml").write_text(TABLE["base"])
+    start = time.process_time()
+    with pytest.raises(InputError, match="and 19980 more mistakes"):
+        load("case.yaml", {"record.probes": [1.0] * 20_000})
+    assert time.process_time() - start < 15
+
+
+def test_a_file_that_is_too_large_is_not_read(folder, monkeypatch):
+    monkeypatch.setattr(source, "MAX_BYTES", 1_000_000)
+    assert message("# " + "x" * 1_000_000) == (
+        "case.yaml: expected at most 1 MB of text, found more\n  Keep tables in a CSV file."
+    )
+    with pytest.raises(InputError, match="expected at most 1 MB of text"):
+        load("/dev/zero")
+
+
+def test_a_whole_number_that_python_does_not_write_out(folder):
+    with pytest.raises(InputError, match=r"below 2\^63, found a whole number of about 5000 digits"):
+        load({"percuss": 1, "refine": 10**5000})
+
+
+def test_a_very_long_value_is_shortened(folder):
+    text = message(TABLE["base"], {"method.contact": "x" * 100_000, "y" * 100_000: "1"})
+    assert len(text) < 10_000
 
 
 def test_an_anchor_is_that_of_a_value_or_a_key_and_stands_once(folder):

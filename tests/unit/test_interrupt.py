@@ -136,7 +136,7 @@ def test_a_finished_study_in_a_read_only_folder_is_opened_reported_and_not_run_a
     with pytest.raises(SystemExit) as ended:
         app(["report", str(out)])
     assert ended.value.code == 2
-    assert "a.html: cannot write here: Permission denied\n  Name another folder." in capsys.readouterr().err
+    assert "a.html: cannot write here: Permission denied\n  Name another file or folder." in capsys.readouterr().err
 
 
 def test_a_log_that_holds_rows_is_not_passed_over(tmp_path, read_only):

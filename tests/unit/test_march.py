@@ -406,7 +406,7 @@ def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(type(result.histories), "to_netcdf", full)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(percuss.PercussError, match="No space left on device; what was there is as it was"):
         result.save(path)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["out.nc"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Set
 from typing import Any
 
 from percuss.case.options import options_of
-from percuss.case.source import Source
+from percuss.case.source import Source, override_label
 from percuss.case.specs import CaseSection
 from percuss.case.type_words import branches, fact, item_type
 from percuss.case.validation import Named, Section
@@ -68,7 +68,7 @@ def _apply_override(
     """Return the source with one value replaced, and notes on the options of a component that was exchanged."""
     parts: KeyPath = tuple(path.split("."))
     if not all(parts):
-        label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
+        label = override_label(path, value)
         raise InputError([Problem(label, "", "expected a path, as time.end")])
     _refuse_missing_entry(source, path, value)
     at = next((parts[:n] for n in range(1, len(parts) + 1) if _component_at(parts[:n]) is not None), None)
@@ -128,7 +128,7 @@ def _refuse_missing_entry(source: Source, path: str, value: Any) -> None:
     kind = {"bodies": "body", "contacts": "contact", "loads": "load"}.get(parts[0])
     if kind is None or len(parts) < 3 or not isinstance(entries, Mapping) or parts[1] in entries:
         return
-    label = f"--set {path}={value if isinstance(value, str) else flow(value)}"
+    label = override_label(path, value)
     advice = suggestion(parts[1], entries, "name")
     raise InputError([Problem(label, f"{parts[0]}.{parts[1]}", f"there is no {kind} '{parts[1]}'", advice)])
 

@@ -13,11 +13,19 @@ from typing import Any
 import numpy as np
 
 from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, shortened
 
-__all__ = ["KeyPath", "Mark", "Source", "dotted", "flow"]
+__all__ = ["KeyPath", "Mark", "Source", "dotted", "flow", "override_label"]
 
 EXCERPT_WIDTH = 120
+MAX_BYTES = 10_000_000  # of a file
+LONGEST_LABEL = 200  # letters of the path and of the value of an override
+
+
+def override_label(path: str, value: Any) -> str:
+    """Return the text by which messages name an override, as the user typed it unless it is very long."""
+    text = value if isinstance(value, str) else flow(value)
+    return f"--set {shortened(path, LONGEST_LABEL)}={shortened(text, LONGEST_LABEL)}"
 
 
 def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
@@ -94,7 +102,9 @@ class Source:
         """
         name, file = str(path), Path(path)
         try:
-            text = file.read_bytes().decode("utf-8-sig")
+            with file.open("rb") as stream:
+                content = stream.read(MAX_BYTES + 1)  # no more, as a device may have no end
+            text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
         except FileNotFoundError:
             beside = [entry.name for entry in file.parent.glob("*.y*ml")] if file.parent.is_dir() else []
             close = difflib.get_close_matches(file.name, beside, n=1)
@@ -110,6 +120,9 @@ class Source:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError([Problem(name, "", f"cannot be read: {reason}")]) from None
+        if text is None:
+            message = f"expected at most {MAX_BYTES // 1_000_000} MB of text, found more"
+            raise InputError([Problem(name, "", message, "Keep tables in a CSV file.")])
         return Source.parse(text, name, file.parent)
 
     @staticmethod
@@ -167,7 +180,7 @@ class Source:
         InputError
             If `value` is not YAML, or `path` runs through a value that has no parts.
         """
-        label = f"--set {shown_path or path}={value if isinstance(value, str) else flow(_plain(value, (), {}))}"
+        label = override_label(shown_path or path, _plain(value, (), {}))
         if isinstance(value, str):
             try:
                 value = Source.parse(value, label).data
@@ -258,11 +271,11 @@ class Source:
     def _excerpt_at(self, position: tuple[int, int]) -> str:
         if position[0] > len(self._lines):
             return ""
-        line, column = self._lines[position[0] - 1].replace("\t", " "), position[1] - 1
-        line = "".join(letter if letter.isprintable() else "?" for letter in line)
-        if len(line) > EXCERPT_WIDTH:
+        line, column = self._lines[position[0] - 1], position[1] - 1
+        if len(line) > EXCERPT_WIDTH:  # cut first: a long line may hold very many mistakes
             start = max(0, column - EXCERPT_WIDTH // 2)
             line, column = line[start : start + EXCERPT_WIDTH], column - start
+        line = "".join(letter if letter.isprintable() else "?" for letter in line.replace("\t", " "))
         number = f"{position[0]:5d} | "
         return f"{number}{line}\n{' ' * (len(number) - 2)}| {' ' * column}^"
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from percuss.case.yaml_text import flow
 from percuss.errors import nearest
-from percuss.methods.interfaces import DataFile, Unit
+from percuss.methods.interfaces import DataFile, Ge, Unit
 
 __all__ = ["Expects", "advice_for", "branches", "describe", "fact", "found", "is_union", "item_type"]
 
@@ -132,6 +132,7 @@ def advice_for(annotation: Any, value: Any) -> str:
             return "nan is never a value."
         if math.isinf(value) and {int, float} & set(branches(annotation)):
             return "Give a finite number."
-        if value.is_integer() and int in branches(annotation):
+        least = fact(annotation, Ge)
+        if value.is_integer() and int in branches(annotation) and (least is None or value >= least.ge):  # type: ignore[operator]
             return f"Write {int(value)}."
     return ""

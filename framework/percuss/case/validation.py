@@ -18,7 +18,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownEr
 
 from percuss.case.csv_file import read_text, table_in
 from percuss.case.options import Option, options_of
-from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
+from percuss.case.type_words import Expects, advice_for, branches, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
 from percuss.methods.blame import SINGULAR
@@ -50,6 +50,8 @@ _DESCRIBED = {
     *("greater_than", "greater_than_equal", "less_than", "less_than_equal", "too_long", "too_short"),
     *("finite_number", "int_from_float", "literal_error"),
 }
+# Whole numbers count elements, steps and records, in arrays whose indices have 64 bits.
+MOST = 2**63 - 1
 # Key of a component whose name is itself a key of the mapping; no file has it and no path shows it.
 NO_KEY = "\0"
 
@@ -146,11 +148,13 @@ def _reached(loc: KeyPath, value: Any) -> KeyPath:
 def _value_mistakes(option: Option, value: Any, details: list[Any]) -> Iterator[Mistake]:
     """Yield one mistake for each wrong place of a value: the innermost ones, whichever branch of a union saw them."""
     places = [_reached(detail["loc"][1:], value) for detail in details]
-    for i, (path, detail) in enumerate(zip(places, details, strict=True)):
+    told = {path[:n] for path in places for n in range(len(path))}  # places that hold a wrong one
+    for path, detail in zip(places, details, strict=True):
         if detail["type"] == "worded":
             yield _worded(detail)
-        elif path not in places[:i] and not any(other[: len(path)] == path != other for other in places):
+        elif path not in told:
             yield _value_mistake(option, value, path, detail)
+        told.add(path)
 
 
 def _value_mistake(option: Option, value: Any, path: KeyPath, detail: Any) -> Mistake:
@@ -243,6 +247,8 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
             raise PluginError(f"{cls.__name__}: option '{key}' is of a type no case can give: {reason}") from None
         if fact(option.annotation, AllowInf) is not None:
             schema = core_schema.no_info_after_validator_function(_without_nan, schema)
+        if int in branches(option.annotation):
+            schema = core_schema.no_info_after_validator_function(_within_64_bits, schema)
         required = option.required and schema["type"] != "default"
         fields[key] = core_schema.typed_dict_field(schema, required=required)
 
@@ -272,6 +278,12 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
 def _without_nan(value: Any) -> Any:
     if isinstance(value, float) and math.isnan(value):
         raise PydanticKnownError("finite_number")
+    return value
+
+
+def _within_64_bits(value: Any) -> Any:
+    if isinstance(value, int) and abs(value) > MOST:
+        raise PydanticCustomError("too_large", "expected a whole number below 2^63")
     return value
 
 

@@ -18,7 +18,8 @@ __all__ = ["MAX_DEPTH", "KeyPath", "Mark", "Mistake", "NotPlainError", "compose"
 KeyPath = tuple[str | int, ...]
 
 MAX_DEPTH = 40
-MAX_NODES = 1_000_000
+MOST_BITS = 14_000  # of a whole number that Python writes out
+MAX_NODES = 200_000  # each takes some microseconds and a kilobyte of memory while it is read
 
 _CORE = "tag:yaml.org,2002:"
 _NULL, _BOOL, _INT, _FLOAT, _STR = (_CORE + name for name in ("null", "bool", "int", "float", "str"))
@@ -106,6 +107,8 @@ def flow(value: Any) -> str:  # noqa: PLR0911
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, int) and value.bit_length() > MOST_BITS:
+        return f"a whole number of about {value.bit_length() * math.log10(2.0):.0f} digits"
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if value != value else (".inf" if value > 0 else "-.inf")  # noqa: PLR0124
     if isinstance(value, str):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
 
 WAYS = ("closed-form", "pencil", "black-box")
+MOST_COMBINATIONS = 1_000_000
 STEP = ("time.courant", "time.step")
 
 
@@ -67,7 +69,10 @@ def stability(
     """
     expect_case("percuss.stability", case, many=True, vary=vary, curves=curves)
     _check_arguments(by, curves or {}, vary or {})
-    axes = {**(curves or {}), **(vary or {})}
+    axes = {path: list(values) for path, values in {**(curves or {}), **(vary or {})}.items()}
+    if (count := math.prod(map(len, axes.values()))) > MOST_COMBINATIONS:
+        message = f"expected at most {MOST_COMBINATIONS} combinations of values, found {count}"
+        raise InputError([Problem("--vary", "", message, "Take fewer values.")])
     combinations = list(itertools.product(*axes.values()))
     ways = by or ("pencil",)
     rows: list[dict[str, Any]] = []
@@ -103,11 +108,6 @@ def _check_arguments(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping
     ]
     if problems:
         raise InputError(problems)
-
-
-def as_json(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows for JSON, with infinite numbers, which JSON does not have, replaced by the text ``inf``."""
-    return [{column: "inf" if value in {np.inf, "inf"} else value for column, value in row.items()} for row in rows]
 
 
 def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:

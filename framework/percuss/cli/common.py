@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from percuss.errors import InputError, PercussError, Problem
+from percuss.errors import InputError, PercussError, Problem, UnwrittenError, shortened
 from percuss.heartbeat import Watch, beat
 from percuss.methods.blame import line_in_plugin
 from percuss.methods.process_guard import exit_text, guarded_output, plug_ins_cannot_exit, where_is
@@ -253,9 +253,38 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
+class Outputs:
+    """Files that a command writes beside what it prints: where one cannot be written, the rest is printed all the same.
+
+    Attributes
+    ----------
+    errors
+        One sentence for each file that could not be written.
+    """
+
+    def __init__(self) -> None:
+        self.errors: list[str] = []
+
+    def write(self, writer: Callable[..., object], *arguments: Any) -> None:
+        """Call a function that writes a file."""
+        try:
+            writer(*arguments)
+        except UnwrittenError as error:
+            self.errors.append(str(error))
+
+    def finish(self) -> None:
+        """Report the files that could not be written, after all else, and end the command with exit code 2."""
+        for error in self.errors:
+            print(f"error: {error}", file=sys.stderr)
+        if self.errors:
+            raise typer.Exit(2)
+
+
 def print_json(data: dict[str, Any]) -> None:
     """Print one JSON object on standard output."""
-    print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
+    from percuss.jsonable import infinity_as_text
+
+    print(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def load_case(
@@ -269,7 +298,7 @@ def load_case(
     for item in sets or []:
         key, equals, value = item.partition("=")
         if not equals or not key:
-            problems.append(Problem(f"--set {item}", "", "expected PATH=VALUE", "Write it as time.end=0.5."))
+            problems.append(Problem(f"--set {shortened(item)}", "", "expected PATH=VALUE", "Write it as time.end=0.5."))
         overrides[key] = value
     if problems:
         raise InputError(problems)

@@ -11,6 +11,7 @@ import typer
 from percuss.cli.common import (
     AsJson,
     CaseFile,
+    Outputs,
     Plugins,
     Sets,
     load_to_write,
@@ -56,14 +57,16 @@ def compare(
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
             print(f"note: {note}", file=sys.stderr)
         orders = convergence.orders(rows)
+        outputs = Outputs()
         if plot is not None:
             from percuss.reporting.comparison_figure import plot_comparison
             from percuss.reporting.convergence_figure import plot_convergence
 
             if orders:
-                plot_convergence(orders, loaded.title, plot)
+                outputs.write(plot_convergence, orders, loaded.title, plot)
             else:
-                plot_comparison([{"label": r.label, "result": r.result, "reason": r.reason} for r in rows], plot)
+                runs = [{"label": r.label, "result": r.result, "reason": r.reason} for r in rows]
+                outputs.write(plot_comparison, runs, plot)
         if as_json:
             print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
         else:
@@ -72,5 +75,6 @@ def compare(
             tell_rows(loaded.title, rows)
             if orders:
                 tell_orders(orders)
+        outputs.finish()
         if not any(row.status == "done" for row in rows):
             raise typer.Exit(1)

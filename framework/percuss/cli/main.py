@@ -20,6 +20,7 @@ from percuss.cli.stability import stability
 from percuss.cli.study import study
 from percuss.cli.verify import verify
 from percuss.cli.waves import waves
+from percuss.files import CANNOT_BE_WRITTEN
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
 
@@ -44,7 +45,16 @@ def main() -> None:
     # Importing makes many objects that stay: to look for garbage among them every time takes a tenth of a short run.
     gc.set_threshold(GARBAGE_THRESHOLD)
     try:
-        app(standalone_mode=True)
+        try:
+            app(standalone_mode=True)
+        finally:
+            sys.stdout.flush()  # here, where an error can still be told
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(1)
+    except OSError as error:
+        if error.errno not in CANNOT_BE_WRITTEN:
+            raise
+        print(f"error: the output cannot be written: {error.strerror}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more at its end
+        sys.exit(2)

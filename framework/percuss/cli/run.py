@@ -11,6 +11,7 @@ import typer
 from percuss.cli.common import (
     AsJson,
     CaseFile,
+    Outputs,
     Plugins,
     Sets,
     expect_drawable,
@@ -73,18 +74,20 @@ def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) ->
     from percuss.results.exact_only import run_exact
 
     result = run_exact(case)
+    outputs = Outputs()
     if out is not None:
-        result.save(out)
+        outputs.write(result.save, out)
     if plot is not None:
         from percuss.reporting.exact_figure import plot_exact
 
-        plot_exact(result, plot)
+        outputs.write(plot_exact, result, plot)
     if as_json:
-        print_json({"title": result.title, **result.summary, "error": None})
+        print_json({"title": result.title, **result.summary, "error": "; ".join(outputs.errors) or None})
     else:
         from percuss.reporting.terminal import tell_exact
 
         tell_exact(result)
+    outputs.finish()
     if result.status != "done":
         raise typer.Exit(1)
 
@@ -100,25 +103,30 @@ def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_jso
             result = run_case(case, nudge=nudge, progress=progress)
         except RunError as error:
             failure, result = error, error.result
-    _write_outputs(result, out, plot)
+    outputs = _written_outputs(result, out, plot)
     if as_json:
-        print_json({"title": result.title, **result.summary, "error": str(failure) if failure else None})
+        errors = [*([str(failure)] if failure else []), *outputs.errors]
+        print_json({"title": result.title, **result.summary, "error": "; ".join(errors) or None})
     else:
         from percuss.reporting.terminal import tell_result
 
         tell_result(result)
     if failure is not None:
         print(f"error: {failure}", file=sys.stderr)
+    outputs.finish()
     if result.status != "done" or open_accounts(result.summary):
         raise typer.Exit(1)
 
 
-def _write_outputs(result: Result, out: Path | None, plot: Path | None) -> None:
+def _written_outputs(result: Result, out: Path | None, plot: Path | None) -> Outputs:
+    """Save and draw a result."""
+    outputs = Outputs()
     if result.status == "unstable" and result.summary["steps"] == 0:
-        return  # A run that was not started has no result to save or draw.
+        return outputs  # A run that was not started has no result to save or draw.
     if out is not None:
-        result.save(out)
+        outputs.write(result.save, out)
     if plot is not None:
         from percuss.reporting.run_figure import plot_result
 
-        plot_result(result, plot)
+        outputs.write(plot_result, result, plot)
+    return outputs

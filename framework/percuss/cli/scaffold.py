@@ -17,7 +17,7 @@ import percuss
 from percuss import version
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion
-from percuss.files import PACKAGE
+from percuss.files import PACKAGE, is_folder
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
 
@@ -118,7 +118,7 @@ def _expect_valid(name: str, kind: str, out: Path, *, single_file: bool) -> None
             problems.append(
                 Problem(name, "", f"{family} '{name}' is registered by {owners} already", "Take another name.")
             )
-    if not out.is_dir():
+    if not is_folder(out):
         problems.append(Problem(str(out), "", "expected a folder that exists", f"Make it first: mkdir -p {out}"))
     if problems:
         raise InputError(problems)

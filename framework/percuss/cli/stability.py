@@ -10,6 +10,7 @@ import typer
 from percuss.cli.common import (
     AsJson,
     CaseFile,
+    Outputs,
     Plugins,
     Sets,
     load_to_write,
@@ -54,17 +55,19 @@ def stability(
         print_notes(loaded)
         with progress_bar("combinations") as progress:
             rows = maps.stability(loaded, axes, families, names_in(by), progress=progress)
+        outputs = Outputs()
         if out is not None:
-            maps.save(rows, out)
+            outputs.write(maps.save, rows, out)
         if plot is not None:
             from percuss.reporting.stability_figure import plot_stability
 
-            plot_stability(rows, axes, families, loaded.title, methods_in_words(loaded), plot)
+            outputs.write(plot_stability, rows, axes, families, loaded.title, methods_in_words(loaded), plot)
         if as_json:
-            print_json({"title": loaded.title, "rows": maps.as_json(rows)})
+            print_json({"title": loaded.title, "rows": rows})
         else:
             from percuss.reporting.terminal import tell_stability
 
             tell_stability(loaded.title, rows, whole=whole)
+        outputs.finish()
         if not any(row["courant_critical"] for row in rows):
             raise typer.Exit(1)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, Plugins, print_json, progress_bar, reporting
+from percuss.cli.common import AsJson, Outputs, Plugins, print_json, progress_bar, reporting
 
 
 def study(
@@ -42,8 +42,9 @@ def study(
         with progress_bar("runs") as progress:
             notice = _ResumeNotice(progress)
             made = make_study(file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [])
+        outputs = Outputs()
         if export is not None:
-            made.export(export)
+            outputs.write(made.export, export)
         if as_json:
             print_json(_study_data(made))
         else:
@@ -58,6 +59,7 @@ def study(
                 f"{lost} of {len(made.as_records())} runs were lost to the machine: the same command makes them again"
             )
             print(message, file=sys.stderr)
+        outputs.finish()
         if not made.complete or not made.counts.get("done"):
             raise typer.Exit(1)
 

@@ -10,6 +10,7 @@ import typer
 from percuss.cli.common import (
     AsJson,
     CaseFile,
+    Outputs,
     Plugins,
     Sets,
     load_to_write,
@@ -36,13 +37,15 @@ def waves(
         loaded = load_to_write(case, set_, plugin, plot)
         print_notes(loaded)
         wave_data = measure(settled(loaded).model, contact)
+        outputs = Outputs()
         if plot is not None:
             from percuss.reporting.stability_figure import plot_waves
 
-            plot_waves(wave_data, loaded.title, methods_in_words(loaded), plot)
+            outputs.write(plot_waves, wave_data, loaded.title, methods_in_words(loaded), plot)
         if as_json:
             print_json({"title": loaded.title, "reason": wave_data.reason or None, "rows": wave_data.rows()})
         else:
             from percuss.reporting.terminal import tell_waves
 
             tell_waves(loaded.title, wave_data)
+        outputs.finish()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 
-from percuss.errors import PluginError, nearest
+from percuss.errors import PluginError, nearest, shortened
 from percuss.methods.provenance import Provenance, display_path
 from percuss.methods.source_digest import content_digest, data_named, file_of_module, imports_of, record_import
 
@@ -54,8 +54,13 @@ class SingleFile:
         PluginError
             If the path is not a readable Python file, or the file imports another one beside it.
         """
-        path = given.expanduser().resolve()
-        if not path.exists():
+        try:
+            path = given.expanduser().resolve()
+            there = path.exists()
+        except (OSError, RuntimeError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise PluginError(f"{shortened(str(given))}: this is not the path of a file: {reason}") from error
+        if not there:
             near = nearest(path.name, [file.name for file in path.parent.glob("*.py")])
             advice = f". Did you mean '{near}'?" if near else ""
             raise PluginError(f"{given}: there is no such file in {display_path(str(path.parent))}{advice}")

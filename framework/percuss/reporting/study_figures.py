@@ -14,6 +14,7 @@ import numpy as np
 
 from percuss.case.quantities import STUDY_PANELS
 from percuss.errors import InputError, Problem
+from percuss.files import is_file
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import (
     RAISED,
@@ -56,7 +57,7 @@ def study_figures(study: StudyLike, folder: str | os.PathLike[str]) -> list[Path
         ``performance-profile``.
     """
     target = Path(folder)
-    if target.exists() and not target.is_dir():
+    if is_file(target):
         problem = Problem(str(target), "", "expected a folder, found a file", "Name another folder.")
         raise InputError([problem])
     try:

@@ -1,24 +1,31 @@
-"""Results as NetCDF-4 files in which a checksum covers every value, name and attribute."""
+"""Results as NetCDF-4 files that end with a checksum of all bytes before it.
+
+The checksum is compared before any library reads the file: of some damaged files HDF5 itself goes round in circles, or
+ends the process. HDF5 and what builds on it read the rest of the file as if nothing stood behind it.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from percuss.errors import InputError, Problem
-from percuss.files import replacing
+from percuss.files import is_file, replacing, unwritten
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = "percuss-result-2"  # format 1 had no checksums
+FORMAT = "percuss-result-3"  # format 1 had no checksums, format 2 one that only a reader of HDF5 could find
 ADVICE = "Make the run again, or take a copy of the file that is whole."
-DIGEST = "sha256"  # attribute with the checksum of everything else in the file
+CHECKSUM = re.compile(rb"\npercuss sha256 ([0-9a-f]{64})\n")
+CHECKSUM_SIZE = 81  # bytes
+BLOCK_SIZE = 2**20  # bytes that are read at once
+OVERHEAD = 4096  # bytes of HDF5 beside the values of a variable
+HDF5 = b"\x89HDF\r\n\x1a\n"  # first bytes of a NetCDF-4 file
 
 
 def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Dataset | None) -> None:
@@ -28,16 +35,37 @@ def write(path: str | os.PathLike[str], histories: xr.Dataset, fields: xr.Datase
     ------
     InputError
         If the folder does not exist or cannot be written.
+    UnwrittenError
+        If the file cannot be written to its end, as on a full disk.
     """
-    import xarray as xr
-
-    with_digest = histories.assign_attrs({DIGEST: _digest(histories, xr.Dataset() if fields is None else fields)})
     with replacing(path, ".nc") as temporary:
-        with_digest.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=_encodings(with_digest))
-        if fields is not None:
-            fields.to_netcdf(
-                temporary, engine="netcdf4", format="NETCDF4", mode="a", group="fields", encoding=_encodings(fields)
-            )
+        _reserve(temporary, sum(_size(dataset) for dataset in (histories, fields) if dataset is not None))
+        try:
+            histories.to_netcdf(temporary, engine="netcdf4", format="NETCDF4")
+            if fields is not None:
+                fields.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", mode="a", group="fields")
+        except (OSError, RuntimeError) as error:
+            raise unwritten(Path(path), str(error)) from error
+        with temporary.open("rb") as file:
+            checksum = hashlib.file_digest(file, "sha256").hexdigest()
+        with temporary.open("ab") as file:
+            file.write(b"\npercuss sha256 %s\n" % checksum.encode())
+
+
+def _size(dataset: xr.Dataset) -> int:
+    """Return a number of bytes that a dataset does not exceed as a NetCDF-4 file."""
+    texts = len(json.dumps(dataset.to_dict(data=False), default=str))
+    return int(dataset.nbytes) + 4 * texts + OVERHEAD * (1 + len(dataset.variables))
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Have the system keep room for a file, where it can.
+
+    On a full disk HDF5 fails without the reason, and keeps the part that it has written until the process ends.
+    """
+    if hasattr(os, "posix_fallocate"):
+        with path.open("wb") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
 
 
 def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
@@ -48,77 +76,65 @@ def read(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
     InputError
         If there is no such file, it is not a percuss result, or it is damaged.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as dataset:
-            file_format = dataset.attrs.get("format")
-    except Exception as error:  # the libraries raise errors of many types for a file that is not NetCDF
-        raise InputError([Problem(str(path), "", "expected a NetCDF-4 file, found something else")]) from error
-    if file_format != FORMAT:
-        is_older_format = isinstance(file_format, str) and file_format.startswith("percuss-result-")
-        actual, advice = (f"the format {file_format}", ADVICE) if is_older_format else ("another NetCDF file", "")
-        raise InputError([Problem(str(path), "", f"expected a percuss result ({FORMAT}), found {actual}", advice)])
-    try:
-        return _read_verified(path)
-    except Exception as error:
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise InputError([Problem(str(path), "", f"the file is damaged: {reason}", ADVICE)]) from error
-
-
-def _read_verified(path: str | os.PathLike[str]) -> tuple[xr.Dataset, xr.Dataset | None]:
-    """Return the contents of a file of the right format; raise an error of any type if the file is damaged."""
     import netCDF4
     import xarray as xr
+    from xarray.backends import NetCDF4DataStore
 
-    with xr.open_dataset(path, engine="netcdf4") as dataset:
-        histories = dataset.load()
-    with netCDF4.Dataset(path) as file:
-        has_fields = "fields" in file.groups
-    fields = xr.Dataset()
-    if has_fields:
-        with xr.open_dataset(path, engine="netcdf4", group="fields") as dataset:
-            fields = dataset.load()
-    if histories.attrs.pop(DIGEST, None) != _digest(histories, fields):
-        raise ValueError("its contents do not have the checksum that was written with them")
-    for name in ("summary", "provenance"):
-        json.loads(histories.attrs[name])
-    return histories, fields if has_fields else None
-
-
-def _encodings(dataset: xr.Dataset) -> dict[Any, dict[str, Any]]:
-    """Return the encoding of the variables of a dataset: numeric ones have a checksum for each chunk.
-
-    HDF5 stores text outside the chunks, and has no chunks for variables without an axis or an entry: these are covered
-    by the checksum of the whole file alone.
-    """
-    return {
-        name: {"fletcher32": True}
-        for name, variable in dataset.variables.items()
-        if variable.dtype.kind in "iuf" and variable.size > 0 and variable.ndim > 0
-    }
+    if not is_file(Path(path)):
+        raise InputError([Problem(str(path), "", "expected a result file, found nothing", "Write one with -o.")])
+    _verify(Path(path))
+    try:
+        with netCDF4.Dataset(path) as file:
+            histories = xr.open_dataset(NetCDF4DataStore(file)).load()
+            group = file.groups.get("fields")
+            fields = xr.open_dataset(NetCDF4DataStore(group)).load() if group is not None else None
+        for name in ("summary", "provenance"):
+            json.loads(histories.attrs[name])
+    except Exception as error:  # a result that another program put together
+        reason = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError([Problem(str(path), "", f"cannot be read as a percuss result: {reason}", ADVICE)]) from error
+    return histories, fields
 
 
-def _digest(*datasets: xr.Dataset) -> str:
-    """Return a checksum of all values, names and attributes of datasets, equal before writing and after reading."""
-    digest = hashlib.sha256()
-    for dataset in datasets:
-        content: list[Any] = [
-            sorted((str(name), str(value)) for name, value in dataset.attrs.items() if name != DIGEST)
-        ]
-        for name, variable in sorted(dataset.variables.items(), key=lambda item: str(item[0])):
-            attributes = sorted((str(key), str(value)) for key, value in variable.attrs.items())
-            values = variable.to_numpy()
-            numeric = values.dtype.kind in "iuf"
-            content += [str(name), list(variable.dims), list(values.shape), attributes]
-            content.append([] if numeric else [str(value) for value in values.ravel()])
-            if numeric:
-                # nan has many bit patterns, and numbers have the byte order of the machine
-                portable = values.astype("<f8" if values.dtype.kind == "f" else "<i8")
-                if portable.dtype.kind == "f":
-                    portable = np.where(np.isnan(portable), np.nan, portable)
-                digest.update(portable.tobytes())
-        digest.update(json.dumps(content).encode())
-    return digest.hexdigest()
+def _verify(path: Path) -> None:
+    """Raise InputError unless a file ends with the checksum of all that stands before it."""
+    try:
+        size = path.stat().st_size - CHECKSUM_SIZE
+        digest = hashlib.sha256()
+        with path.open("rb") as file:
+            first = file.read(len(HDF5))
+            file.seek(0)
+            remaining = size
+            while remaining > 0 and (block := file.read(min(remaining, BLOCK_SIZE))):
+                digest.update(block)
+                remaining -= len(block)
+            checksum = CHECKSUM.fullmatch(file.read())
+    except OSError as error:
+        raise InputError([Problem(str(path), "", f"cannot be read: {error.strerror}")]) from error
+    if checksum is not None and checksum[1] == digest.hexdigest().encode():
+        return
+    file_format = _format_named_in(path)
+    if checksum is not None or file_format == FORMAT:
+        message = (
+            "it does not have the checksum that was written with it"
+            if checksum is not None
+            else "its end, a checksum, is missing, or another program wrote the file anew"
+        )
+        raise InputError([Problem(str(path), "", f"the file is damaged: {message}", ADVICE)])
+    message, advice = f"expected a percuss result ({FORMAT}), found another NetCDF file", ""
+    if file_format:
+        message, advice = f"expected a percuss result ({FORMAT}), found the format {file_format}", ADVICE
+    elif first != HDF5:
+        message = "expected a NetCDF-4 file, found something else"
+    raise InputError([Problem(str(path), "", message, advice)])
+
+
+def _format_named_in(path: Path) -> str:
+    """Return the name of the format of a percuss result that stands somewhere in the bytes of a file, or nothing."""
+    with path.open("rb") as file:
+        end = b""
+        while block := file.read(BLOCK_SIZE):
+            if named := re.search(rb"percuss-result-[0-9]+", end + block):
+                return named[0].decode()
+            end = block[-20:]
+    return ""

@@ -139,8 +139,7 @@ def open_result(path: str | os.PathLike[str]) -> Result | ExactSolutionResult:
     Raises
     ------
     InputError
-        If there is no such file, it is not a percuss result, or it is damaged: every value, name and attribute is
-        covered by a checksum.
+        If there is no such file, it is not a percuss result, or it is damaged: a checksum covers every byte.
     """
     histories, fields = read(path)
     summary, provenance = (json.loads(histories.attrs[name]) for name in ("summary", "provenance"))

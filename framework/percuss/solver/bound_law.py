@@ -56,7 +56,8 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
     ValueError
         If the options of the law do not fit together or do not fit its points.
     """
-    bound = bound_of(law, points, dt)
+    with np.errstate(all="ignore"):  # what is not finite is refused below
+        bound, resolved = bound_of(law, points, dt), law.resolved(points, dt)
     linear = broadcast(bound, points, law) if isinstance(bound, LinearLaw) else None
     return BoundLaw(
         law=law,
@@ -66,7 +67,7 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
         during=linear.during if linear is not None else None,
         kernel=kernel_of(law) if linear is None else None,
         kernel_data=bound if linear is None else None,
-        resolved=law.resolved(points, dt),
+        resolved=resolved,
     )
 
 

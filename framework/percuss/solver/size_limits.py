@@ -72,18 +72,17 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         If the nodes do not fit into memory.
     """
     start = np.asarray(spec.at, dtype=float)
-    path: tuple[str, ...] = ("bodies", spec.name)
+    path: tuple[str, ...] = ("refine",) if case.refine > 1 else ("bodies", spec.name)
     amount = f"more in body '{spec.name}' than the machine can hold"
     try:
-        count = answer(spec.shape, "mesh", start, 1).lengths.size * case.refine if case.refine > 1 else 0
+        count = answer(spec.shape, "element_count", case.refine)
+        if count is None:
+            count = answer(spec.shape, "mesh", start, 1).lengths.size * case.refine if case.refine > 1 else 0
         size = float(BYTES_PER_NODE) * count * start.size
         if fits_in_memory(size):
             mesh: Mesh = answer(spec.shape, "mesh", start, case.refine)
             return mesh
-        path, amount = (
-            ("refine",),
-            f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}",
-        )
+        amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
     except MemoryError:
         pass
     raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {amount}", "Take fewer.")])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
-from percuss.files import replacing
+from percuss.files import is_file, replacing
 from percuss.studies.store import Store, as_json_data
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def claimed(
 
 def has_content(path: Path) -> bool:
     """Return whether a file exists and is not empty."""
-    return path.exists() and path.stat().st_size > 0
+    return is_file(path) and path.stat().st_size > 0
 
 
 def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Path]:

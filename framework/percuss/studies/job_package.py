@@ -230,10 +230,19 @@ def _copied(files: Mapping[str, bytes]) -> Path:
 
 
 def _missing_files(folder: Path, files: Mapping[str, bytes]) -> Iterator[tuple[Path, bytes]]:
-    """Yield path and contents of the files that a folder lacks; raise ValueError for a path outside the folder."""
+    """Yield path and contents of the files that a folder lacks.
+
+    Raises
+    ------
+    ValueError
+        For a path outside the folder, to which nothing is written.
+    """
     for name, text in files.items():
         target = folder / name
         if folder.resolve() not in target.resolve().parents:
-            raise ValueError(f"{name} would be copied to outside {folder}")
+            raise ValueError(
+                f"this machine lacks the file {name}, or has another one there; only files in the folder of the case "
+                "and below it travel to a worker: put it there"
+            )
         if not _holds(target, text):
             yield target, text

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from percuss.case.csv_file import NOT_FINITE, NUMBER
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, shortened
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
 MOST = 1_000_000
@@ -53,6 +53,12 @@ def values(text: str, place: str = "--vary") -> list[Any]:
         raise _grammar_error(place, f"expected numbers and a count of at least 1, found '{text}'")
     if count > MOST:
         raise _grammar_error(place, f"expected at most {MOST} values, found {count}")
+    try:
+        first, last = float(first), float(last)
+    except OverflowError:
+        first = last = math.inf
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise _grammar_error(place, f"expected finite numbers as ends, found '{shortened(text, 60)}'")
     if log and not (first > 0 and last > 0):
         raise _grammar_error(place, f"expected ends above 0 for a logarithmic range, found '{text}'")
     if log:
@@ -140,10 +146,27 @@ def _interpolated(share: float, first: float, last: float, log: bool) -> float:
     return first + share * (last - first)
 
 
+def number_of_combinations(
+    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: Sample | None = None
+) -> int:
+    """Return the number of points that `combinations` makes, without making them."""
+    drawn = sample.count if sample is not None else 1
+    return math.prod(map(len, varied.values())) * max(len(paired), 1) * drawn
+
+
 def combinations(
     varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: Sample | None = None
 ) -> list[dict[str, Any]]:
-    """Return all combinations of the varied values, each with every paired point and every drawn point."""
+    """Return all combinations of the varied values, each with every paired point and every drawn point.
+
+    Raises
+    ------
+    InputError
+        If there are more than `MOST`.
+    """
+    varied = {path: list(values) for path, values in varied.items()}
+    if (count := number_of_combinations(varied, paired, sample)) > MOST:
+        raise _grammar_error("--vary", f"expected at most {MOST} combinations of values, found {count}")
     grid = [dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())]
     drawn: Sequence[Mapping[str, Any]] = sample.points() if sample is not None else [{}]
     return [

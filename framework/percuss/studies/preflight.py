@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
+from percuss.studies.parameters import combinations
 from percuss.studies.perform import perform
 from percuss.studies.tasks import tasks
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["check_measures", "check_points", "rehearsals", "rehearse"]
 
 
-def check_points(spec: StudySpec, points: Sequence[Mapping[str, Any]]) -> None:
+def check_points(spec: StudySpec) -> None:
     """Check that each varied path and value is right for at least one case and pair of methods.
 
     Of long lists of numbers only the ends are tried: a wrong value among right ones fails as a run of its own.
@@ -30,7 +32,7 @@ def check_points(spec: StudySpec, points: Sequence[Mapping[str, Any]]) -> None:
         With all values that are wrong in every run, at their places in the study.
     """
     problems: dict[Problem, None] = {}
-    for at, point in _points_to_try(spec, points[0]):
+    for at, point in _points_to_try(spec, _first_point(spec)):
         wrong = _wrong_everywhere(spec, point)
         for problem in wrong:
             paths = [path for path in point if problem.place.startswith(f"--set {path}=")]
@@ -39,6 +41,12 @@ def check_points(spec: StudySpec, points: Sequence[Mapping[str, Any]]) -> None:
             break
     if problems:
         raise InputError(problems)
+
+
+def _first_point(spec: StudySpec) -> dict[str, Any]:
+    """Return a point of the study without making the others."""
+    sample = dataclasses.replace(spec.sample, count=1) if spec.sample is not None else None
+    return combinations({path: values[:1] for path, values in spec.vary.items()}, spec.paired[:1], sample)[0]
 
 
 def _problem_in_study(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Problem:

@@ -127,6 +127,9 @@ class _StudyReader:
         varied = {path: self.values(("vary", path), given) for path, given in self.entries("vary").items()}
         paired, sample = self.paired(), self.sample()
         self.refuse_repeated_paths(varied, paired, sample)
+        if (count := parameters.number_of_combinations(varied, paired, sample)) > parameters.MOST:
+            message = f"expected at most {parameters.MOST} combinations of values, found {count}"
+            self.reader.wrong(("vary",), message, "Vary fewer values, or draw a sample of them.", key=True)
         paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
         columns, where = self.columns(cases), self.where([*NAMES, *dict.fromkeys(paths)])
         reader.finish()

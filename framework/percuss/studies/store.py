@@ -14,8 +14,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from percuss.errors import InputError, Problem
-from percuss.files import replacing
+from percuss.errors import InputError, Problem, UnwrittenError, shortened
+from percuss.files import is_file, is_folder, replacing, unwritten
 from percuss.studies.perform import LOST
 from percuss.studies.stored_run import Record, unpacked
 
@@ -34,6 +34,13 @@ CREATE TABLE IF NOT EXISTS histories (key TEXT PRIMARY KEY, arrays BLOB NOT NULL
 INSERT OR REPLACE INTO facts VALUES ('format', '"percuss-study-2"');
 COMMIT;
 """
+DAMAGED_ADVICE = "Take a copy of it that is whole, or name another file with -o and make the runs again."
+# Errors of SQLite that come from the machine and not from the file.
+OF_THE_MACHINE = {
+    *(sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED),
+    *(sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_NOMEM),
+}
+STATUSES = {None, "done", "unstable", "refused", "failed", "interrupted", LOST}  # None: not yet made
 WORKER = "worker"  # `said_by` of a run that was lost with its worker
 
 
@@ -56,18 +63,18 @@ class Store:
     def __init__(self, path: str | os.PathLike[str], *, new: bool = False) -> None:
         self.path = Path(path)
         self.session = 0
-        try:
-            is_folder = self.path.is_dir()
-        except OSError as error:
-            raise self._error(f"cannot be read: {error.strerror}") from error
-        if is_folder:
+        if is_folder(self.path):
             raise self._error("expected a file, found a folder", "Name a file in it.")
-        if not new and not self.path.is_file():
-            raise self._error("expected the file of a study, found nothing", "Make one with `percuss study`.")
-        if new and not (self.path.is_file() and self.path.stat().st_size):
-            with replacing(self.path, ".sqlite") as beside, closing(sqlite3.connect(beside)) as db:
-                db.execute("PRAGMA journal_mode = WAL")
-                db.executescript(TABLES)
+        if not new and not is_file(self.path):
+            message = "expected the file of a study, found nothing that can be read"
+            raise self._error(message, "Make one with `percuss study`.")
+        if new and not (is_file(self.path) and self.path.stat().st_size):
+            try:
+                with replacing(self.path, ".sqlite") as beside, closing(sqlite3.connect(beside)) as db:
+                    db.execute("PRAGMA journal_mode = WAL")
+                    db.executescript(TABLES)
+            except sqlite3.OperationalError as error:
+                raise unwritten(self.path, str(error)) from error
         with self._open(write=new) as db:
             self._check(db)
 
@@ -76,15 +83,26 @@ class Store:
 
     @contextmanager
     def _open(self, *, write: bool = False) -> Iterator[sqlite3.Connection]:
-        """Open a connection for a with statement, whose body is one transaction."""
+        """Open a connection for a with statement, whose body is one transaction and decodes what it reads."""
         try:
             with closing(self._connected(write=write)) as db, db:
                 yield db
         except sqlite3.DatabaseError as error:
-            if isinstance(error, sqlite3.OperationalError):
-                action = "written to" if write else "read"
-                raise self._error(f"cannot be {action}: {error}", "Name another file with -o.") from error
-            raise self._error(f"expected the file of a study, found something else ({error})") from error
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF  # without its finer distinctions
+            if code == sqlite3.SQLITE_NOTADB:
+                raise self._error(f"expected the file of a study, found something else ({error})") from error
+            if code in OF_THE_MACHINE and write:
+                message = f"cannot be written to: {error}; all rows stored before are kept"
+                advice = "The same command goes on from there, when there is room."
+                raise UnwrittenError(f"{self.path}: {message}. {advice}") from error
+            if code in OF_THE_MACHINE:
+                raise self._error(f"cannot be read: {error}", "Name another file with -o.") from error
+            raise self._damaged(str(error)) from error
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:  # of decoding
+            raise self._damaged(f"{type(error).__name__}: {error}") from error
+
+    def _damaged(self, reason: str) -> InputError:
+        return self._error(f"the file is damaged: {shortened(reason, 200)}", DAMAGED_ADVICE)
 
     def _connected(self, *, write: bool) -> sqlite3.Connection:
         """Return a connection; a file in a folder that cannot be written to is read as it is.
@@ -108,6 +126,9 @@ class Store:
         actual = self._fact(db, "format")
         if actual != FORMAT:
             raise self._error(f"expected the format {FORMAT}, found {actual}", "Name another file.")
+        (verdict,) = db.execute("PRAGMA quick_check(1)").fetchone()
+        if verdict != "ok":
+            raise self._damaged(str(verdict).replace("\n", ": "))
 
     @staticmethod
     def _fact(db: sqlite3.Connection, name: str) -> Any:
@@ -176,29 +197,58 @@ class Store:
                 )
             )
 
-    def fact(self, name: str) -> Any:
+    def fact(self, name: str) -> dict[str, Any] | None:
         """Return a fact that `begin` stored, or None if it stored no such fact."""
         with self._open() as db:
-            return self._fact(db, name)
+            fact = self._fact(db, name)
+            return dict(fact) if fact is not None else None
+
+    def statuses(self) -> list[str | None]:
+        """Return the status of each row of the plan, None for a run not yet made."""
+        with self._open() as db:
+            return [status for (status,) in db.execute("SELECT status FROM plan LEFT JOIN runs ON runs.key = plan.key")]
 
     def sessions(self) -> list[dict[str, Any]]:
         """Return the provenance of each session in which the study was run, oldest first."""
         with self._open() as db:
-            return [json.loads(text) for (text,) in db.execute("SELECT provenance FROM sessions ORDER BY number")]
+            sessions = [json.loads(text) for (text,) in db.execute("SELECT provenance FROM sessions ORDER BY number")]
+            return [dict(session) for session in sessions]
 
     def rows(self) -> list[tuple[Any, ...]]:
         """Return the rows of the plan in order: names and outcome of each run, or None for a run not yet made."""
         with self._open() as db:
-            return db.execute(
+            rows = db.execute(
                 "SELECT plan.row, status, reason, said_by, fragile, measures, seconds, plan.key FROM plan "
                 "LEFT JOIN runs ON runs.key = plan.key ORDER BY plan.number"
-            ).fetchall()
+            )
+            return [_decoded(*row) for row in rows]
 
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:
             row = db.execute("SELECT arrays FROM histories WHERE key = ?", (key,)).fetchone()
-        return unpacked(row[0]) if row is not None else None
+            return unpacked(row[0]) if row is not None else None
+
+
+def _decoded(  # the columns of the query in `Store.rows`
+    text: str, status: Any, reason: Any, said_by: Any, fragile: Any, measured: str | None, seconds: Any, key: Any
+) -> tuple[Any, ...]:
+    """Return a row with names and measures as mappings; raise an error if no `Store` stored it."""
+    names = json.loads(text)
+    measures = json.loads(measured) if measured is not None else None
+    values = [] if measures is None else list(measures.values())
+    as_stored = {
+        "its plan": isinstance(names["varied"], dict)
+        and all(isinstance(names[name], str) for name in ("case", "integrator", "contact")),
+        "its status": status in STATUSES,
+        "its reason": isinstance(reason, str | None) and isinstance(said_by, str | None),
+        "its numbers": isinstance(seconds, float | None) and isinstance(fragile, int | None),
+        "its measures": all(isinstance(value, str | int | float | None) for value in values),
+    }
+    if not all(as_stored.values()):
+        wrong = next(part for part, right in as_stored.items() if not right)
+        raise ValueError(f"{wrong} in the row {key!r} cannot be what was stored")
+    return names, status, reason, said_by, fragile, measures, seconds, key
 
 
 def as_json_data(value: Any) -> Any:

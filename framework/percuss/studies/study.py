@@ -149,8 +149,8 @@ def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     from percuss.studies.run_key import Keys
     from percuss.studies.tasks import tasks
 
+    check_points(spec)
     points = combinations(spec.vary, spec.paired, spec.sample)
-    check_points(spec, points)
     keys = Keys(spec.columns, nudge=spec.nudge, histories=spec.histories, repeats=spec.repeats)
     jobs = []
     for label, case in spec.cases.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from pathlib import Path
@@ -42,7 +41,7 @@ class Study:
     @property
     def spec(self) -> dict[str, Any]:
         """The study file as plain data."""
-        return dict(self._store.fact("spec") or {})
+        return self._store.fact("spec") or {}
 
     @property
     def columns(self) -> dict[str, str]:
@@ -85,12 +84,12 @@ class Study:
 
     def as_records(self) -> list[dict[str, Any]]:
         """Return the rows of `table` as plain mappings, all with the same keys."""
-        raw = [(json.loads(row), *rest) for row, *rest in self._store.rows()]
+        raw = self._store.rows()
         varied = dict.fromkeys(path for names, *_ in raw for path in names["varied"])
         columns = self.columns
         out = []
         for names, status, reason, said_by, fragile, measures, seconds, key in raw:
-            measured = json.loads(measures) if measures else {}
+            measured = measures or {}
             out.append(
                 {
                     **{name: names[name] for name in NAMES},
@@ -109,7 +108,7 @@ class Study:
     @property
     def counts(self) -> dict[str, int]:
         """Number of rows with each status."""
-        return dict(Counter(status or "waiting" for _, status, *_ in self._store.rows()))
+        return dict(Counter(status or "waiting" for status in self._store.statuses()))
 
     @property
     def complete(self) -> bool:

@@ -54,7 +54,7 @@ def choose_beta_s(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: 
     own = own_mass * s
     limit = dt**2 * s * points.stiffness_limit
     closed = np.where(points.equal_sides, 0.5 * limit, np.minimum(0.5 * limit, MOST_OF_UNLIKE_SIDES))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         by_theta = np.where(x > MOST_THETA * y, MOST_THETA * (1.0 + own) / (x - MOST_THETA * y), np.inf)
         by_closed = np.where(x > 4.0 * y, (closed + 4.0 * own) / (x - 4.0 * y), np.inf)
     bounds = np.stack([np.full(x.shape, MOST_BETA_S), by_theta, by_closed])

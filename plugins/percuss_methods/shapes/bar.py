@@ -44,6 +44,10 @@ class Bar(Shape):
         """Return the number of components of `direction`, or None if it is not given."""
         return None if self.direction is None else len(self.direction)
 
+    def element_count(self, refine: int) -> int:
+        """Return the number of elements."""
+        return self.elements * refine
+
     def mesh(self, at: Floats, refine: int) -> Mesh:
         """Return the mesh from `at` along the direction."""
         dim = at.size
@@ -54,7 +58,7 @@ class Bar(Shape):
             # divided by its largest component first, because the square of 1e-200 or 1e200 is out of range
             vector = np.asarray(self.direction) / np.max(np.abs(self.direction))
             direction[: vector.size] = vector / np.linalg.norm(vector)
-        n = self.elements * refine
+        n = self.element_count(refine)
         if self.grading == 1.0 or n == 1:
             lengths = np.full(n, self.length / n)
         else:

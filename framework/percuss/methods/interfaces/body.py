@@ -69,6 +69,13 @@ class Shape(Component, contract="shapes"):
             Factor on the number of elements.
         """
 
+    def element_count(self, refine: int) -> int | None:  # noqa: ARG002
+        """Return the number of elements of `mesh` without making it, or None where only the mesh tells.
+
+        A case whose elements do not fit into memory is refused by this number; without it the mesh is made first.
+        """
+        return None
+
 
 class Material(Component, contract="materials"):
     """A one-dimensional material law: stress as a function of strain.

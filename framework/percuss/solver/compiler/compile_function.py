@@ -8,6 +8,7 @@ stays in memory as long as the process. A *callee* here is therefore translated 
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import types
 from collections.abc import Callable
@@ -105,9 +106,10 @@ def _cache_classes() -> tuple[Any, Any]:
             return Path(self.cache_path) / f"{self._impl.filename_base}.lock"
 
         def save_overload(self, sig: Any, data: Any) -> None:
-            """Store the function compiled for a signature, unless it was stored already."""
+            """Store the function compiled for a signature, unless it was stored already or the disk is full."""
             if data is not self.stored:
-                super().save_overload(sig, data)
+                with contextlib.suppress(OSError):  # the function runs all the same, and is compiled again next time
+                    super().save_overload(sig, data)
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             """Return the function compiled for a signature, or None."""

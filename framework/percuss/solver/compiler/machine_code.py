@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from percuss.compiling import LOCK
-from percuss.errors import InputError
+from percuss.errors import InputError, UnwrittenError
 from percuss.files import replacing
 from percuss.methods.source_digest import content_digest, surroundings
 
@@ -119,7 +119,7 @@ def store(key: str, code: MachineCode) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file, ".code") as temporary:
             temporary.write_bytes(MAGIC + header + b"\n" + code.object_code)
-    except (OSError, InputError):
+    except (OSError, InputError, UnwrittenError):
         return
 
 

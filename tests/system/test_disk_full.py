@@ -1,0 +1,110 @@
+"""A full disk: one clear message, what was there stays as it was, and what was computed is printed all the same."""
+
+import contextlib
+import json
+import resource
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+import percuss
+import places
+from command_line import percuss_command
+from strategies import hunek
+
+ROW = {"percuss-study": 1, "cases": ["case.yaml"], "vary": {"method.contact.ratio": [1.0, 2.0]}}
+
+
+@contextlib.contextmanager
+def full_disk(most):
+    """Let no file grow beyond so many bytes."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A folder with a case, a study of it and its rows."""
+    folder = tmp_path_factory.mktemp("full")
+    (folder / "case.yaml").write_text(yaml.safe_dump(hunek(4, end=0.2)))
+    (folder / "study.yaml").write_text(yaml.safe_dump(ROW))
+    done = percuss_command("study", "study.yaml", "-o", "rows.sqlite", "--workers", "1", cwd=folder, plain=True)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+OUTPUTS = [
+    ("run case.yaml -o out.nc --plot out.svg", ["out.nc", "out.svg"], "impulse"),
+    ("run case.yaml --exact-only -o out.nc", ["out.nc"], "impulse"),
+    ("compare case.yaml --contact penalty --plot out.svg", ["out.svg"], "penalty"),
+    ("stability case.yaml --vary method.contact.beta_s=1,2 --by closed-form -o out.csv", ["out.csv"], "closed-form"),
+    ("report rows.sqlite -o out.html", ["out.html"], ""),
+]
+
+
+@pytest.mark.parametrize("there", [True, False], ids=["over a file", "anew"])
+@pytest.mark.parametrize(("command", "files", "printed"), OUTPUTS, ids=[row[0].split()[0] for row in OUTPUTS])
+def test_an_output_that_does_not_fit(study, command, files, printed, there):
+    for file in files:
+        (study / file).unlink(missing_ok=True)
+        if there:
+            (study / file).write_text("before")
+    before = sorted(study.iterdir())
+    # to read the rows of a study SQLite needs some bytes for itself
+    with full_disk({"stability": 10, "report": 100_000}.get(command.split()[0], 1000)):
+        done = percuss_command(*command.split(), cwd=study, plain=True)
+    assert done.returncode == 2, done.stderr
+    for file in files:
+        state = "what was there is as it was" if there else "nothing is left behind"
+        assert f"error: {file}: cannot be written: File too large; {state}. Make room" in done.stderr
+        assert not there or (study / file).read_text() == "before"
+    assert "Traceback" not in done.stderr
+    assert "nothing was run" not in done.stderr
+    assert printed in done.stdout
+    assert sorted(study.iterdir()) == before
+
+
+def test_the_summary_is_printed_with_the_reason(study):
+    with full_disk(1000):
+        done = percuss_command("run", "case.yaml", "-o", "lost.nc", "--json", cwd=study, plain=True)
+    told = json.loads(done.stdout)
+    assert told["contacts"]["tip"]["impulse"] > 0
+    assert told["error"].startswith("lost.nc: cannot be written: File too large")
+
+
+def test_rows_that_do_not_fit_leave_those_before(study, tmp_path):
+    """The file of a study grows while it runs: what does not fit any more is made by the next call."""
+    rows = tmp_path / "rows.sqlite"
+    with full_disk(1000):
+        done = percuss_command("study", "study.yaml", "-o", rows, "--workers", "1", cwd=study, plain=True)
+    assert done.returncode == 2
+    assert f"{rows}: cannot be written: " in done.stderr
+    assert not list(tmp_path.iterdir())
+    words = ["study", "long.yaml", "-o", rows, "--workers", "1"]
+    (study / "long.yaml").write_text(yaml.safe_dump({**ROW, "set": {"time.end": 10}, "keep": {"histories": 10_000}}))
+    with full_disk(40_000):  # enough to begin with, and for what SQLite needs for itself
+        done = percuss_command(*words, cwd=study, plain=True)
+    assert done.returncode == 2, done.stderr
+    assert f"{rows}: cannot be written to: " in done.stderr
+    assert "all rows stored before are kept" in done.stderr
+    made = percuss.open_study(rows).counts.get("done", 0)
+    assert made < 2
+    done = percuss_command(*words, cwd=study, plain=True)
+    assert done.returncode == 0, done.stderr
+    assert percuss.open_study(rows).counts == {"done": 2}
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/dev/full is of Linux")
+@pytest.mark.parametrize("words", [["schema"], ["check", str(places.CASES / "hunek.yaml")]], ids=["long", "short"])
+def test_an_output_that_is_full(words):
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "percuss", *words]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "error: the output cannot be written: No space left on device\n"
