@@ -202,9 +202,14 @@ def test_the_critical_step_is_found_by_examining_few(integrator, most, monkeypat
         return examine(motions, dt, closed, **options)
 
     monkeypatch.setattr(criteria, "examine", counted)
-    critical = criterion.critical_step
+    with monkeypatch.context() as without_guess:
+        without_guess.setattr(BlackBoxCriterion, "_guess", None)
+        critical = criterion.critical_step
     assert critical < 0.99 * criterion.free
     assert len(examined) <= most
+    examined.clear()
+    assert BlackBoxCriterion(criterion.model).critical_step == pytest.approx(critical, rel=criteria.SEARCH_TOLERANCE)
+    assert len(examined) <= 5
     for share in [0.2, 0.9, 0.999, 0.99999, 1.00001, 1.001, 1.1, 2.0]:
         found = examine(criterion.motions, share * critical, [0])
         assert found.stable == (share < 1)

@@ -60,30 +60,31 @@ class ClosedFormCriterion:
             self.sides.append([(float(body.stiffness[i]), float(body.frequency[i])) for body, i in ends])
         self.free = 2.0 / model.omega
 
-    def _stable(self, dt: float) -> bool:
+    def _excess(self, dt: float) -> float:
+        """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step."""
         laws = closed_contacts(self.model, dt)
         if laws.unknown:
             raise NoClosedFormError("; ".join(laws.doubts))
         if dt > self.free:
-            return False
+            return 1.0
+        softening = 0.0  # the largest share of what would make a contact unstable
         for p, sides in enumerate(self.sides):
             if laws.predicted[p]:
                 # The entry s of the contact in S is the sum of 1/m over its sides, with m = 2 (EA/h) / omega^2.
                 s = sum(frequency**2 / (2.0 * stiffness) for stiffness, frequency in sides)
-                if dt**2 * laws.stiffness[p] * s > 1.0 + laws.inertia[p] * s:
-                    return False
+                softening = max(softening, dt**2 * laws.stiffness[p] * s / (1.0 + laws.inertia[p] * s))
                 continue
-            excess = laws.stiffness[p] - 4.0 * laws.inertia[p] / dt**2
+            contact_stiffness = laws.stiffness[p] - 4.0 * laws.inertia[p] / dt**2
             courant = [0.5 * dt * frequency for _, frequency in sides]
             end_stiffnesses = [
                 stiffness * 2.0 / c * np.sqrt(max(1.0 / c**2 - 1.0, 0.0))
                 for (stiffness, _), c in zip(sides, courant, strict=True)
             ]
-            if excess > 0 and sum(excess / k if k > 0 else np.inf for k in end_stiffnesses) > 1.0:
-                return False
-        return True
+            if contact_stiffness > 0:
+                softening = max(softening, sum(contact_stiffness / k if k > 0 else np.inf for k in end_stiffnesses))
+        return (softening - 1.0) / (softening + 1.0) if softening < np.inf else 1.0
 
     @property
     def critical_step(self) -> float:
         """Largest stable step, which is 2/omega where contact does not lower it."""
-        return largest_step_below(lambda dt: -1.0 if self._stable(dt) else 1.0, self.free)
+        return largest_step_below(self._excess, self.free)

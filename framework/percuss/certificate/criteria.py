@@ -16,7 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.black_box import LARGEST_DENSE_STATE, MOST_TOGETHER, Motions, combinations, examine
+from percuss.certificate.black_box import (
+    LARGEST_DENSE_STATE,
+    MOST_TOGETHER,
+    ClosedStepStability,
+    Motions,
+    combinations,
+    examine,
+)
 from percuss.certificate.closed_contacts import ClosedContacts, closed_contacts
 from percuss.certificate.pencil import MARGINAL_DISTANCE, MOST_TRIED_CONTACTS, Pencil, largest_step, largest_step_below
 from percuss.certificate.scheme_limit import limit_ratio
@@ -268,12 +275,17 @@ class PencilCriterion:
         return free_step(self.pencil) * self.limit_ratio
 
     @cached_property
+    def bound(self) -> float:
+        """Largest step that is stable by theta and the pencil; short bars and unequal ratios are not considered yet."""
+        return largest_step_below(self._excess, self.free)
+
+    @cached_property
     def critical_step(self) -> float:
         """Largest stable step, with laws bound anew for each step tried; nan where it is not known."""
         if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
             return self.free
 
-        bound = largest_step_below(self._excess, self.free)
+        bound = self.bound
         criterion = self._criterion_above_theta_of_one(bound)
         if criterion is not None:
             bound = largest_step_below(criterion.excess, self.free)
@@ -383,6 +395,7 @@ class BlackBoxCriterion:
         self._unstable_combinations: list[tuple[int, ...]] | None = None
         # Combination that limited the last step of a search, and may limit the next one too.
         self._limiting_combination: tuple[int, ...] | None = None
+        self._examined: dict[tuple[float, tuple[int, ...]], ClosedStepStability] = {}
 
     @cached_property
     def free(self) -> float:
@@ -415,12 +428,8 @@ class BlackBoxCriterion:
                 "no growth was found with no contact, each one and all of them closed; other combinations can be worse"
             )
         for closed in closed_sets:
-            stability = examine(
-                self.motions,
-                dt,
-                closed,
-                stable_at_longer_step=dt < self.free and self._unstable_combinations == [],
-            )
+            stable_at_longer_step = dt < self.free and self._unstable_combinations == []
+            stability = self._examine(dt, closed, stable_at_longer_step=stable_at_longer_step)
             if not stability.linear:
                 names = ", ".join(f"'{self.model.contact_pairs[p].name}'" for p in closed) or "none"
                 doubt = f"the step is not linear with contacts {names} closed"
@@ -448,7 +457,7 @@ class BlackBoxCriterion:
         largest = -np.inf
         limiting = self._limiting_combination
         for closed in sorted(self._combinations, key=lambda closed: closed != limiting):
-            stability = examine(self.motions, dt, closed)
+            stability = self._examine(dt, closed)
             excess = stability.excess if stability.conclusive else 1.0
             if excess > largest:
                 largest, self._limiting_combination = excess, closed
@@ -463,7 +472,7 @@ class BlackBoxCriterion:
             return kept  # All smaller combinations were stable, or there are too many to try.
         for contact in unstable:
             fewer = [other for other in kept if other != contact]
-            stability = examine(self.motions, dt, fewer)
+            stability = self._examine(dt, tuple(fewer))
             if stability.linear and not stability.stable:
                 kept = fewer
         return kept
@@ -488,8 +497,7 @@ class BlackBoxCriterion:
         if self.free in {0.0, np.inf}:
             return self.free
         results = [
-            (closed, examine(self.motions, self.free * (1.0 - MARGINAL_DISTANCE), closed))
-            for closed in self._combinations
+            (closed, self._examine(self.free * (1.0 - MARGINAL_DISTANCE), closed)) for closed in self._combinations
         ]
         if not all(stability.linear for _, stability in results):
             return np.nan
@@ -500,12 +508,31 @@ class BlackBoxCriterion:
         nonlinear_steps: list[float] = []
 
         def excess(dt: float) -> float:
-            stabilities = [examine(self.motions, dt, closed) for closed in unstable]
+            stabilities = [self._examine(dt, closed) for closed in unstable]
             nonlinear_steps.extend(dt for stability in stabilities if not stability.linear)
             return max(stability.excess for stability in stabilities)
 
-        critical = largest_step(excess, self.free, SEARCH_TOLERANCE)
+        critical = largest_step(excess, self.free, SEARCH_TOLERANCE, guess=self._guess)
         return np.nan if nonlinear_steps else critical
+
+    @property
+    def _guess(self) -> float | None:
+        """Critical step by theta and the pencil, about which the step itself is asked; None if there is none."""
+        if closed_contacts(self.model, self.model.dt).doubts:
+            return None
+        bound = PencilCriterion(self.model).bound
+        return bound if 0.0 < bound < np.inf else None
+
+    def _examine(
+        self, dt: float, closed: tuple[int, ...], *, stable_at_longer_step: bool = False
+    ) -> ClosedStepStability:
+        """Return the stability of a step; if it is certain it is kept, as a search ends where an assessment begins."""
+        known = self._examined.get((dt, closed))
+        if known is None:
+            known = examine(self.motions, dt, closed, stable_at_longer_step=stable_at_longer_step)
+            if known.conclusive:
+                self._examined[dt, closed] = known
+        return known
 
 
 _FREE_STEPS: dict[bytes, float] = {}

@@ -305,7 +305,9 @@ def largest_step_below(excess: Callable[[float], float], free: float) -> float:
     return free if excess(just_below) <= 0.0 else largest_step(excess, just_below)
 
 
-def largest_step(excess: Callable[[float], float], start: float, tolerance: float = 1e-11) -> float:
+def largest_step(
+    excess: Callable[[float], float], start: float, tolerance: float = 1e-11, *, guess: float | None = None
+) -> float:
     """Return the largest step, within a relative `tolerance`, up to which steps are stable, searching from `start`.
 
     Parameters
@@ -317,6 +319,8 @@ def largest_step(excess: Callable[[float], float], start: float, tolerance: floa
         Step at which the search begins.
     tolerance
         Relative distance from the limit within which the returned step lies. It is stable itself.
+    guess
+        A step that may be the limit: if the steps just below and above it show that it is, two trials are enough.
     """
     from scipy.optimize import brentq
 
@@ -329,6 +333,10 @@ def largest_step(excess: Callable[[float], float], start: float, tolerance: floa
             trials[dt] = 1.0 if math.isnan(value) else value if value > 0.0 else min(value, -SMALLEST_NUMBER)
         return trials[dt]
 
+    if guess is not None:
+        below, above = guess * (1.0 - 0.4 * tolerance), guess * (1.0 + 0.4 * tolerance)
+        if tried(below) <= 0.0 < tried(above):
+            return below
     lo = hi = start
     while tried(lo) > 0.0:
         hi, lo = lo, 0.5 * lo

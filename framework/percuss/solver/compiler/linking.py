@@ -185,12 +185,13 @@ class _Links:
 
 
 class _Call(NamedTuple):
-    """The last call of a loop: its arguments with the numbers of each, the form of their block, and the address."""
+    """The last call of a loop: its arguments with the numbers of each, their block with its form, and the address."""
 
     arguments: tuple[Any, ...]
     numbers: list[list[Any]]
     form: str
     address: int
+    block: Block
 
     def fits(self, arguments: tuple[Any, ...]) -> bool:
         """Return whether these arguments differ from those of the last call in the values of numbers alone."""
@@ -198,6 +199,10 @@ class _Call(NamedTuple):
             new is old or (type(new) is type(old) and isinstance(new, int | float))
             for new, old in zip(arguments, self.arguments, strict=True)
         )
+
+
+def _block(arguments: tuple[Any, ...], form: str, numbers: Sequence[Sequence[Any]]) -> Block:
+    return Block(arguments, form, list(itertools.chain(*numbers)))
 
 
 class LinkedLoop:
@@ -235,14 +240,15 @@ class LinkedLoop:
         last = self._calls.get(kind)
         if last is None or not last.fits(arguments):
             form, (address,) = self._known_link(arguments, "the loop", kind)
-            last = _Call(arguments, [_numbers(argument) for argument in arguments], form, address)
-        else:  # the arrays are the same, as in most calls
+            numbers = [_numbers(argument) for argument in arguments]
+            last = _Call(arguments, numbers, form, address, _block(arguments, form, numbers))
+        elif not all(new is old for new, old in zip(arguments, last.arguments, strict=True)):
             given = zip(arguments, last.arguments, last.numbers, strict=True)
-            last = last._replace(
-                arguments=arguments, numbers=[numbers if new is old else [new] for new, old, numbers in given]
-            )
+            numbers = [numbers if new is old else [new] for new, old, numbers in given]
+            block = _block(arguments, last.form, numbers)
+            last = last._replace(arguments=arguments, numbers=numbers, block=block)
         self._calls[kind] = last
-        return call_at(last.address, Block(arguments, last.form, list(itertools.chain(*last.numbers))))
+        return call_at(last.address, last.block)
 
     def _once(self, name: str, value: Any, link: Callable[[Any], _Links]) -> _Links:
         links = self._last.get(name)
