@@ -32,6 +32,7 @@ STEP = ("time.courant", "time.step")
 
 
 @one_blas_thread()
+@np.errstate(all="ignore")  # numbers that are not finite are refused or make a step unstable
 def stability(
     case: Case,
     vary: Mapping[str, Sequence[Any]] | None = None,

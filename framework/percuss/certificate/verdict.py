@@ -90,6 +90,7 @@ class SettledRun(NamedTuple):
 
 
 @one_blas_thread()
+@np.errstate(all="ignore")  # numbers that are not finite are refused or make a step unstable
 def settled(case: Case) -> SettledRun:
     """Return the model of a case; where the case leaves the step open, choose a share of the critical step.
 
@@ -145,6 +146,7 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
 
 
 @one_blas_thread()
+@np.errstate(all="ignore")
 def certificate(model: Model, criterion: RunCriterion | None = None) -> Certificate:
     """Return the certificate of a run.
 

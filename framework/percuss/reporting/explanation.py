@@ -36,6 +36,7 @@ class Explanation:
     data: dict[str, Any]
 
 
+@np.errstate(all="ignore")  # what is not finite is said in words
 def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanation:
     """Return the explanation of a model's run: bodies, contacts, loads, step, stability, exact solution and methods.
 

@@ -56,8 +56,7 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
     ValueError
         If the options of the law do not fit together or do not fit its points.
     """
-    with np.errstate(all="ignore"):  # what is not finite is refused below
-        bound, resolved = bound_of(law, points, dt), law.resolved(points, dt)
+    bound, resolved = bound_of(law, points, dt), law.resolved(points, dt)
     linear = broadcast(bound, points, law) if isinstance(bound, LinearLaw) else None
     return BoundLaw(
         law=law,

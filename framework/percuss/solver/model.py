@@ -117,6 +117,7 @@ class Model:
     _never_active: tuple[int, ...]  # contact points whose law is not active at any time
     _whole: Model | None  # the model of the whole run, in the model of a stretch
 
+    @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
     def __init__(self, case: Case) -> None:
         bodies = size_limits.checked_bodies(case, lambda: _bodies_of(case))
         mass = np.concatenate([body.mass for body in bodies.values()])

@@ -99,8 +99,7 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
         With one problem for each body that is out of bounds.
     """
     problems = []
-    with np.errstate(all="ignore"):
-        bodies = make_bodies()
+    bodies = make_bodies()
     for name, body in bodies.items():
         h = body.mesh.lengths
         quantities: dict[str, Any] = {
