@@ -1,14 +1,17 @@
 /* What percuss is measured against: hand-written loops over two bars that meet, the second fixed at its far end.
 
-   One function a pair of integrator and contact law, for two ways to store the bars:
+   One function a pair of integrator and contact law, for three ways to store and march the bars:
 
    blocked_*   displacement and half-step velocity updated in place, block by block, dt over mass a node, stiffness an
                element; unlike bars and meshes would run at the same speed.
-   levels_*    two displacement levels and one constant a bar: the least memory traffic there is, uniform bars only.
+   levels_*    two displacement levels and one constant a bar: the least memory traffic of a step, uniform bars only.
+   tiled_*     the same, tiles of the bars by several steps at a time; bars of more than 2 TOGETHER nodes only.
 
-   Both store the contact force of every `every`-th step. */
+   All store the contact force of every `every`-th step. */
 
 #define BLOCK 1024
+#define TILE 1024
+#define TOGETHER 16
 
 enum { CENTRAL, WU };
 enum { PENALTY, BIPENALTY, LAGRANGE };
@@ -78,26 +81,68 @@ static inline __attribute__((always_inline)) void blocked(
     }
 }
 
-/* One level on: `p` holds the level before `q` and then the one after it; `r` is the Courant number squared. */
-static void level(long n, double *restrict p, const double *restrict q, double r)
+/* Inner nodes from `lo` to `hi` one level on: `p` holds the level before `q` and then the one after it; `r` is the
+   Courant number squared. */
+static inline __attribute__((always_inline)) void inner(long lo, long hi, double *restrict p, const double *restrict q, double r)
+{
+    double twice = 2.0 - 2.0 * r;
+    for (long i = lo; i < hi; i++)
+        p[i] = twice * q[i] - p[i] + r * (q[i - 1] + q[i + 1]);
+}
+
+/* Both ends of a bar one level on. */
+static inline __attribute__((always_inline)) void ends(long n, double *restrict p, const double *restrict q, double r)
 {
     double twice = 2.0 - 2.0 * r;
     p[0] = twice * q[0] - p[0] + 2.0 * r * q[1];
-    for (long i = 1; i < n - 1; i++)
-        p[i] = twice * q[i] - p[i] + r * (q[i - 1] + q[i + 1]);
     p[n - 1] = twice * q[n - 1] - p[n - 1] + 2.0 * r * q[n - 2];
 }
 
+static void level(long n, double *restrict p, const double *restrict q, double r)
+{
+    inner(1, n - 1, p, q, r);
+    ends(n, p, q, r);
+}
+
+/* The inside of a bar `steps` levels on, tile by tile, in step k all nodes but k + 1 at either end. */
+static void inside(long n, double *p, double *q, double r, long steps)
+{
+    for (long tile = 1; tile < n - 1; tile += TILE)
+        for (long k = 0; k < steps; k++) {
+            long lo = tile == 1 ? 1 + k : tile - k, hi = (tile + TILE < n - 1 ? tile + TILE : n - 1) - k;
+            inner(lo, hi, k % 2 ? q : p, k % 2 ? p : q, r);
+        }
+}
+
+/* What `inside` has left out in step k. */
+static void outside(long n, double *p, const double *q, double r, long k)
+{
+    inner(1, k + 1, p, q, r);
+    inner(n - 1 - k, n - 1, p, q, r);
+    ends(n, p, q, r);
+}
+
 static inline __attribute__((always_inline)) void levels(
-    int integrator, int law, long n, double *p, double *q, double r, const struct contact *c, long steps, long every,
-    double *out)
+    int integrator, int law, long together, long n, double *p, double *q, double r, const struct contact *c, long steps,
+    long every, double *out)
 {
     long a = n - 1, b = n, last = 2 * n - 1;
     double dt2 = c->dt * c->dt;
     for (long step = 0; step < steps; step++) {
+        long k = step % together;
+        if (together > 1 && k == 0) {
+            long ahead = step + together < steps ? together : steps - step;
+            inside(n, p, q, r, ahead);
+            inside(n, p + n, q + n, r, ahead);
+        }
         double gap = q[b] - q[a], before = p[b] - p[a];
-        level(n, p, q, r);
-        level(n, p + n, q + n, r);
+        if (together > 1) {
+            outside(n, p, q, r, k);
+            outside(n, p + n, q + n, r, k);
+        } else {
+            level(n, p, q, r);
+            level(n, p + n, q + n, r);
+        }
         p[last] = 0.0;
         double predicted = p[b] - p[a];
         double force = force_of(integrator, law, c, gap, (predicted - 2.0 * gap + before) / dt2, predicted);
@@ -122,7 +167,12 @@ static inline __attribute__((always_inline)) void levels(
     void levels_##name(long n, double *p, double *q, double r, const struct contact *c, long steps, long every,         \
                        double *out)                                                                                     \
     {                                                                                                                   \
-        levels(integrator, law, n, p, q, r, c, steps, every, out);                                                      \
+        levels(integrator, law, 1, n, p, q, r, c, steps, every, out);                                                   \
+    }                                                                                                                   \
+    void tiled_##name(long n, double *p, double *q, double r, const struct contact *c, long steps, long every,          \
+                      double *out)                                                                                      \
+    {                                                                                                                   \
+        levels(integrator, law, TOGETHER, n, p, q, r, c, steps, every, out);                                            \
     }
 
 PAIR(central_difference_penalty, CENTRAL, PENALTY)

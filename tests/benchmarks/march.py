@@ -147,9 +147,9 @@ def blocked_c(library: ctypes.CDLL, bars: Bars, integrator: str, law: str) -> Ru
     return march
 
 
-def levels_c(library: ctypes.CDLL, bars: Bars, integrator: str, law: str) -> Run:
-    """Two displacement levels on uniform bars: the fastest C form."""
-    run = library[f"levels_{integrator}_{law}".replace("-", "_")]
+def levels_c(library: ctypes.CDLL, form: str, bars: Bars, integrator: str, law: str) -> Run:
+    """Two displacement levels on uniform bars: `levels` by one step, `tiled` by several steps of a tile at a time."""
+    run = library[f"{form}_{integrator}_{law}".replace("-", "_")]
     n, contact = bars.nodes, bars.contact()
     start = -bars.dt * bars.velocity
     p, q = aligned(start), aligned(start)
@@ -293,7 +293,8 @@ def compare(
     contestants: dict[str, tuple[Run, int]] = {
         "C": (blocked_c(library, bars, integrator, law), steps),
         "percuss": (with_percuss(bars, integrator, law, others), steps),
-        "levels": (levels_c(library, bars, integrator, law), steps),
+        "levels": (levels_c(library, "levels", bars, integrator, law), steps),
+        "tiled": (levels_c(library, "tiled", bars, integrator, law), steps),
         "numpy": (numpy_loop(bars, integrator, law), numpy_steps),
     }
     first = time.perf_counter()
@@ -337,8 +338,8 @@ def compare(
 
 
 HEAD = (
-    f"{'':>8} {'':<44} | {'ns a node and step':^32} | {'ratio to C':^32} | {'ratio to':^13} | {'C':>6} | seconds\n"
-    f"{'elements':>8} {'pair':<44} | {'percuss':>8} {'C':>7} {'levels':>7} {'NumPy':>7} | "
+    f"{'':>8} {'':<44} | {'ns a node and step':^39} | {'ratio to C':^32} | {'ratio to':^13} | {'C':>6} | seconds\n"
+    f"{'elements':>8} {'pair':<44} | {'percuss':>8} {'C':>7} {'levels':>7} {'tiled':>6} {'NumPy':>7} | "
     f"{'best':>5} {'least':>6} {'median':>6} {'most':>5} {'target':>6} | {'levels':>6} {'NumPy':>6} | "
     f"{'spread':>6} | {'first':>5} {'build':>5} {'compile':>7}"
 )
@@ -352,7 +353,7 @@ def line(row: dict[str, Any]) -> str:
     if row["every"] != EVERY:
         pair = f"{row['integrator']}, every {row['every']} step"
     return (
-        f"{row['elements']:>8} {pair:<44} | {ns['percuss']:8.3f} {ns['C']:7.3f} {ns['levels']:7.3f} "
+        f"{row['elements']:>8} {pair:<44} | {ns['percuss']:8.3f} {ns['C']:7.3f} {ns['levels']:7.3f} {ns['tiled']:6.3f} "
         f"{ns['numpy']:7.2f} | {ratio['of_best']:5.2f} {ratio['min']:6.2f} {ratio['median']:6.2f} "
         f"{ratio['max']:5.2f} {row['target']:5.1f}{mark} | {row['to_levels']:6.2f} {row['to_numpy']:6.2f} | "
         f"{row['spread']['C']:6.2f} | {row['first_run_s']:5.2f} {others['build']:5.3f} {others['compile']:7.4f}"

@@ -90,8 +90,8 @@ class LeapFrogStepper:
     ) -> int:
         loop, model = self.loop, self.model
         done: int = kernels.loop.advance(
-            loop.groups, loop.masses, loop.boundary, loop.laws, amplitudes, record, u, v, model.dim, model.dt, first,
-            count,
+            loop.groups, loop.masses, loop.boundary, loop.laws, loop.uniform, amplitudes, record, u, v, model.dim,
+            model.dt, first, count,
         )  # fmt: skip
         return done
 

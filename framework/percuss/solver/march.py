@@ -27,6 +27,7 @@ from percuss.solver.multistage import MultistageStepper
 from percuss.solver.starting_state import initial_velocity
 from percuss.solver.stepper import Loop, Stepper
 from percuss.solver.stop import Kind, Stop
+from percuss.solver.uniform_bars import uniform_bars
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -134,6 +135,7 @@ class March:
             for axis in range(dim)
         ]
         self.boundary = self._boundary_at(0.5 * model.dt, record_array(dofs, leapfrog_loop.BOUNDARY_DOF))
+        self.uniform = uniform_bars(model, self.boundary_nodes)
         self._renew_stepper(0.5 * model.dt)
 
     def _momenta(self) -> Floats:
@@ -229,7 +231,9 @@ class March:
         self._renew_stepper(midpoint)
 
     def _renew_stepper(self, midpoint: float) -> None:
-        self.stepper.set_loop(Loop(self._nested_groups(), self.bulk, self.boundary, self.nested_laws, midpoint))
+        self.stepper.set_loop(
+            Loop(self._nested_groups(), self.bulk, self.boundary, self.nested_laws, self.uniform, midpoint)
+        )
 
     def _add_reactions(self) -> None:
         """Add the reactions summed by the loop to those of the constraints of the model, and reset the former."""

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from percuss.solver.build import Kernels
     from percuss.solver.compiled.bulk import Bulk
     from percuss.solver.compiled.leapfrog_loop import Boundary, Record
+    from percuss.solver.compiled.uniform_bars import UniformBars
 
 
 class Loop(NamedTuple):
@@ -18,6 +19,7 @@ class Loop(NamedTuple):
     masses: Bulk
     boundary: Boundary
     laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
+    uniform: UniformBars
     midpoint: float  # time within the first step of the stretch
 
 

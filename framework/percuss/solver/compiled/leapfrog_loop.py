@@ -15,12 +15,15 @@ import numpy as np
 from percuss.solver.compiled.bulk import Bulk, kinetic
 from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounding_energy, solve, stored_energy
 from percuss.solver.compiled.marks import called
+from percuss.solver.compiled.uniform_bars import UniformBars, advance_ends, advance_inside, advance_whole
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
 # Work below this fraction of the largest energy that a single force could add in one step counts as round-off.
 NOISE = 1e-8
+
+NOT_AHEAD = -1  # the inside of the bars is no step ahead of their ends
 
 SWEEPS_BETWEEN_LAWS = 1000
 TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
@@ -185,6 +188,7 @@ def advance(
     masses: Bulk,
     boundary: Boundary,
     laws: Any,
+    uniform: UniformBars,
     amplitudes: LoadAmplitudes,
     record: Record,
     u: Floats,
@@ -196,41 +200,100 @@ def advance(
 ) -> int:
     """Make `count` steps from step `first`; return `count`, or the number of steps before the first that failed.
 
-    A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan.
+    A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan. After a
+    failure the state is of no use, as the inside of uniform bars may be some steps ahead.
     """
-    boundary_dofs, points, totals = boundary.boundary_dofs, boundary.points, boundary.totals
-    for s in range(count):
+    s = 0
+    while s < count:
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, u, n)
         if n == 0:
-            add_initial_strain_energy(groups, totals[0], u, v, dim, dt)
-        # Bulk update: internal forces and body forces advance all nodes as if nothing else acted.
-        save_state(boundary_dofs, u, v)
+            add_initial_strain_energy(groups, boundary.totals[0], u, v, dim, dt)
+        # A record needs the state after its step, a snapshot that before its step: bars are not ahead of the ends then.
+        stop = min(count, s + steps_to_record(record, n))
+        sound = True
+        while sound and s < stop:
+            steps = min(uniform.steps, stop - s)
+            if steps > 1:
+                advance_inside(uniform, u, v, steps, dt)
+            k = 0
+            while sound and k < steps:
+                inside = k if steps > 1 else NOT_AHEAD
+                sound = make_step(groups, masses, boundary, laws, uniform, amplitudes, u, v, dim, dt, first, s, inside)
+                s += 1
+                k += 1
+        if s == stop and is_recorded(record, first + s - 1):
+            write_record(groups, masses, boundary, record, u, v, dim, dt, first + s - 1)
+        if not sound:
+            return s - 1
+    return count
+
+
+def steps_to_record(record: Record, n: int) -> int:
+    """Return the number of steps from step n on, up to a step with a record or before one with a snapshot."""
+    steps = record.every - (n - 1) % record.every
+    if n <= record.last:
+        steps = min(steps, record.last - n + 1)
+    if record.field_every > 0:
+        steps = min(steps, record.field_every - n % record.field_every)
+    return steps
+
+
+def is_recorded(record: Record, n: int) -> bool:
+    """Return whether a record is written for step n."""
+    return n % record.every == 0 or n == record.last
+
+
+def make_step(
+    groups: Any,
+    masses: Bulk,
+    boundary: Boundary,
+    laws: Any,
+    uniform: UniformBars,
+    amplitudes: LoadAmplitudes,
+    u: Floats,
+    v: Floats,
+    dim: int,
+    dt: float,
+    first: int,
+    s: int,
+    inside: int,
+) -> bool:
+    """Make step ``first + s``; return whether it is sound.
+
+    `inside` is the number of steps made since the inside of the bars was advanced, or NOT_AHEAD if it was not.
+    """
+    boundary_dofs, points = boundary.boundary_dofs, boundary.points
+    # Bulk update: internal forces and body forces advance all nodes as if nothing else acted.
+    save_state(boundary_dofs, u, v)
+    if inside != NOT_AHEAD:
+        advance_ends(uniform, u, v, inside, dt)
+    elif uniform.bars.size > 0:
+        advance_whole(uniform, u, v, dt)
+    else:
         for i in range(boundary.momentum.size):
             boundary.momentum[i] = 0.0
         bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
-        for i in range(boundary_dofs.size):
-            q = boundary_dofs[i]
-            q.bulk_v = v[q.dof]
-            q.new_v = q.bulk_v
-        # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
-        apply_nodal_forces(boundary, amplitudes, s, dim, dt)
-        work = impose_velocity(boundary, amplitudes, s, dim, dt)
-        # Contact: the multipliers follow from the current or the predicted state. They change the velocities except
-        # along prescribed directions, where the constraints take the contact forces as reactions.
-        sound = True
-        if points.size > 0:
-            find_contact_states(points, boundary.entries, boundary_dofs, dt)
-            sound = find_multipliers(laws, points, boundary.others, dt, n * dt, (dt * dt, dt), dt)
-            apply_multipliers(points, boundary.entries, boundary_dofs, dt)
-        work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
-        work += work_of_loads(boundary, amplitudes, s, dim, dt)
-        # The corrected velocities replace those of the bulk update, and the displacements follow from them.
-        write_back(boundary_dofs, u, v, dt)
-        if not (close_step(groups, masses, boundary, record, u, v, work, n, dim, dt, dt) and sound):
-            return s
-    return count
+    for i in range(boundary_dofs.size):
+        q = boundary_dofs[i]
+        q.bulk_v = v[q.dof]
+        q.new_v = q.bulk_v
+    # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
+    apply_nodal_forces(boundary, amplitudes, s, dim, dt)
+    work = impose_velocity(boundary, amplitudes, s, dim, dt)
+    # Contact: the multipliers follow from the current or the predicted state. They change the velocities except along
+    # prescribed directions, where the constraints take the contact forces as reactions.
+    sound = True
+    if points.size > 0:
+        find_contact_states(points, boundary.entries, boundary_dofs, dt)
+        sound = find_multipliers(laws, points, boundary.others, dt, (first + s) * dt, (dt * dt, dt), dt)
+        apply_multipliers(points, boundary.entries, boundary_dofs, dt)
+    work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
+    work += work_of_loads(boundary, amplitudes, s, dim, dt)
+    # The corrected velocities replace those of the bulk update, and the displacements follow from them.
+    write_back(boundary_dofs, u, v, dt)
+    return add_up_work(boundary, work, first + s, dt) and sound
 
 
 def add_initial_strain_energy(groups: Any, total: Any, u: Floats, v: Floats, dim: int, dt: float) -> None:
@@ -239,30 +302,15 @@ def add_initial_strain_energy(groups: Any, total: Any, u: Floats, v: Floats, dim
     total.began_with = max(total.began_with, total.energy_before)
 
 
-def close_step(
-    groups: Any,
-    masses: Bulk,
-    boundary: Boundary,
-    record: Record,
-    u: Floats,
-    v: Floats,
-    work: float,
-    n: int,
-    dim: int,
-    dt: float,
-    lag: float,
-) -> bool:
-    """Add up the work and the contact energy of step n, write its record, and return whether the step is sound.
+def add_up_work(boundary: Boundary, work: float, n: int, dt: float) -> bool:
+    """Add up the work and the contact energy of step n, and return whether the step is sound.
 
     Contact work far above the energy put in means an unstable step; a contact work of nan fails the comparison too.
-    `lag` is the time by which velocities lag behind displacements: dt in a leap-frog scheme, 0 in a multi-stage scheme.
     """
     total = boundary.totals[0]
     total.external_work += work
     total.largest_work = max(total.largest_work, abs(total.external_work))
     update_contact_energy(boundary.points, boundary.entries, boundary.boundary_dofs, boundary.totals, n, dt)
-    if n % record.every == 0 or n == record.last:
-        write_record(groups, masses, boundary, record, u, v, dim, lag, n)
     limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
     return total.contact_work <= limit  # type: ignore[no-any-return]
 
@@ -474,7 +522,8 @@ def write_record(
     """Write the record of step n: state at t_n, multipliers, and energies after the step.
 
     Where velocities lag behind displacements, the velocity at t_n is the mean of those before and after the step. The
-    end force is the stiffness of an explicit law times the overlap at the end of the step.
+    end force is the stiffness of an explicit law times the overlap at the end of the step. `lag` is the time by which
+    velocities lag behind displacements: dt in a leap-frog scheme, 0 in a multi-stage scheme.
     """
     boundary_dofs = boundary.boundary_dofs
     r = n // record.every if n % record.every == 0 else record.energy.shape[0] - 1

@@ -21,12 +21,14 @@ from percuss.solver.compiled.leapfrog_loop import (
     Boundary,
     Record,
     add_initial_strain_energy,
-    close_step,
+    add_up_work,
     find_contact_states,
     find_multipliers,
+    is_recorded,
     save_state,
     snapshot,
     work_of_nodal_forces,
+    write_record,
 )
 from percuss.solver.compiled.marks import called
 
@@ -237,7 +239,9 @@ def advance(
                 boundary.nodal_forces, boundary_dofs, boundary.axes, system.effective, 0, system.dim, dt
             )
         work += work_of_body_forces(system, v, dt)
-        sound = close_step(system.groups, system.masses, boundary, record, u, v[:nodal], work, n, system.dim, dt, 0.0)
+        sound = add_up_work(boundary, work, n, dt)
+        if is_recorded(record, n):
+            write_record(system.groups, system.masses, boundary, record, u, v[:nodal], system.dim, 0.0, n)
         if not (sound and system.clock[2] == 1.0):
             return s
     return count

@@ -231,10 +231,11 @@ class LinkedLoop:
         loop._last, loop._calls = {}, {}
         return loop
 
-    def advance(self, groups: Any, masses: Any, boundary: Any, laws: Any, *others: Any) -> int:
+    def advance(self, groups: Any, masses: Any, boundary: Any, laws: Any, uniform: Any, *others: Any) -> int:
         """Make steps; arguments and result are those of `percuss.solver.compiled.leapfrog_loop.advance`."""
-        bodies, contacts = self._once("bodies", groups, self._bodies), self._once("laws", laws, self._laws)
-        return self._call("leap-frog loop", (bodies.links, masses, boundary, contacts.links, *others))
+        link_bodies = self._uniform_bodies if uniform.bars.size > 0 else self._bodies
+        bodies, contacts = self._once("bodies", groups, link_bodies), self._once("laws", laws, self._laws)
+        return self._call("leap-frog loop", (bodies.links, masses, boundary, contacts.links, uniform, *others))
 
     def _call(self, kind: str, arguments: tuple[Any, ...]) -> int:
         last = self._calls.get(kind)
@@ -259,6 +260,11 @@ class LinkedLoop:
     def _bodies(self, groups: Any) -> _Links:
         block, addresses = self._link(groups, "the bodies", self.update, "strain energy")
         return _Links(groups, LinkedBodies(block.address, *addresses), block)
+
+    def _uniform_bodies(self, groups: Any) -> _Links:
+        """Return the links of uniform bars, which the loop advances itself, without the kernel of their update."""
+        block, (energy,) = self._link(groups, "the bodies", "strain energy")
+        return _Links(groups, LinkedBodies(block.address, 0, energy), block)
 
     def _laws(self, laws: Any) -> _Links:
         if "contact laws" not in self.entrances.tags:

@@ -1,0 +1,106 @@
+"""Bars of equal elements in one dimension, which advance by several steps at a time.
+
+All inner nodes of such a bar have the same mass and all elements the same stiffness, so that a step needs one number in
+the place of arrays: ``v += rate ((u_{i+1} - u_i) - (u_i - u_{i-1}))``, then ``u += dt v``. Contacts, loads and supports
+act on the end nodes alone, and what happens there reaches one node more in every step. The loop therefore advances the
+inside of the bars by several steps first, each step on one node less at either end, and then, step by step, the end
+nodes with the nodes that were left out. Tile by tile, the inside stays in the first-level cache for all these steps.
+
+Every node is advanced by the same operations on the same numbers, whatever the number of steps at a time: the results
+are equal bit for bit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats
+
+UNIFORM_BAR = np.dtype(
+    [
+        ("start", "i8"),  # first node
+        ("stop", "i8"),  # the number after the last node
+        ("rate", "f8"),  # dt EA/h over the mass of an inner node
+        ("left", "f8"),  # mass of an inner node over that of the first node, minus 1
+        ("right", "f8"),  # the same for the last node
+    ]
+)
+
+
+class UniformBars(NamedTuple):
+    """All bodies of a model, if each is a bar of equal elements; no bars if one is not."""
+
+    bars: Any  # UNIFORM_BAR
+    steps: int  # largest number of steps at a time
+    tile: int  # nodes of a tile, at least twice as many as steps
+    left: Floats  # (bars, steps) elongation, before each step, of the element left of those that advance inside
+    right: Floats  # (bars, steps) the same of the element right of them
+    between: Floats  # (steps,) the same of the element between two tiles
+
+
+def advance_whole(uniform: UniformBars, u: Floats, v: Floats, dt: float) -> None:
+    """Advance all nodes of all bars by a step, as if nothing acted on the ends.
+
+    Beyond an end of half the mass of an inner node, an element with the opposite elongation would have the same effect.
+    """
+    for b in range(uniform.bars.size):
+        bar = uniform.bars[b]
+        first = bar.start
+        stop = bar.stop
+        behind = -bar.left * (u[first + 1] - u[first])
+        ahead = -bar.right * (u[stop - 1] - u[stop - 2])
+        advance_row(u[first:stop], v[first:stop], behind, ahead, bar.rate, dt)
+
+
+def advance_inside(uniform: UniformBars, u: Floats, v: Floats, steps: int, dt: float) -> None:
+    """Advance the inside of all bars by `steps` steps, in step k all nodes but k + 1 at either end.
+
+    A tile starts one node further left in every step, as the node behind its last one is a step behind.
+    """
+    between = uniform.between
+    for b in range(uniform.bars.size):
+        bar = uniform.bars[b]
+        left, right = uniform.left[b], uniform.right[b]
+        first = bar.start + 1
+        stop = bar.stop - 1
+        for tile in range(first, stop, uniform.tile):
+            for k in range(steps):
+                lo = tile - k
+                hi = min(tile + uniform.tile, stop) - k
+                behind = between[k]
+                if tile == first:
+                    lo = first + k
+                    left[k] = behind = u[lo] - u[lo - 1]
+                between[k] = ahead = u[hi] - u[hi - 1]
+                advance_row(u[lo:hi], v[lo:hi], behind, ahead, bar.rate, dt)
+        for k in range(steps):
+            right[k] = between[k]
+
+
+def advance_ends(uniform: UniformBars, u: Floats, v: Floats, k: int, dt: float) -> None:
+    """Advance by a step the nodes that `advance_inside` has left out in step k, as if nothing acted on the ends."""
+    for b in range(uniform.bars.size):
+        bar = uniform.bars[b]
+        first = bar.start
+        stop = bar.stop
+        inner = uniform.left[b, k]
+        outer = u[first + 1] - u[first] if k > 0 else inner
+        advance_row(u[first : first + k + 1], v[first : first + k + 1], -bar.left * outer, inner, bar.rate, dt)
+        inner = uniform.right[b, k]
+        outer = u[stop - 1] - u[stop - 2] if k > 0 else inner
+        advance_row(u[stop - k - 1 : stop], v[stop - k - 1 : stop], inner, -bar.right * outer, bar.rate, dt)
+
+
+def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:
+    """Advance consecutive nodes by a step, in place, between elements with elongations `behind` and `ahead`."""
+    last = u.size - 1
+    for i in range(last):
+        elongation = u[i + 1] - u[i]
+        v[i] += rate * (elongation - behind)
+        u[i] += dt * v[i]
+        behind = elongation
+    v[last] += rate * (ahead - behind)
+    u[last] += dt * v[last]
