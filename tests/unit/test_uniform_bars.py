@@ -12,6 +12,7 @@ from percuss.solver.compiled.uniform_bars import (
     advance_inside,
     advance_row,
     advance_whole,
+    energies,
 )
 from percuss.solver.march import March
 from percuss.solver.model import Model
@@ -46,8 +47,8 @@ def no_bars(model, nodes):
     return bars([], 1, 1)
 
 
-def a_bar(nodes, rate, left, right, start=0):
-    return (start, start + nodes, rate, left, right)
+def a_bar(nodes, rate, left, right, start=0, mass=1.0, stiffness=1.0):
+    return (start, start + nodes, rate, left, right, mass, mass / (1 + left), mass / (1 + right), stiffness)
 
 
 def bars(rows, steps, tile):
@@ -89,9 +90,14 @@ def test_a_whole_bar_moves_by_its_stiffness_and_masses():
     matrix = stiffness * (np.diag([1.0, 2, 2, 2, 1]) - np.diag(np.ones(4), 1) - np.diag(np.ones(4), -1))
     expected_v = v - dt * (matrix @ u) / mass
     expected_u = u + dt * expected_v
-    advance_whole(bars([a_bar(5, dt * stiffness, 1 / 0.3 - 1, 1 / 0.7 - 1)], 1, 8), u, v, dt)
+    expected_elastic = 0.5 * u @ matrix @ expected_u
+    bar = bars([a_bar(5, dt * stiffness, 1 / 0.3 - 1, 1 / 0.7 - 1, stiffness=stiffness)], 1, 8)
+    advance_whole(bar, u, v, dt)
     assert v == pytest.approx(expected_v, rel=1e-13)
     assert u == pytest.approx(expected_u, rel=1e-13)
+    kinetic, elastic = energies(bar, u, v, dt)
+    assert kinetic == pytest.approx(0.5 * mass @ v**2, rel=1e-13)
+    assert elastic == pytest.approx(expected_elastic, rel=1e-12)
 
 
 def test_a_row_of_one_node_has_an_element_on_either_side():

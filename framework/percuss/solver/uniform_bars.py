@@ -51,7 +51,8 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
         for body in bodies:
             mass, inner = body.mass, body.mass[body.mass.size // 2]
             rate = model.dt * body.stiffness[0] / inner
-            bars.append((body.start, body.stop, rate, inner / mass[0] - 1.0, inner / mass[-1] - 1.0))
+            shares = inner / mass[0] - 1.0, inner / mass[-1] - 1.0
+            bars.append((body.start, body.stop, rate, *shares, inner, mass[0], mass[-1], body.stiffness[0]))
         if min(body.mass.size for body in bodies) >= SHORT_BAR:
             steps = STEPS
     return UniformBars(

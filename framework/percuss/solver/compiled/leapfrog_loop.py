@@ -15,7 +15,7 @@ import numpy as np
 from percuss.solver.compiled.bulk import Bulk, kinetic
 from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounding_energy, solve, stored_energy
 from percuss.solver.compiled.marks import called
-from percuss.solver.compiled.uniform_bars import UniformBars, advance_ends, advance_inside, advance_whole
+from percuss.solver.compiled.uniform_bars import UniformBars, advance_ends, advance_inside, advance_whole, energies
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -224,7 +224,11 @@ def advance(
                 s += 1
                 k += 1
         if s == stop and is_recorded(record, first + s - 1):
-            write_record(groups, masses, boundary, record, u, v, dim, dt, first + s - 1)
+            if uniform.bars.size > 0:
+                kinetic_energy, strain_energy = energies(uniform, u, v, dt)
+            else:
+                kinetic_energy, strain_energy = kinetic(masses.mass, v), elastic(groups, u, v, dim, dt)
+            write_record(kinetic_energy, strain_energy, boundary, record, u, dt, first + s - 1)
         if not sound:
             return s - 1
     return count
@@ -517,7 +521,7 @@ def snapshot(record: Record, u: Floats, n: int) -> None:
 
 @called
 def write_record(
-    groups: Any, masses: Bulk, boundary: Boundary, record: Record, u: Floats, v: Floats, dim: int, lag: float, n: int
+    kinetic_energy: float, strain_energy: float, boundary: Boundary, record: Record, u: Floats, lag: float, n: int
 ) -> None:
     """Write the record of step n: state at t_n, multipliers, and energies after the step.
 
@@ -539,8 +543,8 @@ def write_record(
         q = boundary_dofs[record.probe[k]]
         record.displacement[r, k] = q.old_u
         record.velocity[r, k] = 0.5 * (q.old_v + q.new_v) if lag > 0.0 else q.old_v
-    record.energy[r, 0] = kinetic(masses.mass, v)
-    record.energy[r, 1] = elastic(groups, u, v, dim, lag)
+    record.energy[r, 0] = kinetic_energy
+    record.energy[r, 1] = strain_energy
     record.energy[r, 2] = boundary.totals[0].external_work
     record.energy[r, 3] = boundary.totals[0].contact_work
     record.energy[r, 4] = boundary.totals[0].stored

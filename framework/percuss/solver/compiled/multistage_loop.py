@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.methods.slots import accelerations, internal_force
-from percuss.solver.compiled.bulk import Bulk, Group
+from percuss.solver.compiled.bulk import Bulk, Group, kinetic
 from percuss.solver.compiled.leapfrog_loop import (
     Boundary,
     Record,
     add_initial_strain_energy,
     add_up_work,
+    elastic,
     find_contact_states,
     find_multipliers,
     is_recorded,
@@ -241,7 +242,9 @@ def advance(
         work += work_of_body_forces(system, v, dt)
         sound = add_up_work(boundary, work, n, dt)
         if is_recorded(record, n):
-            write_record(system.groups, system.masses, boundary, record, u, v[:nodal], system.dim, 0.0, n)
+            kinetic_energy = kinetic(system.masses.mass, v[:nodal])
+            strain_energy = elastic(system.groups, u, v[:nodal], system.dim, 0.0)
+            write_record(kinetic_energy, strain_energy, boundary, record, u, 0.0, n)
         if not (sound and system.clock[2] == 1.0):
             return s
     return count

@@ -26,6 +26,10 @@ UNIFORM_BAR = np.dtype(
         ("rate", "f8"),  # dt EA/h over the mass of an inner node
         ("left", "f8"),  # mass of an inner node over that of the first node, minus 1
         ("right", "f8"),  # the same for the last node
+        ("mass", "f8"),  # of an inner node
+        ("first_mass", "f8"),
+        ("last_mass", "f8"),
+        ("stiffness", "f8"),  # EA/h of an element
     ]
 )
 
@@ -92,6 +96,43 @@ def advance_ends(uniform: UniformBars, u: Floats, v: Floats, k: int, dt: float) 
         inner = uniform.right[b, k]
         outer = u[stop - 1] - u[stop - 2] if k > 0 else inner
         advance_row(u[stop - k - 1 : stop], v[stop - k - 1 : stop], inner, -bar.right * outer, bar.rate, dt)
+
+
+def energies(uniform: UniformBars, u: Floats, v: Floats, dt: float) -> tuple[float, float]:
+    """Return the kinetic energy of all bars and their staggered strain energy, ``u_n K u_{n+1} / 2``."""
+    kinetic = 0.0
+    elastic = 0.0
+    for b in range(uniform.bars.size):
+        bar = uniform.bars[b]
+        first = bar.start
+        last = bar.stop - 1
+        kinetic += bar.mass * sum_of_squares(v[first + 1 : last])
+        kinetic += bar.first_mass * v[first] * v[first] + bar.last_mass * v[last] * v[last]
+        elastic += bar.stiffness * sum_of_elongations(u[first : last + 1], v[first : last + 1], dt)
+    return 0.5 * kinetic, 0.5 * elastic
+
+
+def sum_of_squares(v: Floats) -> float:
+    """Return the sum of the squares of velocities."""
+    total = 0.0
+    for i in range(v.size):
+        total += v[i] * v[i]
+    return total
+
+
+sum_of_squares.reduction = True  # type: ignore[attr-defined]
+
+
+def sum_of_elongations(u: Floats, v: Floats, dt: float) -> float:
+    """Return the sum over the elements of a bar of the product of their elongations after and before the step."""
+    total = 0.0
+    for i in range(u.size - 1):
+        after = u[i + 1] - u[i]
+        total += after * (after - dt * (v[i + 1] - v[i]))
+    return total
+
+
+sum_of_elongations.reduction = True  # type: ignore[attr-defined]
 
 
 def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:

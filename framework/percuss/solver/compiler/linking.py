@@ -194,11 +194,14 @@ class _Call(NamedTuple):
     block: Block
 
     def fits(self, arguments: tuple[Any, ...]) -> bool:
-        """Return whether these arguments differ from those of the last call in the values of numbers alone."""
-        return len(arguments) == len(self.arguments) and all(
-            new is old or (type(new) is type(old) and isinstance(new, int | float))
-            for new, old in zip(arguments, self.arguments, strict=True)
-        )
+        """Return whether these arguments have the same structure as those of the last call."""
+        try:
+            return len(arguments) == len(self.arguments) and all(
+                new is old or structure(new) == structure(old)
+                for new, old in zip(arguments, self.arguments, strict=True)
+            )
+        except CannotLink:  # which is told when they are linked
+            return False
 
 
 def _block(arguments: tuple[Any, ...], form: str, numbers: Sequence[Sequence[Any]]) -> Block:
@@ -245,7 +248,7 @@ class LinkedLoop:
             last = _Call(arguments, numbers, form, address, _block(arguments, form, numbers))
         elif not all(new is old for new, old in zip(arguments, last.arguments, strict=True)):
             given = zip(arguments, last.arguments, last.numbers, strict=True)
-            numbers = [numbers if new is old else [new] for new, old, numbers in given]
+            numbers = [numbers if new is old else _numbers(new) for new, old, numbers in given]
             block = _block(arguments, last.form, numbers)
             last = last._replace(arguments=arguments, numbers=numbers, block=block)
         self._calls[kind] = last
