@@ -107,7 +107,7 @@ def whole(tmp_path_factory):
     plan = bench(
         folder,
         methods={"contacts": ["penalty", "mine", {"name": "bipenalty", "beta_s": 0.3, "ratio": 2}, "lagrange"]},
-        vary={"method.contact.beta_s": [1e-05, 0.1 + 0.2, 50], "bodies.short.velocity": [[0.1], 0.2]},
+        vary={"method.contact.beta_s": [1e-05, 0.1 + 0.2, 50.0], "bodies.short.velocity": [[0.1], 1]},
         tied=True,
         nudge=True,
     )
@@ -223,7 +223,7 @@ def test_of_files_that_are_large_or_no_text_there_is_the_digest_alone(tmp_path, 
     assert found["data"].sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
     assert found["case"].sha256 == hashlib.sha256(case.read_bytes()).hexdigest()
     assert found["case"].text == case.read_text(encoding="utf-8-sig")
-    monkeypatch.setattr(study_files, "LONGEST_TEXTS", found["study"].size)
+    monkeypatch.setattr(study_files, "LONGEST_TEXTS", found["study"].size + found["case"].size - 1)
     found = {file.role: file for file in percuss.study(plan, workers=1).files}
     assert found["study"].text is not None
     assert found["case"].text is None

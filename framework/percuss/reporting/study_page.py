@@ -267,10 +267,14 @@ def _sampling_notice(data: dict[str, Any], beside: str) -> str:
 def _varied_table(study: StudyLike, roles: ColumnRoles) -> str:
     lines = []
     for path in roles.varied:
-        values = study_data.in_order([text for text in study_data.texts(study.table[path]) if text != ""])
+        column = study.table[path]
+        count, as_numbers = column.nunique(), study_data.numbers(column)
+        if count > MOST_VALUES and as_numbers is not None:
+            column = column.iloc[[np.nanargmin(as_numbers), np.nanargmax(as_numbers)]]
+        values = study_data.in_order([text for text in study_data.texts(column) if text != ""])
         values = [study_data.as_label(text) for text in values]
-        if len(values) > MOST_VALUES:
-            values_in_words = f"{study.table[path].nunique():,} values from {values[0]} to {values[-1]}"
+        if count > MOST_VALUES:
+            values_in_words = f"{count:,} values from {values[0]} to {values[-1]}"
         else:
             values_in_words = ", ".join(values) or "none"
         without = sorted(study_data.lacking(study.table, path))
