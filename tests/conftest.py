@@ -4,6 +4,7 @@ Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones tak
 """
 
 import os
+import shutil
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: threads cost more than they bring
 
@@ -33,3 +34,17 @@ def pytest_collection_modifyitems(items):
 def pytest_xdist_auto_num_workers(config):
     """Return one worker more than there are processors: tests of pages and studies wait for other processes."""
     return (os.cpu_count() or 1) + 1
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    sync_api = pytest.importorskip("playwright.sync_api", reason="the page is opened by playwright")
+    if CHROMIUM is None:
+        pytest.skip("the page is opened in Chromium, which is not installed")
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()

@@ -146,6 +146,7 @@ def test_a_run_that_gains_energy_is_stopped_and_named(tmp_path: Path) -> None:
         (["run", HUNEK, "-o", "nowhere/a.nc"], "expected a folder"),
         (["run", HUNEK, "--set", "refine"], "expected PATH=VALUE"),
         (["run", HUNEK, "--plugin", "nowhere.py"], "nowhere.py"),
+        (["run", HUNEK, "--tied", "--exact-only"], "no interface to tie"),
         (["compare", HUNEK, "--contact", "penalti"], "Did you mean 'penalty'?"),
         (["compare", HUNEK, "--vary", "refine=1:2"], "expected a range"),
         (["compare", HUNEK, "--vary", "refin=1,2"], "Did you mean 'refine'?"),

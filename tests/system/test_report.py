@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import json
 import re
-import shutil
 from html.parser import HTMLParser
 from importlib import resources
 
@@ -19,16 +18,17 @@ from typer.testing import CliRunner
 
 import percuss
 from fake_studies import TWO_BARS, FakeStudy, drawn_study, run_study, several_cases
+from opened_page import Opened
 from percuss.cli.main import app
 from percuss.cli.report import written
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.study_figures import figures
 from percuss.reporting.study_page import report_html, study_report
 from percuss.studies.columns import metric
+from percuss.studies.study_files import StudyFile
 
 pytestmark = pytest.mark.slow
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 EVIL = """</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">{{js}} 'it' & "that" """
 CHARTS = ("work", "vary", "map", "force")
 
@@ -61,6 +61,8 @@ def hostile():
     study.provenance |= {EVIL: {EVIL: [EVIL]}, "command": [EVIL]}
     line = {"time": np.linspace(0, 1, 9), "contact_force": np.arange(9.0), "contact_force_exact": np.arange(9.0)}
     study.kept = dict.fromkeys(table["key"], line)
+    study.files = [StudyFile(EVIL, EVIL, EVIL, 1, EVIL)]
+    study.row_commands = [[EVIL, {"value": f"time.{EVIL}", "whole": False}]], [0] * len(table)
     return study
 
 
@@ -663,17 +665,6 @@ def test_a_report_reads_the_table_of_a_study_once(several, tmp_path, monkeypatch
 
 
 @pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="the page is opened by playwright")
-    if CHROMIUM is None:
-        pytest.skip("the page is opened in Chromium, which is not installed")
-    with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield opened
-        opened.close()
-
-
-@pytest.fixture(scope="module")
 def pages(small, large, several, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     for name, study in {
@@ -700,61 +691,6 @@ def odd(several):
     study.kept = dict.fromkeys(table["key"][::2], line)
     study.table = table
     return study
-
-
-class Opened:
-    """A page in the browser, and what it asked for and complained of."""
-
-    def __init__(self, browser, path, width=1280, scheme="light"):
-        self.requests, self.complaints = [], []
-        self.page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.goto(path.as_uri())
-        self.page.wait_for_selector("html[data-ready]")
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.page.close()
-
-    def colours(self, chart):
-        """Return how many pixels of a chart are drawn, and in how many colours."""
-        return self.page.evaluate(
-            """(id) => {
-              const { width, height } = document.querySelector(`#${id} canvas`);
-              const copy = Object.assign(document.createElement("canvas"), { width, height });
-              const paper = copy.getContext("2d", { willReadFrequently: true });
-              paper.drawImage(document.querySelector(`#${id} canvas`), 0, 0);
-              const data = paper.getImageData(0, 0, width, height).data;
-              const seen = new Set();
-              let drawn = 0;
-              for (let k = 0; k < data.length; k += 4) {
-                if (data[k + 3] === 0) continue;
-                drawn += 1;
-                seen.add((data[k] << 16) | (data[k + 1] << 8) | data[k + 2]);
-              }
-              return [drawn, seen.size];
-            }""",
-            chart,
-        )
-
-    def cells(self, title):
-        """Return what the table shows in one column."""
-        place = self.page.evaluate("(name) => columns.findIndex((one) => one.name === name)", title)
-        return self.page.locator(f'#table .tabulator-cell[tabulator-field="c{place}"]').all_inner_texts()
-
-    def filter(self, title, text):
-        place = self.page.evaluate("(name) => columns.findIndex((one) => one.name === name)", title)
-        box = self.page.locator(f'#table .tabulator-col[tabulator-field="c{place}"] input')
-        box.fill("")
-        before = self.page.inner_text("#count")
-        box.press_sequentially(text)
-        # Tabulator waits for the end of typing
-        self.page.wait_for_function('(before) => document.getElementById("count").textContent !== before', arg=before)
-        self.page.wait_for_timeout(400)
 
 
 @pytest.mark.parametrize(

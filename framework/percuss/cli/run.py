@@ -22,7 +22,7 @@ from percuss.cli.common import (
     progress_bar,
     reporting,
 )
-from percuss.errors import RunError
+from percuss.errors import InputError, Problem, RunError
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -44,18 +44,27 @@ def run(
     nudge: Annotated[
         bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer hang on round-off?")
     ] = False,
+    tied: Annotated[
+        bool, typer.Option("--tied", help="Run with interfaces tied while the exact contact is closed.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a case, and print, save and draw its result."""
     with reporting(as_json):
         if plot is not None:
             expect_drawable(plot)
+        if tied and exact_only:
+            raise InputError([Problem("--tied", "", "the exact solution has no interface to tie", "Leave one out.")])
         if exact_only:
             from percuss.results.exact_only import load_for_exact
 
             loaded = load_case(case, set_, plugin, read=load_for_exact)
         else:
             loaded = load_case(case, set_, plugin)
+        if tied:
+            from percuss.studies.perform import tied_twin
+
+            loaded = tied_twin(loaded)
         if plot is not None and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.yaml_text import flow
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES, number
 from percuss.reporting.study_data import ColumnRoles, StudyLike
@@ -56,6 +57,8 @@ class Snapshot:
     columns: dict[str, str]
     registry: Any
     histories: Callable[[Any], dict[str, Any] | None]
+    files: list[Any]
+    row_commands: tuple[list[Any], list[int | None]]
 
 
 def snapshot(study: StudyLike) -> Snapshot:
@@ -64,11 +67,23 @@ def snapshot(study: StudyLike) -> Snapshot:
         study.title,
         study.spec,
         study.provenance,
-        study.table,
+        _with_lists_as_texts(study.table),
         study_data.words(study),
         getattr(study, "registry", None),
         study.histories,
+        getattr(study, "files", []),
+        getattr(study, "row_commands", ([], [])),
     )
+
+
+def _with_lists_as_texts(table: Any) -> Any:
+    """Return a table whose lists and mappings, which cannot be counted, are texts as in a study file."""
+    structured = {
+        name: column.map(lambda value: flow(value) if isinstance(value, list | dict) else value)
+        for name, column in table.items()
+        if column.dtype == object and any(isinstance(value, list | dict) for value in column)
+    }
+    return table.assign(**structured) if structured else table
 
 
 @dataclass(frozen=True)

@@ -86,13 +86,14 @@ def report_html(study: StudyLike, beside: str = "") -> str:
         "methods": _methods_html(study),
         "again": _command_and_file(study),
         "provenance": _provenance_html(plain(study.provenance)),
+        "files": _files_html(study),
         "data": _script_json(data),
         "licence": escape(_file("vendor", "tabulator", "LICENSE")),
         "tabulator_css": _without_source_map(_file("vendor", "tabulator", "tabulator_simple.min.css")),
         "css": _file("report.css"),
         "echarts": _without_source_map(_file("vendor", "echarts", "echarts.common.min.js")),
         "tabulator": _without_source_map(_file("vendor", "tabulator", "tabulator.min.js")),
-        "js": _file("report.js") + _file("charts.js"),
+        "js": _file("report.js") + _file("charts.js") + _file("address.js"),
     }
     # One pass replaces all marks, so that marks inside an inserted text stay as they are.
     return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], _file("report.html"))
@@ -122,6 +123,7 @@ def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, A
         "added": np.flatnonzero(~carried.drawn).tolist(),
         "best": carried.best,
         "columns": [_packed_column(study.table, carried.kept, name, roles, charts) for name in names],
+        "commands": _packed_commands(study, carried.kept),
         "charts": {"work": asdict(charts.work), "varied": asdict(charts.varied), "mapped": charts.mapped},
         "stayed": study_charts.STAYED,
         "ranked": charts.ranked,
@@ -163,6 +165,22 @@ def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts:
     if name == "status":
         column["outcomes"] = [study_charts.outcome(level) for level in levels]
     return column | {"kind": "text", "levels": levels, "data": study_data.packed(code_of_row, "<u2")}
+
+
+def _packed_commands(study: StudyLike, kept: Any) -> dict[str, Any] | None:
+    """Return the templates of the commands of the kept rows, and the template of each row; None without commands."""
+    templates, index_of_row = getattr(study, "row_commands", ([], []))
+    if not templates or len(index_of_row) != len(study.table):
+        return None
+    indices = np.array([-1 if index is None else index for index in index_of_row])[kept]
+    used, index_of_row = np.unique(indices, return_inverse=True)
+    pieces = [
+        [piece if isinstance(piece, str) else [piece["value"], piece["whole"]] for piece in templates[index]]
+        if index >= 0
+        else []
+        for index in used
+    ]
+    return {"templates": pieces, "data": study_data.packed(index_of_row, "<u2")}
 
 
 def _packed_bins(values: Any, kept: Any, most: int, bins: int) -> dict[str, Any]:
@@ -249,10 +267,14 @@ def _sampling_notice(data: dict[str, Any], beside: str) -> str:
 def _varied_table(study: StudyLike, roles: ColumnRoles) -> str:
     lines = []
     for path in roles.varied:
-        values = study_data.in_order([text for text in study_data.texts(study.table[path]) if text != ""])
+        column = study.table[path]
+        count, as_numbers = column.nunique(), study_data.numbers(column)
+        if count > MOST_VALUES and as_numbers is not None:
+            column = column.iloc[[np.nanargmin(as_numbers), np.nanargmax(as_numbers)]]
+        values = study_data.in_order([text for text in study_data.texts(column) if text != ""])
         values = [study_data.as_label(text) for text in values]
-        if len(values) > MOST_VALUES:
-            values_in_words = f"{study.table[path].nunique():,} values from {values[0]} to {values[-1]}"
+        if count > MOST_VALUES:
+            values_in_words = f"{count:,} values from {values[0]} to {values[-1]}"
         else:
             values_in_words = ", ".join(values) or "none"
         without = sorted(study_data.lacking(study.table, path))
@@ -405,8 +427,29 @@ def _command_and_file(study: StudyLike) -> str:
     words = command if isinstance(command, str) else shlex.join(map(str, command or ("percuss", "study", AGAIN)))
     saved = f"<p>With the file below saved as <code>{AGAIN}</code> where its cases are found from:</p>"
     run = f'{"" if command else saved}<pre class="command">{escape(words)}</pre>'
+    if any(file.role == "study" and file.text is not None for file in getattr(study, "files", [])):
+        return f'{run}<p>The study file and the files that it names stand <a href="#files">below</a>.</p>'
     text = yaml.safe_dump(plain(study.spec), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)
     return f"{run}<p>The study file, as it was read:</p><pre>{escape(text)}</pre>"
+
+
+def _files_html(study: StudyLike) -> str:
+    """Return the files that the study came from, each with its digest and its text, folded in."""
+    files = getattr(study, "files", [])
+    if not files:
+        return "<p>No files were kept with this study.</p>"
+    note = (
+        '<p class="soft">As they were read when the study was run last. Of a file that is too large to be kept, '
+        "or no text, there is the digest alone.</p>"
+    )
+    return note + "".join(
+        f'<details class="file"><summary><code>{escape(one_line(file.path))}</code> '
+        f'<span class="soft">{escape(file.role)}, {count_of(file.size, "byte")}</span></summary>'
+        f'<p class="soft">SHA-256 <code>{escape(file.sha256)}</code></p>'
+        + (f"<pre>{escape(file.text)}</pre>" if file.text is not None else "<p>Its text was not kept.</p>")
+        + "</details>"
+        for file in files
+    )
 
 
 def _provenance_html(provenance: dict[str, Any]) -> str:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
 
-__all__ = ["LOST", "Run", "failure_status", "perform", "perform_timed", "tying_law"]
+__all__ = ["LOST", "Run", "failure_status", "perform", "perform_timed", "tied_twin", "tying_law"]
 
 LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
 
@@ -120,7 +120,7 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
         return Run(*names, "failed", str(error), unread=True), error
     try:
         if task.tied:
-            changed = changed.with_overrides(_tying_changes(changed))
+            changed = tied_twin(changed)
         result = make(changed)
     except RefusedPair as error:
         return Run(*names, "refused", error.reason, error.said_by), None
@@ -177,8 +177,14 @@ def tying_law(registry: Registry) -> type[ContactLaw]:
     return tying_laws[0]  # type: ignore[no-any-return]
 
 
-def _tying_changes(case: Case) -> dict[str, Any]:
-    """Return the changes to a case that tie each contact while its exact solution is closed."""
+def tied_twin(case: Case) -> Case:
+    """Return a case with each contact tied while its exact solution is closed.
+
+    Raises
+    ------
+    PercussError
+        If there is no law that ties, or nothing says when the exact contact is closed.
+    """
     from percuss.certificate.verdict import settled
     from percuss.results.exact import exact_solution
 
@@ -188,7 +194,8 @@ def _tying_changes(case: Case) -> dict[str, Any]:
     solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
     if solution is None or reason:
         raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")
-    return {
+    tied_during = {
         f"contacts.{name}.method": {"name": law.name, law.tied_during: contact.closed}
         for name, contact in solution.contacts.items()
     }
+    return case.with_overrides(tied_during)

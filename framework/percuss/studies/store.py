@@ -17,7 +17,9 @@ from typing import Any
 from percuss.errors import InputError, Problem, UnwrittenError, shortened
 from percuss.files import is_file, is_folder, replacing, unwritten
 from percuss.studies.perform import LOST
+from percuss.studies.row_command import Template, command_of
 from percuss.studies.stored_run import Record, unpacked
+from percuss.studies.study_files import StudyFile
 
 __all__ = ["Store"]
 
@@ -41,6 +43,10 @@ OF_THE_MACHINE = {
     *(sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_NOMEM),
 }
 STATUSES = {None, "done", "unstable", "refused", "failed", "interrupted", LOST}  # None: not yet made
+FILES = """
+CREATE TABLE IF NOT EXISTS files (
+    path TEXT PRIMARY KEY, role TEXT NOT NULL, sha256 TEXT NOT NULL, bytes INTEGER NOT NULL, text TEXT)
+"""  # not among `TABLES`: a file of the same format made before there was this table gets it with its next session
 WORKER = "worker"  # `said_by` of a run that was lost with its worker
 
 
@@ -138,9 +144,13 @@ class Store:
     # ------------------------------------------------------------------------------------------- writing
 
     def begin(
-        self, facts: Mapping[str, Any], provenance: Mapping[str, Any], plan: Iterable[tuple[str, Mapping[str, Any]]]
+        self,
+        facts: Mapping[str, Any],
+        provenance: Mapping[str, Any],
+        plan: Iterable[tuple[str, Mapping[str, Any]]],
+        files: Iterable[StudyFile] = (),
     ) -> None:
-        """Store the facts of the study, the provenance of this session, and the plan: key and names of every row.
+        """Store facts, files and provenance of this session, and the plan: key and names of every row.
 
         Rows that are no longer in the plan are kept: a later plan may need them again.
         """
@@ -150,6 +160,10 @@ class Store:
             db.execute("DELETE FROM plan")
             rows = ((n, key, json.dumps(row)) for n, (key, row) in enumerate(plan))
             db.executemany("INSERT INTO plan VALUES (?, ?, ?)", rows)
+            db.execute(FILES)
+            db.execute("DELETE FROM files")
+            columns = ((file.path, file.role, file.sha256, file.size, file.text) for file in files)
+            db.executemany("INSERT INTO files VALUES (?, ?, ?, ?, ?)", columns)
             cursor = db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
             self.session = cursor.lastrowid or 0
 
@@ -213,6 +227,34 @@ class Store:
         with self._open() as db:
             sessions = [json.loads(text) for (text,) in db.execute("SELECT provenance FROM sessions ORDER BY number")]
             return [dict(session) for session in sessions]
+
+    def files(self) -> list[StudyFile]:
+        """Return the files that the study came from; none if it was made before files were kept."""
+        with self._open() as db:
+            if db.execute("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'files'").fetchone() is None:
+                return []
+            files = [StudyFile(*row) for row in db.execute("SELECT * FROM files ORDER BY rowid")]
+            if not all(file.is_sound for file in files):
+                raise ValueError("a file that was kept with the study cannot be what was stored")
+            return files
+
+    def row_commands(self) -> tuple[list[Template], list[int | None]]:
+        """Return the templates of the commands, and for each row of the plan, in order, the index of its template."""
+        with self._open() as db:
+            templates = self._fact(db, "commands") or []
+            rows = db.execute("SELECT row FROM plan ORDER BY number")
+            indices = [json.loads(row).get("command") for (row,) in rows]
+            if not all(index is None or 0 <= index < len(templates) for index in indices):
+                raise ValueError("the commands of the rows cannot be what was stored")
+            return list(templates), indices
+
+    def command(self, key: str) -> str | None:
+        """Return the command of the first row of the plan with a key, or None if it has none."""
+        with self._open() as db:
+            found = db.execute("SELECT row FROM plan WHERE key = ? ORDER BY number", (key,)).fetchone()
+            row = json.loads(found[0]) if found is not None else {}
+            index = row.get("command")
+            return None if index is None else command_of(self._fact(db, "commands")[index], row["varied"])
 
     def rows(self) -> list[tuple[Any, ...]]:
         """Return the rows of the plan in order: names and outcome of each run, or None for a run not yet made."""

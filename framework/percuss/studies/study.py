@@ -3,7 +3,8 @@
 The way of a row: `spec` reads the plan, `parameters` draws its points, `tasks` makes them tasks, `run_key` gives each a
 key, `claim` locks the file of rows, `preflight` tries each kind of run, `dispatch` gives the tasks that are left to
 workers, where `job_package` reads their cases, `perform` makes the runs, `columns` measures them and `stored_run` packs
-them; `store` keeps the rows, and `study_table` shows them.
+them; `store` keeps the rows, the command of each (`row_command`) and the files that they came from (`study_files`), and
+`study_table` shows them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from percuss.filelock import NotWritableError
 from percuss.results.provenance import machine
 from percuss.studies.claim import claimed, has_content
 from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
+from percuss.studies.row_command import RowCommands
 from percuss.studies.store import Store, as_json_data
+from percuss.studies.study_files import files_of
 from percuss.studies.study_table import Study
 
 if TYPE_CHECKING:
@@ -133,7 +136,8 @@ def _made(
                 steps = rehearsals(spec.cases, [job.task for job in missing])
                 check_measures(spec, summaries_of(local, spec.cases, steps))
             store = Store(file, new=True)
-            _begin(store, spec, jobs, _command(path, plugins), identity)
+            commands = RowCommands(spec.data.get("set", {}), [Path(file) for file in plugins], nudge=spec.nudge)
+            _begin(store, spec, jobs, bench, commands, {"command": _command(path, plugins)}, {"study": identity})
             done = Study(store.path)
             done.found = sum(job.key in finished for job in jobs)
             if missing:
@@ -175,22 +179,23 @@ def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path
 
 
 def _begin(
-    store: Store, spec: StudySpec, jobs: Sequence[Job], command: str | None, identity: Mapping[str, Any]
+    store: Store,
+    spec: StudySpec,
+    jobs: Sequence[Job],
+    bench: Bench,
+    commands: RowCommands,
+    provenance: Mapping[str, Any],
+    facts: Mapping[str, Any],
 ) -> None:
-    """Store the facts, the provenance and the plan of the study."""
-    files = {
+    """Store the facts, the files, the provenance and the plan of the study."""
+    plugins = {
         str(path): source.version
         for case in spec.cases.values()
         for path in case.registry.files
         for source in case.registry.sources.values()
         if source.file == str(path)
     }
-    facts = {
-        "study": identity,
-        "spec": as_json_data(spec.data),
-        "columns": {column.name: column.what for column in spec.columns},
-    }
-    plan = (
+    plan = [
         (
             job.key,
             {
@@ -198,8 +203,16 @@ def _begin(
                 "integrator": job.task.integrator,
                 "contact": job.task.contact,
                 "varied": as_json_data(job.task.varied),
+                "command": commands.index_of(job.task.case, spec.cases[job.task.case], job.task),
             },
         )
         for job in jobs
-    )
-    store.begin(facts, {**machine(), "cores": os.cpu_count(), "plugins": files, "command": command}, plan)
+    ]
+    facts = {
+        **facts,
+        "spec": as_json_data(spec.data),
+        "columns": {column.name: column.what for column in spec.columns},
+        "commands": commands.templates,
+    }
+    provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, **provenance}
+    store.begin(facts, provenance, plan, files_of(spec, bench))

@@ -15,6 +15,9 @@ from percuss.studies.store import Store
 if TYPE_CHECKING:
     import pandas as pd
 
+    from percuss.studies.row_command import Template
+    from percuss.studies.study_files import StudyFile
+
 __all__ = ["Study", "exportable", "open_study"]
 
 SECONDS = "wall time of the march alone, the least of its repeats; the processor is in the provenance"
@@ -57,6 +60,32 @@ class Study:
         sessions = self._store.sessions()
         last = sessions[-1] if sessions else {}
         return {**last, "sessions": sessions, "processors": self._store.processors()}
+
+    @property
+    def files(self) -> list[StudyFile]:
+        """The files that the study came from: path, role, SHA-256 digest, size and text of each."""
+        return self._store.files()
+
+    def command(self, key: str) -> str | None:
+        """Return the command that makes the run of a row alone, given where the study was begun.
+
+        Parameters
+        ----------
+        key
+            Key of the row.
+
+        Returns
+        -------
+        str or None
+            The command, quoted for a shell; None if no command makes the same run, or if the study was made before
+            commands were kept.
+        """
+        return self._store.command(key)
+
+    @property
+    def row_commands(self) -> tuple[list[Template], list[int | None]]:
+        """Templates of the commands of all rows, and the index of the template of each row of `table`."""
+        return self._store.row_commands()
 
     @property
     def title(self) -> str:

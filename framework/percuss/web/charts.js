@@ -5,6 +5,7 @@ const CROSS = "path://M-1,-0.7L-0.7,-1L0,-0.3L0.7,-1L1,-0.7L0.3,0L1,0.7L0.7,1L0,
 const BAR = "path://M-1,-0.16h2v0.32h-2z";
 const PAPER_WIDTH = 680;
 const MOST_PANELS = 12;
+const LOG_BOXES = ["work-logx", "work-logy", "vary-logx", "vary-logy"];
 const charts = {};
 
 const visible = (rows) => rows.filter((row) => !hidden.has(methodOf[row]));
@@ -652,6 +653,12 @@ function drawScale(words, ends, panels, roomy, value) {
 
 /** Show a run: its force, or where none was kept its row in the table, which says all that is known of it. */
 function pick(row, from = false) {
+  pickRow(row, from);
+  showCommand(row);
+  noteChange("runs");
+}
+
+function pickRow(row, from) {
   const before = marked;
   marked = page.histories[row] ? null : row;
   if (before !== null) reformat(before);
@@ -668,6 +675,14 @@ function pick(row, from = false) {
   reformat(row);
   drawForce();
   if (from) $("force").closest("figure").scrollIntoView({ behavior: "smooth", block: "nearest" });
+}
+
+/** Choose the runs whose forces are shown, and the row that is marked as none was kept of it. */
+function setPicked(rows, row) {
+  const before = [...picked.splice(0), marked];
+  picked.push(...rows);
+  marked = row;
+  for (const changed of new Set([...before, ...picked, marked])) if (changed !== null) reformat(changed);
 }
 
 function showRow(row) {
@@ -785,7 +800,10 @@ function drawStudy() {
 function fill(id, names, place = 0) {
   $(id).replaceChildren(...names.map((name) => element("option", name ? column[name].label : page.stayed, { value: name })));
   if (names.length) $(id).value = names[place] ?? names[0];
-  $(id).addEventListener("change", drawStudy);
+  $(id).addEventListener("change", () => {
+    drawStudy();
+    noteChange(id);
+  });
 }
 
 /** Show the table of pairs and cases of the chosen measure. */
@@ -809,18 +827,17 @@ function start() {
   $("profiles").hidden = !Object.keys(page.profiles).length;
   $("pairs-v").addEventListener("change", showPairs);
   showPairs();
-  for (const id of ["work-logx", "work-logy", "vary-logx", "vary-logy"]) {
+  for (const id of LOG_BOXES) {
     $(id).addEventListener("change", () => {
       wishes[`${id} ${$(id).dataset.column}`] = $(id).checked;
       drawStudy();
+      noteChange(id);
     });
   }
   $("unpick").addEventListener("click", () => {
-    const before = marked;
-    marked = null;
-    if (before !== null) reformat(before);
-    for (const row of picked.splice(0)) reformat(row);
+    setPicked([], null);
     drawForce();
+    noteChange("runs");
   });
   drawFilters();
   pickFirst();
@@ -839,7 +856,7 @@ function toPaper(on) {
   if (on === printing) return;
   printing = on;
   if (on) {
-    folded = [...document.querySelectorAll("details:not([open])")];
+    folded = [...document.querySelectorAll("details:not([open], .file)")];
     drawPrinted();
   }
   for (const item of folded) item.open = on;

@@ -4,6 +4,7 @@
 const page = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const MOST_PRINTED = 40;
+const NAMES = ["case", "integrator", "contact"];
 
 function unpacked(text, kind) {
   const raw = atob(text);
@@ -81,6 +82,45 @@ function nameOf(row) {
   return [page.methods[methodOf[row]], ...cases, ...values].join(", ");
 }
 
+// ---------------------------------------------------------------------------------------------- commands
+
+const templateOf = page.commands && unpacked(page.commands.data, "<u2");
+
+/** A varied number as a command writes it: a number that is not whole in its file is none in the command. */
+function numberWord(field, row, whole) {
+  const text = field.kind === "text" ? textAt(field, row) : String(field.values[row]);
+  return whole || !/^-?\d+$/.test(text) ? text : `${text}.0`;
+}
+
+/** The command that makes the run of a row alone, quoted for a shell; empty where there is none. */
+function commandOf(row) {
+  if (!page.commands) return "";
+  const pieces = page.commands.templates[templateOf[row]];
+  return pieces.map((piece) => (typeof piece === "string" ? piece : numberWord(column[piece[0]], row, piece[1]))).join("");
+}
+
+function showCommand(row) {
+  if (!page.commands) return;
+  const command = commandOf(row);
+  $("alone").hidden = false;
+  $("alone-note").textContent = `${command ? "Where the study was begun, this command runs alone" : "No command runs alone"}: ${nameOf(row)}`;
+  $("command").textContent = command;
+  $("command").hidden = $("copy").hidden = !command;
+  $("copied").textContent = "";
+}
+
+async function copyCommand() {
+  let done = true;
+  try {
+    await navigator.clipboard.writeText($("command").textContent);
+  } catch {
+    // Not every browser gives a page that is a file access to the clipboard: the text is selected all the same.
+    getSelection().selectAllChildren($("command"));
+    done = document.execCommand("copy");
+  }
+  $("copied").textContent = done ? "Copied." : "It is selected: copy it from there.";
+}
+
 // ---------------------------------------------------------------------------------------------- looks
 
 const LIGHT = { ink: "#1a1a1a", soft: "#5a5a5a", grid: "#e4e4e4", paper: "#ffffff", alarm: "#b33a00", exact: "#9a9a9a", swap: {} };
@@ -122,6 +162,7 @@ function drawLegend() {
       if (!hidden.delete(k)) hidden.add(k);
       drawLegend();
       drawStudy();
+      noteChange("methods");
     });
     return entry;
   });
@@ -166,6 +207,22 @@ function tableColumn(field, k) {
   };
 }
 
+const COPY = { title: "command", field: "command", headerSort: false, width: 92, formatter: () => element("button", "copy", { type: "button", class: "copy" }) };
+
+/** The columns of the table; those that name a run stay in sight as long as they leave half of it to the others. */
+function tableColumns() {
+  const made = shownColumns.map(([field, k]) => tableColumn(field, k));
+  const names = shownColumns.filter(([field]) => NAMES.includes(field.name)).length;
+  let room = $("table").clientWidth / 2;
+  for (const name of made.slice(0, names)) {
+    room -= name.width;
+    if (room < 0) break;
+    name.frozen = true;
+  }
+  if (page.commands) made.splice(names, 0, COPY);
+  return made;
+}
+
 function statusCell(cell) {
   const made = element("span", cell.getValue());
   if (cell.getValue() !== "done") made.className = "alarm";
@@ -190,11 +247,18 @@ const shownColumns = columns
 const table = new Tabulator("#table", {
   data: tableRows(), index: "i", height: 440, layout: "fitDataFill", nestedFieldSeparator: false,
   columnDefaults: { headerWordWrap: true },
-  columns: shownColumns.map(([field, k]) => tableColumn(field, k)), placeholder: "No run passes these filters",
+  columns: tableColumns(), placeholder: "No run passes these filters",
   rowFormatter: (row) => row.getElement().classList.toggle("picked", picked.includes(row.getData().i) || row.getData().i === marked),
 });
-table.on("rowClick", (_, row) => pick(row.getData().i));
+table.on("rowClick", (event, row) => {
+  if (!event.target.closest(".copy")) return pick(row.getData().i);
+  showCommand(row.getData().i);
+  copyCommand();
+});
+table.on("dataSorted", () => noteChange("order"));
 table.on("dataFiltered", (_, rows) => {
+  showFilters();
+  noteChange("filters");
   if (rows.length === page.rows && active.length === page.rows) return; // Tabulator filters at the start too, when all is drawn
   active = rows.map((row) => row.getData().i);
   count();
@@ -202,6 +266,7 @@ table.on("dataFiltered", (_, rows) => {
 });
 table.on("tableBuilt", () => {
   count();
+  beginAddress();
   document.documentElement.dataset.ready = "yes";
 });
 
@@ -215,6 +280,8 @@ $("clear").addEventListener("click", () => {
   for (const chosen of document.querySelectorAll("#filters select")) chosen.value = "";
   table.clearHeaderFilter();
 });
+
+$("copy").addEventListener("click", copyCommand);
 
 $("csv").addEventListener("click", () => {
   const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
@@ -232,7 +299,7 @@ function drawFilters() {
     if (field.name !== "case" && field.role !== "varied") continue;
     const values = field.kind === "text" ? field.levels : [...new Set(field.values)].filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
     if (values.length < 2 || values.length > 16) continue;
-    const chosen = element("select");
+    const chosen = element("select", "", { "data-field": `c${k}` });
     chosen.append(element("option", "all", { value: "" }));
     for (const value of values) {
       chosen.append(element("option", field.kind === "text" ? value : numberText(value), { value: field.kind === "text" ? `=${value}` : value }));
@@ -242,6 +309,43 @@ function drawFilters() {
     label.append(chosen);
     $("filters").append(label);
   }
+}
+
+/** Let the choices above the charts show what the table is filtered by. */
+function showFilters() {
+  const filters = new Map(table.getHeaderFilters().map(({ field, value }) => [field, String(value)]));
+  for (const chosen of document.querySelectorAll("#filters select")) {
+    const value = filters.get(chosen.dataset.field) ?? "";
+    chosen.value = value;
+    if (chosen.selectedIndex < 0) chosen.value = "";
+  }
+}
+
+/** A box for each column of the table, to show it or not. */
+function drawColumnChoice() {
+  const boxes = table.getColumns().map((shown) => {
+    const { field, title } = shown.getDefinition();
+    const box = element("input", "", { type: "checkbox", "data-field": field });
+    box.checked = true;
+    box.addEventListener("change", () => {
+      setShown(shown, box.checked);
+      noteChange("columns");
+    });
+    const label = element("label");
+    label.append(box, ` ${field === COPY.field ? title : columns[Number(field.slice(1))].label}`);
+    return label;
+  });
+  const all = element("button", "Show all", { type: "button" });
+  all.addEventListener("click", () => {
+    for (const shown of table.getColumns()) setShown(shown, true);
+    noteChange("columns");
+  });
+  document.querySelector("#columns .controls").replaceChildren(...boxes, all);
+}
+
+function setShown(shown, on) {
+  document.querySelector(`#columns input[data-field="${shown.getField()}"]`).checked = on;
+  if (shown.isVisible() !== on) shown[on ? "show" : "hide"]();
 }
 
 /** On paper the first rows, as sorted and filtered, in the columns that tell most. */

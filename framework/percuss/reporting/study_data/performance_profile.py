@@ -53,13 +53,15 @@ def problems(table: Any, varied: Sequence[str]) -> Problems:
             points[tuple(point)] = None
     kept = []
     for case, *values in points:
-        point_of = {
-            method: ["" if method in without[path] else value for path, value in zip(paths, values, strict=True)]
-            for method in solvers
-        }
-        own = [runs.get((method, case, *point_of[method]), []) for method in solvers]
-        if all(len(rows) == 1 for rows in own):
-            kept.append([rows[0] for rows in own])
+        own = []
+        for method in solvers:
+            point = ["" if method in without[path] else value for path, value in zip(paths, values, strict=True)]
+            rows_of_point = runs.get((method, case, *point), [])
+            if len(rows_of_point) != 1:
+                break
+            own.append(rows_of_point[0])
+        else:
+            kept.append(own)
     rows = np.array(kept, dtype=int).reshape(len(kept), len(solvers))
     return Problems(solvers, rows, len(points) - len(kept))
 

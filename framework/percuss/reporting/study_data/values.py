@@ -44,11 +44,12 @@ def as_label(text: str) -> str:
 
 def texts(column: Any) -> list[str]:
     """Return the values of a column as texts, empty for missing values."""
-    missing = column.isna().tolist()
-    # Most values are texts already; the test of their type alone keeps large tables fast.
+    values = column.tolist()
+    if set(map(type, values)) <= {str}:
+        return list(values)  # as most columns of words are: a large table is read many times for a page
     return [
         "" if is_missing else value if type(value) is str else as_text(value)
-        for value, is_missing in zip(column.tolist(), missing, strict=True)
+        for value, is_missing in zip(values, column.isna().tolist(), strict=True)
     ]
 
 

@@ -1,0 +1,417 @@
+"""Following a row: its command makes the same run alone, and the file of rows holds the files that it came from."""
+
+import hashlib
+import json
+import shlex
+import shutil
+import sqlite3
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import yaml
+from hypothesis import given as drawn
+from hypothesis import strategies as st
+
+import percuss
+import places
+from command_line import percuss_command
+from opened_page import Opened
+from percuss.case.quantities import METRICS
+from percuss.case.source import Source
+from percuss.case.yaml_text import flow
+from percuss.errors import InputError
+from percuss.studies import study_files
+from percuss.studies.columns import metric
+from percuss.studies.row_command import _as_text
+from percuss.studies.study_files import StudyFile
+
+pytestmark = pytest.mark.slow
+
+SMALL = {"bodies.short.bar.elements": 10, "bodies.long.bar.elements": 20}
+LAW = """\
+from dataclasses import dataclass
+from typing import Annotated
+from percuss import ContactLaw
+from percuss.methods.interfaces import Gt, LinearLaw, Unit
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    '''A law of mine.'''
+
+    name = "mine"
+    summary = "Mine"
+
+    beta_s: Annotated[float, Gt(0), Unit("1")] = 0.25
+
+    def bind(self, points, dt):
+        return LinearLaw("explicit", 1.0 / (self.beta_s * points.stiffness))
+"""
+
+
+def hunek():
+    return yaml.safe_load((places.ROOT / "cases" / "hunek.yaml").read_text(encoding="utf-8"))
+
+
+def bench(folder, **more):
+    """Write a case with a law of its own, a table and a plug-in in a folder with a difficult name; return the study."""
+    cases = folder / "it's here"
+    cases.mkdir()
+    case = hunek()
+    case["contacts"]["tip"]["method"] = {"name": "lagrange"}
+    case["loads"] = {"push": {"table": {"file": "pulse.csv"}, "on": "short.left"}}
+    (cases / "pulse.csv").write_text("0, 0\n0.1, 0.01\n")
+    (cases / "my case.yaml").write_text(yaml.safe_dump(case))
+    (folder / "mine.py").write_text(LAW)
+    study = {"percuss-study": 1, "cases": ["../it's here/my case.yaml"], "set": SMALL, "measure": [*METRICS], **more}
+    (folder / "plans").mkdir(exist_ok=True)
+    (folder / "plans" / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False))
+    return Path("plans", "study.yaml")
+
+
+def numbers(values):
+    """Return the metrics of a row or of the summary of a run as texts, which tell numbers apart by their bits."""
+    return {name: repr(values[name]) for name in METRICS}
+
+
+def run_alone(command, folder):
+    """Return the summary of the run that a command makes, which a shell has cut into words."""
+    words = subprocess.run(
+        ["/bin/sh", "-c", f'set -- {command}; for word do printf "%s\\0" "$word"; done'],
+        capture_output=True,
+        check=True,
+    ).stdout.decode()
+    program, *rest = words.rstrip("\0").split("\0")
+    assert program == "percuss"
+    done = percuss_command(*rest, "--json", cwd=folder)
+    summary = json.loads(done.stdout)
+    assert summary["status"] in {"done", "unstable", "failed", "bad input"}, done.stderr
+    return SimpleNamespace(summary=summary)
+
+
+def expect_same_runs(study, folder):
+    for row in study.as_records():
+        command = study.command(row["key"])
+        alone = run_alone(command, folder)
+        assert alone.summary["status"] == row["status"], command
+        if row["status"] == "done":
+            assert numbers({name: metric(alone, name) for name in METRICS}) == numbers(row), command
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A study with a plug-in, a law with options, its own law of a contact, a table, list values, tied and nudged."""
+    folder = tmp_path_factory.mktemp("bench")
+    plan = bench(
+        folder,
+        methods={"contacts": ["penalty", "mine", {"name": "bipenalty", "beta_s": 0.3, "ratio": 2}, "lagrange"]},
+        vary={"method.contact.beta_s": [1e-05, 0.1 + 0.2, 50.0], "bodies.short.velocity": [[0.1], 1]},
+        tied=True,
+        nudge=True,
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        study = percuss.study(plan, folder / "rows.sqlite", workers=1, plugins=["mine.py"])
+    return SimpleNamespace(study=study, folder=folder)
+
+
+def test_the_command_of_a_row_makes_its_run(whole):
+    table = whole.study.table
+    assert set(table["contact"]) == {"penalty", "mine", "bipenalty", "lagrange", "tied"}
+    assert {"done", "unstable"} <= set(table["status"])
+    commands = [whole.study.command(key) for key in table["key"]]
+    assert len(set(commands)) == len(commands)
+    first = shlex.split(commands[0])
+    assert first[:5] == ["percuss", "run", "it's here/my case.yaml", "--plugin", "mine.py"]
+    assert "method.contact.beta_s=1e-05" in first
+    assert any("method.contact.beta_s=0.30000000000000004" in command for command in commands)
+    assert any("bodies.short.velocity=[0.1]" in command for command in commands)
+    assert [command.endswith(" --tied --nudge") for command in commands] == list(table["contact"] == "tied")
+    expect_same_runs(whole.study, whole.folder)
+
+
+def test_options_that_a_later_change_drops_do_not_return(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = bench(
+        tmp_path,
+        set={**SMALL, "method.contact": {"name": "penalty", "beta_s": 0.4}},
+        methods={"contacts": ["lagrange", "bipenalty"]},
+    )
+    expect_same_runs(percuss.study(plan, workers=1), tmp_path)
+
+
+def test_a_run_without_the_contact_that_its_case_expects_something_of(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = bench(tmp_path, set={**SMALL, "contacts": {"other": {"between": ["short.right", "long.left"]}}})
+    study = percuss.study(plan, workers=1)
+    assert study.command(study.table["key"][0]).endswith("--set 'expect=[]'")
+    expect_same_runs(study, tmp_path)
+
+
+def test_a_study_may_set_a_plug_in_and_vary_numbers_and_words(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = bench(
+        tmp_path,
+        set={**SMALL, "plugins": ["../mine.py"]},
+        methods={"contacts": ["penalty", "mine"]},
+        vary={"method.contact.beta_s": [0.3], "method.mass": ["lumped", {"name": "lumped"}], "refine": [1, 2]},
+    )
+    expect_same_runs(percuss.study(plan, workers=1), tmp_path)
+
+
+def test_a_study_made_before_there_were_commands_and_files_opens_and_goes_on(whole, tmp_path, monkeypatch):
+    monkeypatch.chdir(whole.folder)
+    old = tmp_path / "old.sqlite"
+    shutil.copy(whole.study.path, old)
+    with sqlite3.connect(old) as db:
+        db.execute("DROP TABLE files")
+        db.execute("DELETE FROM facts WHERE name = 'commands'")
+        rows = [(json.loads(row), number) for number, row in db.execute("SELECT number, row FROM plan")]
+        for row, _ in rows:
+            del row["command"]
+        db.executemany("UPDATE plan SET row = ? WHERE number = ?", [(json.dumps(row), number) for row, number in rows])
+    db.close()
+    study = percuss.open_study(old)
+    key = study.table["key"][0]
+    assert (study.files, study.command(key), study.command("of no run")) == ([], None, None)
+    done = percuss_command("report", old, "-o", tmp_path / "old.html")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "old.html").read_text(encoding="utf-8")
+    assert "No files were kept" in page
+    again = percuss.study("plans/study.yaml", old, workers=1, plugins=["mine.py"])
+    assert again.found == len(again.table)
+    assert again.command(key) == whole.study.command(key)
+    assert again.files == whole.study.files
+    with sqlite3.connect(old) as db:
+        db.execute("UPDATE facts SET value = '\"percuss-study-1\"' WHERE name = 'format'")
+    db.close()
+    with pytest.raises(InputError, match="expected the format percuss-study-2, found percuss-study-1"):
+        percuss.open_study(old)
+
+
+def test_the_files_of_a_study_are_kept_with_their_digests(whole):
+    files = {file.path: file for file in whole.study.files}
+    assert {path: file.role for path, file in files.items()} == {
+        "plans/study.yaml": "study",
+        "it's here/my case.yaml": "case",
+        "it's here/pulse.csv": "data",
+        "mine.py": "plug-in",
+    }
+    for path, file in files.items():
+        content = (whole.folder / path).read_bytes()
+        assert (file.sha256, file.size, file.text) == (
+            hashlib.sha256(content).hexdigest(),
+            len(content),
+            content.decode(),
+        )
+    with sqlite3.connect(whole.study.path) as db:
+        assert db.execute("SELECT text FROM files WHERE role = 'plug-in'").fetchone() == (LAW,)
+    db.close()
+
+
+def test_of_files_that_are_large_or_no_text_there_is_the_digest_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plan = bench(tmp_path, vary={"time.courant": [0.5]})
+    case = Path("it's here", "my case.yaml")
+    case.write_bytes(b"\xef\xbb\xbf" + case.read_bytes())  # a mark that belongs to the file and not to its text
+    table = Path("it's here", "pulse.csv")
+    table.write_text("0, 0\n0.1, 0.01\n" + "\n" * study_files.LONGEST_TEXT)
+    found = {file.role: file for file in percuss.study(plan, workers=1).files}
+    assert (found["data"].text, found["data"].size) == (None, table.stat().st_size)
+    assert found["data"].sha256 == hashlib.sha256(table.read_bytes()).hexdigest()
+    assert found["case"].sha256 == hashlib.sha256(case.read_bytes()).hexdigest()
+    assert found["case"].text == case.read_text(encoding="utf-8-sig")
+    monkeypatch.setattr(study_files, "LONGEST_TEXTS", found["study"].size + found["case"].size - 1)
+    found = {file.role: file for file in percuss.study(plan, workers=1).files}
+    assert found["study"].text is not None
+    assert found["case"].text is None
+    assert isinstance(found["case"], StudyFile)
+    assert percuss_command("report", "study.sqlite").returncode == 0
+    assert "Its text was not kept" in Path("study.html").read_text(encoding="utf-8")
+
+
+# ---------------------------------------------------------------------------------------------- in the page
+
+
+@pytest.fixture(scope="module")
+def page_of_rows(whole):
+    path = whole.folder / "rows.html"
+    assert percuss_command("report", whole.study.path, "-o", path).returncode == 0
+    return path
+
+
+def words_as_read(command):
+    """Return the words of a command, with values as they are read, whichever digits they are written with."""
+    words = [word.partition("=") for word in shlex.split(command)]
+    return [(name, flow(Source.parse(value, "").data) if equals else "") for name, equals, value in words]
+
+
+def state_of(page):
+    return page.evaluate(
+        """() => ({
+          rows: table.getRows("active").map((row) => row.getData().i),
+          columns: table.getColumns().filter((shown) => shown.isVisible()).map((shown) => shown.getField()),
+          boxes: [...document.querySelectorAll("#columns input")].map((box) => box.checked),
+          choices: [...document.querySelectorAll("select")].map((chosen) => chosen.value),
+          logs: [...document.querySelectorAll("input[id*=log]")].map((box) => box.checked),
+          forces: picked, marked, lines: charts.vary.chart.getOption().series.length,
+          methods: [...document.querySelectorAll("#legend button")].map((entry) => entry.getAttribute("aria-pressed")),
+        })"""
+    )
+
+
+def test_the_page_has_the_command_of_each_row(browser, page_of_rows, whole):
+    with Opened(browser, page_of_rows) as opened:
+        page = opened.page
+        shown = page.evaluate("Array.from({ length: page.rows }, (_, row) => commandOf(row))")
+        for key, command in zip(whole.study.table["key"], shown, strict=True):
+            assert words_as_read(command) == words_as_read(whole.study.command(key))
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        before = page.url
+        page.click("#table .copy >> nth=3")
+        page.wait_for_function('document.getElementById("copied").textContent !== ""')
+        assert page.inner_text("#copied") == "Copied."
+        assert page.evaluate("navigator.clipboard.readText()") == shown[3] == page.inner_text("#command")
+        assert page.url == before
+        page.click("#table .tabulator-row >> nth=1")
+        assert page.inner_text("#command") == shown[1]
+        page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(); }")
+        page.click("#copy")
+        page.wait_for_function('document.getElementById("copied").textContent !== ""')
+        assert page.evaluate("getSelection().toString()") == shown[1]
+        assert opened.complaints == []
+
+
+def test_names_stay_in_sight_and_columns_are_chosen(browser, page_of_rows):
+    with Opened(browser, page_of_rows) as opened:
+        page = opened.page
+        place = """(name) => {
+          const field = name === "command" ? name : `c${columns.findIndex((one) => one.name === name)}`;
+          const cell = document.querySelector(`.tabulator-row .tabulator-cell[tabulator-field="${field}"]`);
+          return cell.getBoundingClientRect().x;
+        }"""
+        names = ["case", "integrator", "contact", "command"]
+        before = [page.evaluate(place, name) for name in names]
+        page.evaluate('document.querySelector(".tabulator-tableholder").scrollLeft = 250')
+        after = [page.evaluate(place, name) for name in names]
+        assert after[:3] == before[:3]
+        assert after[3] == before[3] - 250
+        page.click("#columns summary")
+        page.uncheck('#columns input[data-field="command"]')
+        page.uncheck("#columns input >> nth=1")
+        assert page.locator("#table .copy:visible").count() == 0
+        assert page.locator('#table .tabulator-cell[tabulator-field="c1"]:visible').count() == 0
+        page.click("#columns button")
+        assert page.locator("#table .copy:visible").count() > 5
+        assert page.evaluate('[...document.querySelectorAll("#columns input")].every((box) => box.checked)')
+        assert opened.complaints == []
+
+
+def test_the_address_holds_what_was_chosen(browser, page_of_rows):
+    with Opened(browser, page_of_rows) as opened:
+        page = opened.page
+        states, addresses = [state_of(page)], [page.url]
+
+        def changed():
+            states.append(state_of(page))
+            addresses.append(page.url)
+            assert states[-1] != states[-2]
+            assert addresses[-1] != addresses[-2]
+
+        page.click("#columns summary")
+        page.uncheck("#columns input >> nth=6")
+        changed()
+        opened.filter("contact", "penalty")
+        changed()
+        page.locator("#table .tabulator-col-title", has_text="noise of the").click()
+        changed()
+        page.select_option("#vary-y", "impulse")
+        changed()
+        page.click("#vary-logx")
+        changed()
+        page.click("#legend button >> nth=1")
+        changed()
+        page.click("#table .tabulator-row >> nth=2")
+        changed()
+        page.click("nav a >> nth=1")
+        assert "at=runs" in page.url
+        assert state_of(page) == states[-1]
+        with Opened(browser, page_of_rows) as other:
+            other.page.goto(page.url)
+            other.page.reload()
+            other.page.wait_for_selector("html[data-ready]")
+            assert state_of(other.page) == states[-1]
+            assert other.page.evaluate("scrollY") > 500
+            assert other.complaints == []
+        page.go_back()
+        for state, address in zip(states[-2::-1], addresses[-2::-1], strict=True):
+            page.go_back()
+            page.wait_for_function("(address) => location.href === address", arg=address)
+            assert state_of(page) == state
+        for state in states[1:]:
+            page.go_forward()
+            page.wait_for_function("(rows) => document.readyState === 'complete'", arg=0)
+            page.wait_for_timeout(100)
+            assert state_of(page) == state
+        assert opened.complaints == []
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "runs",
+        "nothing-here",
+        "at=nothing&work-x=nothing&log=work-logx+nothing&log=__proto__&without=nobody&only=nothing%3D1&only=&only=contact",
+        "sort=up+contact&sort=asc+nothing&sort=&sort=asc+__proto__&fold=nothing&run=nobody&run=&row=nobody&__proto__=1",
+        "only=command%3D1&sort=asc+command&run=%00&row=%E2%80%A8&at=%3Cimg+src%3Dx+onerror%3D%22window.hacked%3D1%22%3E",
+        "%%%=&=&&=1&only=reason%3D%3Cimg+src%3Dx+onerror%3D%22window.hacked%3D1%22%3E",
+    ],
+)
+def test_an_address_of_another_page_does_no_harm(browser, page_of_rows, address):
+    with Opened(browser, page_of_rows) as opened:
+        opened.page.goto(f"{page_of_rows.as_uri()}#{address}")
+        opened.page.reload()
+        opened.page.wait_for_selector("html[data-ready]")
+        assert opened.page.evaluate("window.hacked") is None
+        assert opened.page.locator("img").count() == 0
+        assert "rows" in opened.page.inner_text("#count")
+        assert opened.complaints == []
+
+
+def test_the_files_are_folded_into_the_page(browser, page_of_rows, whole):
+    with Opened(browser, page_of_rows) as opened:
+        files = opened.page.locator("#files details")
+        assert files.count() == len(whole.study.files)
+        for place, file in enumerate(whole.study.files):
+            assert not files.nth(place).locator("pre").is_visible()
+            files.nth(place).locator("summary").click()
+            assert files.nth(place).locator("pre").text_content() == file.text
+            assert file.sha256 in files.nth(place).inner_text()
+
+
+def test_the_page_says_how_much_is_kept():
+    words = (places.ROOT / "cases" / "README.md").read_text(encoding="utf-8")
+    assert f"above {study_files.LONGEST_TEXT // 1000} kB" in words
+    assert f"beyond {study_files.LONGEST_TEXTS // 10**6} MB together" in words
+
+
+VALUES = st.one_of(
+    st.floats(),
+    st.integers(),
+    st.booleans(),
+    st.none(),
+    st.text(),
+    st.lists(st.floats() | st.text(), max_size=3),
+    st.dictionaries(st.text(), st.floats() | st.text(), max_size=2),
+)
+
+
+@drawn(VALUES)
+def test_a_value_is_written_as_a_text_that_reads_back_as_the_same(value):
+    text = _as_text(value)
+    if text is not None:
+        assert flow(Source.parse(text, "").data) == flow(value)
+    else:
+        assert isinstance(value, str | list | dict)
