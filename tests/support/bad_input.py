@@ -482,8 +482,8 @@ class Bench:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         seconds = spent() - before
-        pictures = word == "fine" and kind in {"store", "command"}
-        if word in {"fine", "refused"} and seconds > (10.0 if pictures else SECOND):
+        works = word == "fine" and kind in {"study", "store", "command"}  # that plan many runs, or draw pictures
+        if word in {"fine", "refused"} and seconds > (10.0 if works else SECOND):
             word, detail = "slow", f"{seconds:.2f} s; {word}: {detail[:200]}"
         self.refresh()
         return word, detail
