@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.scale import exponent
 
+from percuss.certificate.black_box import MOST_ALONE
 from percuss.solver.size_limits import BYTES_PER_NODE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +29,11 @@ def test_certificate_and_run_of_a_million_elements_take_less_memory_than_is_stat
 def test_the_page_states_the_memory_of_a_node():
     page = (ROOT / "framework" / "README.md").read_text(encoding="utf-8")
     assert f"at most {BYTES_PER_NODE} bytes for each node and dimension" in page
+
+
+def test_the_page_states_of_how_many_contacts_each_one_is_closed_alone():
+    page = (ROOT / "framework" / "README.md").read_text(encoding="utf-8")
+    assert f"and of more than {MOST_ALONE} contacts with none and all" in page
 
 
 def test_the_exponent_is_that_of_the_part_that_grows():
