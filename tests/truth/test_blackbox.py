@@ -13,7 +13,14 @@ from test_stability import ROWS, wall
 
 import percuss
 from percuss.certificate import criteria
-from percuss.certificate.black_box import ClosedStep, ClosedStepStability, Motions, combinations, examine
+from percuss.certificate.black_box import (
+    MOST_ALONE,
+    ClosedStep,
+    ClosedStepStability,
+    Motions,
+    combinations,
+    examine,
+)
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
@@ -303,6 +310,31 @@ def test_a_large_model_is_judged_by_a_krylov_iteration():
     found = certificate(model_of(hunek(n=200, integrator="noh-bathe", contact={"name": "lagrange"})))
     assert "Krylov" in found["why"]
     assert (found["stable"], found["dt_critical"]) == ("unknown", None)  # what was not found may be there
+
+
+def test_of_many_contacts_none_and_all_are_closed(monkeypatch):
+    """The time would grow with the square of their number and more, if each one were closed alone."""
+    examined = []
+
+    def noted(motions, dt, closed, **options):
+        examined.append(closed)
+        return examine(motions, dt, closed, **options)
+
+    monkeypatch.setattr(criteria, "examine", noted)
+    count = MOST_ALONE + 1
+    bar = {"bar": {"length": 1.0, "elements": 2}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
+    case = {
+        "percuss": 1,
+        "bodies": {f"b{k}": {**bar, "at": float(k)} for k in range(count + 1)},
+        "contacts": {f"c{k}": {"between": [f"b{k}.right", f"b{k + 1}.left"]} for k in range(count)},
+        "method": {"integrator": "noh-bathe", "contact": "lagrange"},
+        "time": {"courant": 0.5, "steps": 2},
+    }
+    found = certificate(model_of(case))
+    assert found["stable"] == "unknown"
+    assert "growth with no contact and all of its contacts closed was looked for" in found["why"]
+    assert set(examined) == {tuple(range(count))}  # without contact the scheme is judged by its kernel
+    assert combinations(MOST_ALONE)[1:-1] == [(p,) for p in range(MOST_ALONE)]
 
 
 # ------------------------------------------------------------------------------------------------- what it cannot say

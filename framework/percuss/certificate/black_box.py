@@ -50,6 +50,9 @@ CONTACT_EFFECT_TOLERANCE = 1e-7
 # Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
 # contact; of more contacts, none, each one alone and all of them are closed.
 MOST_TOGETHER = 3
+# Largest number of contacts of which each one is closed alone, as the time grows with their square and more; of more
+# contacts, none and all of them are closed.
+MOST_ALONE = 30
 
 
 @dataclass(frozen=True)
@@ -452,4 +455,5 @@ def combinations(count: int) -> list[tuple[int, ...]]:
     contacts = range(count)
     if count <= MOST_TOGETHER:
         return [closed for k in range(count + 1) for closed in itertools.combinations(contacts, k)]
-    return [(), *((p,) for p in contacts), tuple(contacts)]
+    alone = contacts if count <= MOST_ALONE else ()
+    return [(), *((p,) for p in alone), tuple(contacts)]

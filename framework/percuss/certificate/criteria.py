@@ -18,6 +18,7 @@ import numpy as np
 
 from percuss.certificate.black_box import (
     LARGEST_DENSE_STATE,
+    MOST_ALONE,
     MOST_TOGETHER,
     ClosedStepStability,
     Motions,
@@ -415,6 +416,11 @@ class BlackBoxCriterion:
         count = len(self.model.contact_pairs)
         return len(combinations(count)) == 1 << count
 
+    @property
+    def _none_alone(self) -> bool:
+        """Whether there are so many contacts that no step is examined with one of them closed alone."""
+        return len(self.model.contact_pairs) > MOST_ALONE
+
     def assess_step(self, dt: float) -> StepAssessment:
         """Return the assessment of a step over the combinations of closed contacts that are tried."""
         doubt, radius, theta = "", -1.0, None
@@ -423,15 +429,14 @@ class BlackBoxCriterion:
         if self.model.stages is not None and dt > self.free * (1.0 + MARGINAL_DISTANCE):
             return StepAssessment(False)
         complete = self._all_are_tried
+        tried = "no contact and all" if self._none_alone else "no contact, each one and all"
         if not complete:
-            doubt = (
-                "no growth was found with no contact, each one and all of them closed; other combinations can be worse"
-            )
+            doubt = f"no growth was found with {tried} of them closed; other combinations can be worse"
         for closed in closed_sets:
             stable_at_longer_step = dt < self.free and self._unstable_combinations == []
             stability = self._examine(dt, closed, stable_at_longer_step=stable_at_longer_step)
             if not stability.linear:
-                names = ", ".join(f"'{self.model.contact_pairs[p].name}'" for p in closed) or "none"
+                names = quoted_names(self.model, closed) or "none"
                 doubt = f"the step is not linear with contacts {names} closed"
                 if stability.failure:
                     doubt = f"with contacts {names} held closed a kernel fails ({stability.failure})"
@@ -442,7 +447,8 @@ class BlackBoxCriterion:
                 return StepAssessment(False, self._smallest_combination(dt, closed), stability.theta)
             if not stability.conclusive:
                 complete = False
-                doubt = "the model is large: growth was looked for by a Krylov iteration, and none found"
+                with_which = f" with {tried} of its contacts closed" if self._none_alone else ""
+                doubt = f"the model is large: growth{with_which} was looked for by a Krylov iteration, and none found"
             if stability.radius > radius * (1.0 + 1e-6):
                 radius, worst = stability.radius, list(closed)
         if self._time_dependent_laws:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from percuss.blas import one_blas_thread
 from percuss.lapack import lapack
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers
     from percuss.solver.model import Model
 
 # Relative distance from the limit within which a step is marginal.
@@ -111,25 +112,16 @@ class Pencil:
         A contact is coupled to those on the same bodies only: from `SMALL_MATRIX` contacts on the matrix is sparse.
         """
         dpttrs = lapack().dpttrs
-        rows: list[Any] = []
-        columns: list[Any] = []
-        values: list[Any] = []
-        for (first, mass, _, _), factor in zip(self.bodies, factors, strict=True):
-            contacts = self._contacts_between(first, first + mass.size)
-            touched = sorted({p for _, p, _ in contacts})
-            if not touched:
-                continue
-            place = {p: k for k, p in enumerate(touched)}
-            normals = np.zeros((mass.size, len(touched)))
-            for node, p, normal in contacts:
-                normals[node - first, place[p]] += normal
-            rows.append(np.repeat(touched, len(touched)))
-            columns.append(np.tile(touched, len(touched)))
-            values.append((normals.T @ dpttrs(*factor, normals)[0]).ravel())
+        couplings, places = self._couplings
+        values = []
+        for body, touched, entries in couplings:
+            normals = np.zeros((self.bodies[body][1].size, touched))
+            for node, column, normal in entries:
+                normals[node, column] += normal
+            values.append((normals.T @ dpttrs(*factors[body], normals)[0]).ravel())
         count = len(self.model.contact_pairs)
         if not values:
             return np.zeros((count, count))
-        places = np.concatenate(rows), np.concatenate(columns)
         if count > SMALL_MATRIX:
             from scipy.sparse import csr_array
 
@@ -137,6 +129,24 @@ class Pencil:
         out = np.zeros((count, count))
         np.add.at(out, places, np.concatenate(values))
         return out
+
+    @cached_property
+    def _couplings(self) -> tuple[list[tuple[int, int, list[tuple[int, int, float]]]], tuple[Integers, Integers]]:
+        """The contacts of each body, and the places of their pairs in `compliance`, which are the same for every step.
+
+        Each body in contact has its number, the number of its contacts, and node, column and N along its axis for each
+        side of them. The places are rows and columns, one of each for every pair of contacts on a body.
+        """
+        couplings, rows, columns = [], [], []
+        for body, (first, mass, _, _) in enumerate(self.bodies):
+            contacts = self._contacts_between(first, first + mass.size)
+            touched = sorted({p for _, p, _ in contacts})
+            if touched:
+                column = {p: k for k, p in enumerate(touched)}
+                couplings.append((body, len(touched), [(node - first, column[p], n) for node, p, n in contacts]))
+                rows += [p for p in touched for _ in touched]
+                columns += touched * len(touched)
+        return couplings, (np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64))
 
     def definite(
         self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int] = ()

@@ -34,7 +34,7 @@ def contact_problem(model: Model) -> ContactProblem:
         for body_force in model.body_forces
     ]
     fixed = [_end_of(model, constraint.node) for constraint in model.constraints if constraint.load is None]
-    order = list(model.case.loads)
+    order = {name: number for number, name in enumerate(model.case.loads)}
     return ContactProblem(
         bodies=MappingProxyType({body.name: _body(body) for body in bodies}),
         contacts=tuple(
@@ -47,7 +47,7 @@ def contact_problem(model: Model) -> ContactProblem:
             for contact_pair in model.contact_pairs
         ),
         fixed=tuple(dict.fromkeys(fixed)),
-        loads=tuple(sorted(loads, key=lambda load: order.index(load.name))),
+        loads=tuple(sorted(loads, key=lambda load: order[load.name])),
     )
 
 

@@ -466,13 +466,43 @@ def advance(
     return next_time - t
 
 
-def earliest(clock: Any) -> int:
-    """Return the number of the junction that is computed the least far."""
-    first = 0
-    for j in range(1, clock.size):
-        if clock[j] < clock[first]:
-            first = j
-    return first
+def knockout(clock: Any) -> Any:
+    """Return the tree of a knockout among the junctions, in which the one that is computed the least far goes on.
+
+    Place p of the tree holds the number of the winner of places 2p and 2p + 1, and place 1 that of the first of all.
+    The last half holds the junctions in their order, and -1 where there is none; of two with equal times the one with
+    the smaller number goes on.
+    """
+    leaves = 1
+    while leaves < clock.size:
+        leaves *= 2
+    tree = np.full(2 * leaves, -1)
+    for j in range(clock.size):
+        tree[leaves + j] = j
+    for place in range(leaves - 1, 0, -1):
+        decide(tree, clock, place)
+    return tree
+
+
+def decide(tree: Any, clock: Any, place: int) -> None:
+    """Set the winner at one place of a knockout from the two places below."""
+    left, right = tree[2 * place], tree[2 * place + 1]
+    tree[place] = right if right >= 0 and clock[right] < clock[left] else left
+
+
+def spread_sizes(junctions: Junctions, c: Any) -> None:
+    """Spread the sizes of the velocities before the first event over the whole row, there and back until none grows."""
+    count = junctions.clock.size
+    for _ in range(count):
+        grown = 0
+        for k in range(2 * count):
+            j = k if k < count else 2 * count - 1 - k
+            left, right = junctions.size[j, 0], junctions.size[j, 1]
+            measure_sizes(junctions, j, c)
+            if junctions.size[j, 0] != left or junctions.size[j, 1] != right:
+                grown += 1
+        if grown == 0:
+            return
 
 
 def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
@@ -485,11 +515,10 @@ def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forc
     """
     c = np.zeros((SPARE + 1, waves.pieces.shape[2]))
     roots = np.zeros((2, c.shape[1] + 1))
-    for _ in range(junctions.clock.size):
-        for j in range(junctions.clock.size):
-            measure_sizes(junctions, j, c)
+    spread_sizes(junctions, c)
+    first = knockout(junctions.clock)
     while True:
-        j = earliest(junctions.clock)
+        j = first[1]
         if junctions.clock[j] >= limits.end:
             return DONE
         limit, span = horizon(junctions, j, limits.end)
@@ -501,3 +530,7 @@ def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forc
             stuck = stuck + 1 if duration <= INSTANT * limits.quantum else 0
             if stuck > MOST_AT_ONCE:
                 return STUCK
+        place = (first.size // 2 + j) // 2
+        while place > 0:
+            decide(first, junctions.clock, place)
+            place //= 2

@@ -150,7 +150,7 @@ class ChainSolution(Exact):
         self.end = end
         waves = chain.waves
         self._waves = [PiecewisePolynomial(waves.times[h, :n], waves.pieces[h, :n]) for h, n in enumerate(waves.count)]
-        self._names = [body.name for body in chain.bodies]
+        self._numbers = {body.name: b for b, body in enumerate(chain.bodies)}
         self.contacts = {}
         for j, name in enumerate(chain.contact_names):
             self.contacts[name] = ChainContact(chain, j, self._gap(j))
@@ -189,7 +189,7 @@ class ChainSolution(Exact):
 
     def _line(self, body: str, x: Any) -> tuple[int, Any, float]:
         """Return the number of a bar, the distance from its left end on the common line, and the sign of its axis."""
-        b = self._names.index(body)
+        b = self._numbers[body]
         x = np.asarray(x, dtype=float)
         return b, x if self.chain.flip[b] > 0 else self.chain.length[b] - x, float(self.chain.flip[b])
 
@@ -216,7 +216,7 @@ class ChainSolution(Exact):
     def energy(self, time: float) -> tuple[float, float]:
         """Return kinetic and elastic energy."""
         kinetic = elastic = 0.0
-        for b in range(len(self._names)):
+        for b in range(len(self._numbers)):
             for x, w in self._quadrature(b, time):
                 p, q = self._line_waves(b, x, np.full(x.shape, time))
                 rho_a = self.chain.impedance[b] / self.chain.speed[b]
@@ -227,7 +227,7 @@ class ChainSolution(Exact):
     def momentum(self, time: float) -> float:
         """Return the momentum along the line of the first body."""
         total = 0.0
-        for b in range(len(self._names)):
+        for b in range(len(self._numbers)):
             for x, w in self._quadrature(b, time):
                 p, q = self._line_waves(b, x, np.full(x.shape, time))
                 total += self.chain.impedance[b] / self.chain.speed[b] * float(w @ (p + q))
@@ -271,14 +271,14 @@ class ChainSolution(Exact):
         marks += [
             chain.loads.times[k, : chain.loads.count[k]] for k in range(chain.loads.count.size) if chain.functions
         ]
-        for b in range(len(self._names)):
+        for b in range(len(self._numbers)):
             for wave in self._waves[2 * b : 2 * b + 2]:
                 marks += [wave.times, wave.times + chain.transit[b]]
         times = np.concatenate([[0.0], *marks])
         times = np.unique(times[(times >= 0.0) & (times < self.reached)])
         terms = chain.waves.pieces.shape[2]
         force, power = np.zeros((times.size, terms)), np.zeros((times.size, 2 * terms - 1))
-        for b in range(len(self._names)):
+        for b in range(len(self._numbers)):
             if chain.gravity[b] != 0.0:
                 weight, velocity = self._weight(b, times)
                 force[:, 0] += weight

@@ -1,0 +1,111 @@
+"""Other programs beside percuss: what the command says without them, and what it finds of those that are there."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from benchmarks import side_by_side
+
+PENALTY = "central difference, penalty"
+SCRIPT = Path(side_by_side.__file__)
+
+# A program of the test's own: both bars by velocities half a step early, whole arrays, and a spring between them.
+LEAP_FROG = """
+import json, sys
+import numpy as np
+
+if sys.argv[1] == "--version":
+    print("1.2.3")
+    sys.exit()
+p = json.load(open(sys.argv[1]))
+dt, count = p["dt"], [bar["elements"] + 1 for bar in p["bars"]]
+mass, velocity, stiffness = np.zeros(sum(count)), np.zeros(sum(count)), np.zeros(sum(count) - 1)
+first = 0
+for bar, n in zip(p["bars"], count):
+    h = bar["length"] / bar["elements"]
+    for k in range(n - 1):
+        mass[first + k : first + k + 2] += 0.5 * bar["density"] * bar["area"] * h
+        stiffness[first + k] = bar["young"] * bar["area"] / h
+    velocity[first : first + n] = bar["velocity"]
+    first += n
+a, b = count[0] - 1, count[0]
+u, force = np.zeros(first), []
+for _ in range(p["steps"] + 1):
+    axial = stiffness * np.diff(u)
+    acting = np.diff(axial, prepend=0.0, append=0.0)
+    force.append(p["penalty"] * max(0.0, u[a] - u[b]))
+    acting[a] -= force[-1]
+    acting[b] += force[-1]
+    velocity += dt * acting / mass
+    velocity[-1] = 0.0
+    before, u = u, u + dt * velocity
+    if len(force) == p["steps"]:
+        result = {"before": before.tolist(), "displacement": u.tolist()}
+result |= {"seconds": 1.6, "force": force, "time": [k * dt for k in range(p["steps"] + 1)]}
+json.dump(result, open(sys.argv[2], "w"))
+"""
+
+
+@pytest.fixture(scope="module")
+def own():
+    """Return the row of percuss's central difference with a penalty."""
+    return side_by_side.with_percuss(PENALTY, 1, 1)
+
+
+def test_a_program_is_judged_as_percuss_judges_itself(own, tmp_path, monkeypatch):
+    script = tmp_path / "leap_frog.py"
+    script.write_text(LEAP_FROG)
+    monkeypatch.setitem(side_by_side.PROGRAMS, "own", side_by_side.Program("leap-frog", str(script), "nothing"))
+    (row,) = side_by_side.others(["own"], {"own": sys.executable}, 1, 2)
+    assert row.program == "own 1.2.3"
+    assert row.seconds == pytest.approx(1.6 / 1600)
+    for quantity in ("force_error", "displacement_error", "energy"):
+        assert getattr(row, quantity) == pytest.approx(getattr(own, quantity), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", side_by_side.PROGRAMS)
+def test_a_missing_program_is_named_with_what_to_install(name, tmp_path):
+    command = [sys.executable, str(SCRIPT), "--programs", name, "--python", f"{name}={tmp_path / 'no-python'}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert f"{name}: {side_by_side.PROGRAMS[name].install}" in done.stderr
+    assert "nothing was run" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("given", ["opensees", "opensees=", "nastran=/usr/bin/python3"])
+def test_a_wrong_python_is_refused(given, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["side_by_side.py", "--python", given])
+    with pytest.raises(SystemExit) as ended:
+        side_by_side.main()
+    assert ended.value.code == 2
+    assert f"expected NAME=PATH with a name among opensees, akantu, siconos, found {given!r}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "module"), [("opensees", "openseespy"), ("akantu", "akantu")])
+def test_leap_frog_programs_have_the_errors_of_central_difference_with_a_penalty(name, module, own):
+    if side_by_side.called(sys.executable, side_by_side.PROGRAMS[name].script, "--version").returncode:
+        pytest.skip(f"{module} is not installed: percuss[side-by-side]")
+    (row,) = side_by_side.others([name], {name: sys.executable}, 1, 1)
+    for quantity in ("force_error", "displacement_error", "energy"):
+        assert getattr(row, quantity) == pytest.approx(getattr(own, quantity), rel=1e-9)
+
+
+def test_siconos_has_the_impact():
+    program = side_by_side.PROGRAMS["siconos"]
+    if side_by_side.called(program.python, program.script, "--version").returncode:
+        pytest.skip("siconos is not installed: python3-siconos")
+    (row,) = side_by_side.others(["siconos"], {"siconos": program.python}, 1, 1)
+    assert row.force_error < 0.05
+    assert row.displacement_error < 0.03
+    assert 0.99 < row.energy <= 1.0
+
+
+def test_the_extra_names_the_programs_that_pip_installs():
+    text = (SCRIPT.parents[2] / "pyproject.toml").read_text(encoding="utf-8")
+    (line,) = [line for line in text.splitlines() if line.startswith("side-by-side = ")]
+    names = [need.partition(">=")[0] for need in json.loads(line.partition(" = ")[2])]
+    assert names == ["akantu", "openseespy"]
