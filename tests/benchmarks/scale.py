@@ -10,9 +10,9 @@ certificate, march of all steps, result with the exact solution. Memory is what 
 the same for each element, step or contact.
 
 The exponent p of a part is that of n^p, by least squares of the logarithms over the sizes at which the part takes at
-least ten times as long as at its cheapest, so that a constant share does not flatten it. Arrays that
-fit into the caches of the processor take less time for each element than those that do not: across that size the
-exponent, of the model above all, is above 1, on either side of it 1.
+least ten times as long as at its cheapest, so that a constant share does not flatten it. Arrays that fit into the
+caches of the processor take less time for each element than those that do not: across that size the exponent, of the
+model above all, is above 1, on either side of it 1.
 """
 
 from __future__ import annotations
