@@ -165,8 +165,10 @@ def test_a_linear_material_of_any_name_has_an_exact_solution(tmp_path):
     (tmp_path / "steel.py").write_text(text.replace('"elastic"', '"steel"'), encoding="utf-8")
     case = hunek(10)
     case["bodies"]["short"]["material"] = {"name": "steel", **STEEL}
-    summary = ran(case, [str(tmp_path / "steel.py")]).summary
-    assert summary["exact"]["contacts"] == ran(hunek(10)).summary["exact"]["contacts"]
+    (errors,) = ran(case, [str(tmp_path / "steel.py")]).summary["exact"]["contacts"].values()
+    (expected,) = ran(hunek(10)).summary["exact"]["contacts"].values()  # by percuss's own update, apart by round-off
+    assert np.array(errors.pop("closed")) == pytest.approx(np.array(expected.pop("closed")), rel=1e-9)
+    assert errors == pytest.approx(expected, rel=1e-9)
 
 
 # --------------------------------------------------------------------------------------------- the stress

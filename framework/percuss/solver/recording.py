@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 TIMES = 3  # columns of the time axis: the step, and the times of motion and of energy
-COPIES = 2  # of each record array: one in the order of the loop, one in the order of the case
+# Copies of each record array while a result is made: in the order of the loop, in the order of the case, and one for
+# the exact values and the differences from them.
+COPIES = 3
 
 
 class Shapes(NamedTuple):
