@@ -525,7 +525,7 @@ def judged(done):
     """Return how a command ended."""
     if done.returncode not in {0, 1, 2}:
         return "unclear", f"exit code {done.returncode}"
-    if "Warning" in done.stderr and "SyntaxWarning" not in done.stderr:  # Python's own, of a plug-in, has its place
+    if "Warning" in re.sub(r"(Syntax|Deprecation)Warning: invalid", "", done.stderr):  # Python says these of a plug-in
         return "warning", done.stderr[-500:]
     if done.returncode == 2:
         return clear(done.stderr)
