@@ -20,6 +20,7 @@ import percuss
 import places
 from percuss.solver import march
 from percuss.solver.compiled.bulk import BLOCK
+from percuss.solver.model import Model
 from strategies import INTEGRATORS, LEAPFROG, hunek, run
 
 STEEL = {"young": 100.0, "density": 0.01}
@@ -529,3 +530,26 @@ def test_works_and_momenta_are_right_where_everything_acts_at_once():
         if integrator in LEAPFROG:
             assert result.summary["energy"]["ledger_error"] < 1e-12
         assert result.summary["momentum"]["error"] < 1e-12
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("times", [{}, {"from": 0.01, "until": 0.03}], ids=["one stretch", "three stretches"])
+def test_a_march_that_is_repeated_gives_the_same_bits(integrator, times):
+    push = {"constant": 3.0, "on": "a.left"}
+    drive = {"constant": 0.2, "on": "a.right", "as": "velocity", **times}
+    case = one_bar({"end": 0.05, "courant": 0.5}, {"push": push, "drive": drive})
+    case["method"]["integrator"] = integrator
+    made = march.March(Model(percuss.load(case)))
+    made.compile()
+    made.keep_beginning()
+    first = made.run()
+    impulse, reactions = first.load_impulse.copy(), first.reactions.copy()
+    energy, speed = first.record.energy.copy(), first.record.velocity.copy()
+    assert impulse.any()
+    assert reactions.any()
+    for _ in range(2):
+        again = made.again().run()
+        assert again.load_impulse.tobytes() == first.load_impulse.tobytes() == impulse.tobytes()
+        assert again.reactions.tobytes() == first.reactions.tobytes() == reactions.tobytes()
+        assert again.record.energy.tobytes() == energy.tobytes()
+        assert again.record.velocity.tobytes() == speed.tobytes()

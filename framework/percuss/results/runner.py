@@ -136,6 +136,8 @@ def _run(
     else:
         marginal = certificate["stable"] == "marginal"
         march.compile()  # before the lock is taken, so that no other thread waits for the compilation
+        if timed:
+            march.keep_beginning()
         with MARCH_LOCK if timed else nullcontext():
             outcome = march.run(progress, marginal=marginal, interrupt_after=interrupt_after)
             if timed and outcome.status == "done":

@@ -49,8 +49,8 @@ class LeapFrogStepper:
         )
 
     def changing_arrays(self) -> list[Any]:
-        """Return displacement and velocity, the arrays that a step changes."""
-        return [self.u, self.v]
+        """Return displacement, velocity and the impulse of the loads."""
+        return [self.u, self.v, self._impulse]
 
     def set_loop(self, loop: Loop) -> None:
         """Use the arrays of the next stretch of the run."""
@@ -116,4 +116,4 @@ class LeapFrogStepper:
             weights = np.array([body.mass.sum() for body in model.bodies.values()])
             total += weights @ amplitudes.body_acceleration.sum(axis=0).reshape(-1, model.dim)
             self._impulse += model.dt * total
-        return self._impulse
+        return self._impulse.copy()

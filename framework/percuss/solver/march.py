@@ -83,17 +83,30 @@ class March:
         started = time.perf_counter()
         self.model = model
         self.dim = model.dim
+        self._beginning: list[Any] = []
         self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
         self._begin()
         self.kernels = kernels or bind(self.parts, compiled=compiled)
+        self._is_compiled = False
         self.seconds = {"build": time.perf_counter() - started}
 
+    def keep_beginning(self) -> None:
+        """Keep the state before the first step, so that `again` can return to it."""
+        stretches = sum(1 for _ in self.model.segments())
+        # With the second stretch come other arrays, so that the first one has to be made again.
+        self._beginning = [array.copy() for array in self.changing_arrays()] if stretches == 1 else []
+
     def again(self) -> March:
-        """Return a march from the beginning of the same run, which overwrites the records of this one."""
+        """Return a march from the beginning of the same run, which overwrites state and records of this one."""
         march = copy.copy(self)
         march.seconds = {"build": 0.0}
-        march._begin()
+        if not self._beginning:
+            march._begin()
+            return march
+        march.reactions = np.zeros(len(self.model.constraints))
+        for array, value in zip(march.changing_arrays(), self._beginning, strict=True):
+            array[:] = value
         return march
 
     def _arrays(self) -> None:
@@ -404,6 +417,9 @@ class March:
 
     def compile(self) -> None:
         """Compile the loop by a call of no steps; run it as plain Python where a kernel cannot be compiled."""
+        if self._is_compiled:
+            return
+        self._is_compiled = True
         error = self._compile_failure()
         if error is None:
             return
