@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Set
 from typing import Any
 
@@ -49,6 +50,7 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
     return source, notes
 
 
+@functools.lru_cache(maxsize=1024)  # a study asks for the same few paths in each of its runs
 def _component_at(path: KeyPath) -> Named | None:
     """Return the mark of the component at `path`, or None where no component stands."""
     annotation: Any = CaseSection

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,6 +27,14 @@ def override_label(path: str, value: Any) -> str:
     """Return the text by which messages name an override, as the user typed it unless it is very long."""
     text = value if isinstance(value, str) else flow(value)
     return f"--set {shortened(path, LONGEST_LABEL)}={shortened(text, LONGEST_LABEL)}"
+
+
+SHORT_TEXT = 100  # letters of a value, up to which it is read once
+
+
+@functools.lru_cache(maxsize=256)  # a study sets the same few names in each of its runs
+def _value_of(text: str) -> Any:
+    return Source.parse(text, "").data
 
 
 def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
@@ -183,7 +192,7 @@ class Source:
         label = override_label(shown_path or path, _plain(value, (), {}))
         if isinstance(value, str):
             try:
-                value = Source.parse(value, label).data
+                value = _value_of(value) if len(value) <= SHORT_TEXT else Source.parse(value, label).data
             except InputError as error:
                 raise InputError(
                     [Problem(label, path, problem.message, problem.advice) for problem in error.problems]

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins
+SAME_TIME = 1.05  # ratio of the two shortest times of a march at which a third one would tell nothing
 MARCH_LOCK = threading.Lock()  # a process times one march at a time
 
 
@@ -87,7 +88,8 @@ def timed_run(case: Case, *, nudge: bool = False, repeats: int | None = None) ->
     nudge
         As in `run`.
     repeats
-        Number of marches; None: until `REPEATS` marches are made or `REPEAT_SECONDS` have passed.
+        Number of marches; None: until the two shortest agree within `SAME_TIME`, `REPEATS` marches are made, or
+        `REPEAT_SECONDS` have passed.
     """
     return _run(case, Stopwatch(), nudge=nudge, repeats=repeats, timed=True)
 
@@ -164,15 +166,16 @@ def _run(
 def _repeat(march: March, outcome: Outcome, repeats: int | None, *, marginal: bool) -> None:
     """Repeat the march from its beginning and keep the smallest time; Ctrl-C meanwhile interrupts the whole run."""
     limit = REPEATS if repeats is None else repeats
-    spent = outcome.seconds["march"]
+    times = [outcome.seconds["march"]]
     for _ in range(limit - 1):
-        if repeats is None and spent > REPEAT_SECONDS:
+        shortest, next_shortest = sorted([*times, np.inf])[:2]
+        if repeats is None and (sum(times) > REPEAT_SECONDS or next_shortest <= SAME_TIME * shortest):
             return
         repeated = march.again().run(marginal=marginal)
         if repeated.status == "interrupted":
             outcome.status = "interrupted"
             return
-        spent += repeated.seconds["march"]
+        times.append(repeated.seconds["march"])
         outcome.seconds["march"] = min(outcome.seconds["march"], repeated.seconds["march"])
 
 

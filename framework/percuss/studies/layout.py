@@ -184,6 +184,12 @@ class StudySection(Section):
         float, Gt(0), Unit("s"), Doc("seconds without a completed step after which a run is ended as failed")
     ] = 600.0
     repeats: (
-        Annotated[int, Ge(1), Le(1000), Unit("1"), Doc("how often each march is made, the least time counts; null: 5")]
+        Annotated[
+            int,
+            Ge(1),
+            Le(1000),
+            Unit("1"),
+            Doc("how often each march is made, the least time counts; null: 5, fewer once two agree to 5 %"),
+        ]
         | None
     ) = None
