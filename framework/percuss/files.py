@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,6 +33,19 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except (OSError, ValueError):
         return False
+
+
+def cache_folder() -> Path:
+    """Return the folder for what need not be computed again: that of numba's configuration if it names one."""
+    configured = os.environ.get("NUMBA_CACHE_DIR")
+    numba = sys.modules.get("numba")
+    if numba is not None and numba.config.CACHE_DIR:
+        configured = numba.config.CACHE_DIR
+    if configured:
+        return Path(configured)
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("percuss", appauthor=False))
 
 
 class replacing:  # noqa: N801 - named like a function because it is used in with statements

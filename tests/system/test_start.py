@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "schema --study": INPUT,
     "check {case}": INPUT,
     "check {case} --json": INPUT,
-    "run {case} --exact-only --json": INPUT,
+    "run {case} --exact-only --json": INPUT | {"platformdirs"},
     "run {case} --json": SOLVE,
     "run {case} --json --set method.integrator=central-difference": SOLVE,
     "compare {case} --contact penalty,bipenalty --json": SOLVE,

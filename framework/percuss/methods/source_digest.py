@@ -10,6 +10,7 @@ its own code; functions and values that it reads have digests of their own (`per
 from __future__ import annotations
 
 import ast
+import contextlib
 import functools
 import hashlib
 import json
@@ -24,8 +25,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from percuss.errors import InputError, Problem
-from percuss.files import PACKAGE
+from percuss.errors import InputError, Problem, UnwrittenError
+from percuss.files import PACKAGE, cache_folder, replacing
 from percuss.version import installed_version
 
 if TYPE_CHECKING:
@@ -336,6 +337,30 @@ def imports_of(content: bytes) -> tuple[ImportStatement, ...]:
 
 @functools.lru_cache(maxsize=256)
 def _imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
+    """Return the imports of a source and the short texts in it; both are empty if it is not valid Python.
+
+    They are kept in the user's cache folder, as to find them takes a good part of a short run.
+    """
+    key = content_digest(b"\0".join([content, package.encode(), sys.version.encode(), _own_content()]))
+    file = cache_folder() / "sources" / f"{key}.json"
+    try:
+        imports, texts = json.loads(file.read_bytes())
+        return tuple(ImportStatement(line, module, tuple(parts)) for line, module, parts in imports), tuple(texts)
+    except (OSError, ValueError, TypeError):  # it is not there, or damaged
+        found = _parsed(content, package)
+    with contextlib.suppress(OSError, InputError, UnwrittenError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(file, ".json") as temporary:
+            temporary.write_text(json.dumps(found), encoding="utf-8")
+    return found
+
+
+@functools.cache
+def _own_content() -> bytes:
+    return Path(__file__).read_bytes()
+
+
+def _parsed(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
     """Return the imports of a source and the short texts in it; both are empty if it is not valid Python."""
     try:
         tree = ast.parse(content)

@@ -20,14 +20,13 @@ from typing import Any, NamedTuple
 
 from percuss.compiling import LOCK
 from percuss.errors import InputError, UnwrittenError
-from percuss.files import replacing
+from percuss.files import cache_folder, replacing
 from percuss.methods.source_digest import content_digest, surroundings
 
 __all__ = [
     "CannotLink",
     "MachineCode",
     "address_of_stored",
-    "cache_folder",
     "jit_disabled",
     "key_of",
     "refers_to_c_alone",
@@ -70,19 +69,6 @@ def jit_disabled() -> bool:
     import numba
 
     return bool(numba.config.DISABLE_JIT)
-
-
-def cache_folder() -> Path:
-    """Return the folder in which percuss stores machine code, that of numba's configuration if it names one."""
-    configured = os.environ.get("NUMBA_CACHE_DIR")
-    numba = sys.modules.get("numba")
-    if numba is not None and numba.config.CACHE_DIR:
-        configured = numba.config.CACHE_DIR
-    if configured:
-        return Path(configured)
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("percuss", appauthor=False))
 
 
 def key_of(*parts: str) -> str:

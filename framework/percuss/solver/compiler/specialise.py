@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from percuss.compiling import compiler, listen
+from percuss.files import cache_folder
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.solver import compiled
@@ -31,7 +32,7 @@ from percuss.solver.compiler.fingerprint import (
     plain_function,
     refresh_overloads,
 )
-from percuss.solver.compiler.machine_code import cache_folder, jit_disabled
+from percuss.solver.compiler.machine_code import jit_disabled
 from percuss.solver.compiler.readings import Readings
 from percuss.version import __version__, installed_version
 
