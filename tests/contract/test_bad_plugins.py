@@ -24,7 +24,7 @@ DEEDS = {
     "exits at once": ("os._exit(3)", "a plug-in ends the process (3): raise an error instead"),
     "keeps state": ("CALLS.append(1); bias = 1e-3 * len(CALLS)", BIASED),
     "draws at random": ("bias = np.random.rand()", BIASED),
-    "reads the clock": ("bias = time.perf_counter() % 1.0", BIASED),
+    "reads the clock": ("bias = clock.perf_counter() % 1.0", BIASED),
 }
 # For each method: the family, what a bias is put in, and lines that give nan, a wrong shape, or write to an argument.
 METHODS = {
@@ -92,7 +92,7 @@ METHODS = {
         ("float(i**2 / s)", "float(i**2 / s) * (1.0 + bias)"),
         ("return float('nan')", "of returned nan at index 0; None says that there is no number"),
         ("return np.ones(3)", "of returned numbers of shape (3,), expected ()"),
-        ("result.histories['contact_force'].values[0] = 1.0", ""),
+        ("result.histories['contact_force'].values[0] = 1.0", "of changes an array that it was handed"),
     ),
 }
 OWN = ("gives nan", "has the wrong shape", "writes its inputs")
@@ -112,7 +112,8 @@ def written(folder, method, deed):
     bias, *own = METHODS[method]
     line, said = DEEDS[deed] if deed in DEEDS else own[OWN.index(deed)]
     files = scaffold("my-method", family, folder, single_file=True).files
-    (plugin,), (case,) = ([path for path in files if path.suffix == suffix] for suffix in (".py", ".yaml"))
+    (plugin,) = [path for path in files if path.suffix == ".py"]
+    (case,) = [path for path in files if path.suffix == ".yaml" and ".study" not in path.suffixes]
     text = plugin.read_text()
     if said == BIASED:
         assert bias[0] in text
@@ -121,7 +122,7 @@ def written(folder, method, deed):
     lines = text.splitlines()
     at = place.body[1].lineno - 1  # behind the docstring
     lines.insert(at, " " * place.body[1].col_offset + line)
-    lines.insert(1, "import os, sys, time\nimport numpy as np\nCALLS = []\nbias = 0.0")
+    lines.insert(1, "import os, sys\nimport time as clock\nimport numpy as np\nCALLS = []\nbias = 0.0")
     plugin.write_text("\n".join(lines) + "\n")
     small = re.sub(r"elements: \d+", "elements: 3", case.read_text()).replace("end: 0.35", "end: 0.15")
     case.write_text(small)
@@ -153,7 +154,9 @@ def test_a_misdeed_of_what_looks_at_a_run_fails_its_row(method, deed, tmp_path, 
     monkeypatch.chdir(tmp_path)
     case, plugin, said = written(tmp_path, method, deed)
     measure = ["my-method" if method == "measure.of" else "steps"]
-    made = percuss.study({"percuss-study": 1, "cases": [str(case)], "measure": measure}, workers=1, plugins=[plugin])
+    workers = 2 if deed == "exits at once" else 1  # which makes the runs in this process
+    study = {"percuss-study": 1, "cases": [str(case)], "measure": measure}
+    made = percuss.study(study, workers=workers, plugins=[plugin])
     (row,) = made.as_records()
     assert row["status"] == "failed"
     assert f"{plugin}:" in row["reason"]

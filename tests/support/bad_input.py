@@ -503,8 +503,9 @@ def spent():
 
 
 def peak_memory():
-    """Return the largest memory that this process has had [bytes]."""
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    """Return the largest memory that this process has had [bytes], without that of the process that started it."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return 1024 * int(next(line.split()[1] for line in lines if line.startswith("VmHWM")))
 
 
 def traced(error):
@@ -625,24 +626,24 @@ def chunk_of_survey(folder, kind, first, last):
     endings, peak = {}, 0.0
     while first < last:
         command = [sys.executable, __file__, "--serve", str(folder), kind, str(first), str(last)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        watch = threading.Timer(PATIENCE, process.kill)  # of what hangs outside Python
-        watch.start()
-        seed, under_way = first, False
-        for line in process.stdout:
-            seed, *ending = json.loads(line)
-            under_way = not ending
-            if ending:
-                endings[seed] = tuple(ending[:2])
-                peak = max(peak, ending[2])
-                if ending[0] not in GOOD:
-                    print(f"{kind} {seed} {ending[0]}: {ending[1]}", flush=True)
-                watch.cancel()
-                watch = threading.Timer(PATIENCE, process.kill)
-                watch.start()
-        watch.cancel()
-        said = process.stderr.read()
-        if process.wait() and not under_way:
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            watch = threading.Timer(PATIENCE, process.kill)  # of what hangs outside Python
+            watch.start()
+            seed, under_way = first, False
+            for line in process.stdout:
+                seed, *ending = json.loads(line)
+                under_way = not ending
+                if ending:
+                    endings[seed] = tuple(ending[:2])
+                    peak = max(peak, ending[2])
+                    if ending[0] not in GOOD:
+                        print(f"{kind} {seed} {ending[0]}: {ending[1]}", flush=True)
+                    watch.cancel()
+                    watch = threading.Timer(PATIENCE, process.kill)
+                    watch.start()
+            watch.cancel()
+            said = process.stderr.read()
+        if process.returncode and not under_way:
             raise RuntimeError(said[-2000:])
         if under_way:
             endings[seed] = "dies", f"exit code {process.returncode}: {said[-300:]}"

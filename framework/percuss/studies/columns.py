@@ -46,6 +46,8 @@ class Column:
         arguments = dict(self.arguments)
         if self.kind == "plug-in":
             component: Any = registry.get("measures", self.name)
+            for array in result.arrays.values():  # which the measures after this one read, too
+                array.flags.writeable = False
             return answer(component(), "of", result)
         if self.kind == "metric":
             return metric(result, self.name)
