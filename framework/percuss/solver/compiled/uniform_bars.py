@@ -7,7 +7,7 @@ inside of the bars by several steps first, each step on one node less at either 
 nodes with the nodes that were left out. Tile by tile, the inside stays in the first-level cache for all these steps.
 
 Every node is advanced by the same operations on the same numbers, whatever the number of steps at a time: the results
-are equal bit for bit.
+are equal bit for bit. Plain Python rounds the products before it adds them and differs by round-off.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+from percuss.solver.compiled.marks import fused
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -141,6 +143,7 @@ def sum_of_elongations(u: Floats, v: Floats, dt: float) -> float:
 sum_of_elongations.reduction = True  # type: ignore[attr-defined]
 
 
+@fused
 def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:
     """Advance consecutive nodes by a step, in place, between elements with elongations `behind` and `ahead`."""
     last = u.size - 1
@@ -149,6 +152,7 @@ def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, 
     u[last] += dt * v[last]
 
 
+@fused
 def advance_tile(u: Floats, v: Floats, behind: float, rate: float, dt: float) -> float:
     """Advance the nodes of `v` by a step, in place; `u` has one node more on the right, which stays.
 
