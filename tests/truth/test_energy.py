@@ -230,7 +230,12 @@ def test_plain_python_keeps_the_same_account():
         one, other = run(case), run(case, compiled=False)
         for name in ("contact_energy", "energy_growth"):
             np.testing.assert_allclose(one.arrays[name], other.arrays[name], rtol=1e-12, atol=1e-16)
-        assert one.summary["energy_growth"]["step"] == other.summary["energy_growth"]["step"]
+        # Between two switchings the growth of a conserving law stays the same: round-off decides which of these steps
+        # has the largest, and the compiled loop does not round all products.
+        steps = [each.summary["energy_growth"]["step"] for each in (one, other)]
+        if steps[0] != steps[1]:
+            first, second = one.arrays["energy_growth"][steps]
+            assert first == pytest.approx(second, rel=1e-12)
 
 
 def test_the_step_beyond_the_end_does_not_count():

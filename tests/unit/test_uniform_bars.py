@@ -43,6 +43,12 @@ def uniform_of(case):
     return made.uniform
 
 
+def advance_by_many(monkeypatch, steps=3):
+    """Advance short bars by many steps too; by three steps, the bars of `BOUNCE` have several tiles."""
+    for name, value in {"SHORT_BAR": 40, "TILE": 8, "STEPS": steps}.items():
+        monkeypatch.setattr(uniform_bars, name, value)
+
+
 def no_bars(model, nodes):
     return bars([], 1, 1)
 
@@ -62,22 +68,22 @@ def bars(rows, steps, tile):
 # ------------------------------------------------------------------------------------------------- the functions
 
 
-@pytest.mark.parametrize(("steps", "tile"), [(1, 8), (2, 8), (3, 100), (4, 8), (7, 16), (8, 16)])
+@pytest.mark.parametrize(("steps", "tile"), [(1, 8), (2, 8), (3, 300), (4, 8), (7, 16), (8, 24), (16, 8)])
 def test_several_steps_at_a_time_are_the_same_steps_to_the_last_bit(steps, tile):
     generator = np.random.default_rng(steps)
-    rows = [a_bar(37, 0.3, 1.0, 1.0), a_bar(20, 0.2, 0.4, -0.5, start=37)]
+    rows = [a_bar(237, 0.3, 1.0, 1.0), a_bar(40, 0.2, 0.4, -0.5, start=237)]
     one_by_one, together = bars(rows, 1, tile), bars(rows, steps, tile)
-    u, v = generator.uniform(-1, 1, 57), generator.uniform(-1, 1, 57)
+    u, v = generator.uniform(-1, 1, 277), generator.uniform(-1, 1, 277)
     expected_u, expected_v = u.copy(), v.copy()
     for _ in range(3):
         kicks = generator.uniform(-1, 1, (steps, 4))  # what contacts and supports do to the ends
         for k in range(steps):
             advance_whole(one_by_one, expected_u, expected_v, 0.1)
-            expected_u[[0, 36, 37, 56]] += kicks[k]
+            expected_u[[0, 236, 237, 276]] += kicks[k]
         advance_inside(together, u, v, steps, 0.1)
         for k in range(steps):
             advance_ends(together, u, v, k, 0.1)
-            u[[0, 36, 37, 56]] += kicks[k]
+            u[[0, 236, 237, 276]] += kicks[k]
         assert (u == expected_u).all()
         assert (v == expected_v).all()
 
@@ -115,8 +121,7 @@ def test_a_run_is_the_same_by_one_step_by_many_and_with_the_kernels(integrator, 
     """By one step and by many to the last bit; only long bars are advanced by many, here short ones are too."""
     case = with_pair(BOUNCE, (integrator, law))
     one_by_one = run(case)
-    monkeypatch.setattr(uniform_bars, "SHORT_BAR", 40)
-    monkeypatch.setattr(uniform_bars, "TILE", 32)
+    advance_by_many(monkeypatch)
     assert uniform_of(case).steps == uniform_bars.STEPS
     together = run(case)
     for name, values in one_by_one.arrays.items():
@@ -131,6 +136,28 @@ def test_a_run_is_the_same_by_one_step_by_many_and_with_the_kernels(integrator, 
     assert together.summary["energy"]["ledger_error"] < 1e-13
 
 
+def test_snapshots_records_and_stretches_meet_all_nodes_at_the_same_step(monkeypatch):
+    """The steps at a time fit neither between two snapshots nor between two records, nor into a stretch."""
+    case = {**BOUNCE, "record": {"every": 11, "fields": 7}}
+    one_by_one = run(case)
+    advance_by_many(monkeypatch, steps=6)
+    monkeypatch.setattr(march, "CHUNK_STEPS", 50)
+    together = run(case)
+    for name, values in one_by_one.arrays.items():
+        assert values.tobytes() == together.arrays[name].tobytes(), name
+    assert one_by_one.field_arrays["stress"].tobytes() == together.field_arrays["stress"].tobytes()
+    assert one_by_one.summary["contacts"] == together.summary["contacts"]
+
+
+def test_the_plain_loop_makes_several_steps_at_a_time_too(monkeypatch):
+    advance_by_many(monkeypatch)
+    case = {**BOUNCE, "time": {"steps": 150, "courant": 0.6}}
+    compiled, plain = run(case), run(case, compiled=False)
+    assert largest_force(plain) > 0.0
+    for name, values in compiled.arrays.items():
+        np.testing.assert_allclose(plain.arrays[name], values, rtol=0.0, atol=1e-12 * max(np.abs(values).max(), 1.0))
+
+
 def largest_force(result):
     return result.arrays["contact_force"].max()
 
@@ -138,9 +165,8 @@ def largest_force(result):
 def test_an_unstable_run_stops_at_the_same_step_and_node(monkeypatch):
     case = {**BOUNCE, "time": {"steps": 700, "courant": 1.05, "on_unstable": "warn"}}
     stops = []
-    for change in ({}, {"SHORT_BAR": 40, "TILE": 32}):
-        for name, value in change.items():
-            monkeypatch.setattr(uniform_bars, name, value)
+    for change in (lambda monkeypatch: None, advance_by_many):
+        change(monkeypatch)
         with pytest.raises(percuss.RunError) as stopped:
             run(case)
         stops.append(stopped.value.result.summary["stop"])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.solver.compiled.leapfrog_loop import LoadAmplitudes
+from percuss.solver.compiled.uniform_bars import LINE
 from percuss.solver.loads import amplitude
 from percuss.solver.starting_state import starting_velocity
 
@@ -33,8 +34,9 @@ class LeapFrogStepper:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.v: Floats = starting_velocity(model).ravel()
-        self.u: Floats = np.zeros_like(self.v)
+        self.v: Floats = _zeros_from_line(model.n_nodes * model.dim)
+        self.u: Floats = _zeros_from_line(model.n_nodes * model.dim)
+        self.v[:] = starting_velocity(model).ravel()
         self.loop: Loop
         self._no_loads = self._zeros(0)
         self._single: tuple[Floats, Floats, Floats, LoadAmplitudes] | None = None
@@ -117,3 +119,10 @@ class LeapFrogStepper:
             total += weights @ amplitudes.body_acceleration.sum(axis=0).reshape(-1, model.dim)
             self._impulse += model.dt * total
         return self._impulse.copy()
+
+
+def _zeros_from_line(count: int) -> Floats:
+    """Return zeros, (count,), that begin with a line of the cache: advancing them takes less time."""
+    memory = np.zeros(count + LINE)
+    start = -memory.ctypes.data // memory.itemsize % LINE
+    return memory[start : start + count]

@@ -442,7 +442,12 @@ class March:
         return None
 
     def _chunks(self, first: int, last: int) -> Iterator[tuple[int, int]]:
-        cost = (1.2e-9 if self.kernels.compiled else 2e-6) * (self.u.size + 150)
+        seconds = 1.2e-9  # of a step, for each degree of freedom
+        if not self.kernels.compiled:
+            seconds = 2e-6
+        elif self.uniform.bars.size > 0:
+            seconds = 0.4e-9 + 0.8e-9 / self.record.every  # a record sums up the energies
+        cost = seconds * (self.u.size + 150)
         width = len(self.model.case.loads) + len(self.model.bodies) * self.dim + 1
         size = int(max(1, min(CHUNK_STEPS, CHUNK_SECONDS / cost, 4_000_000 / width)))
         start = first
@@ -490,6 +495,7 @@ class March:
         arrays = self.changing_arrays()
         if not self._saved:
             self._saved = [array.copy() for array in arrays]
+            return self._saved
         for k, array in enumerate(arrays):
             if self._saved[k].shape == array.shape:
                 np.copyto(self._saved[k], array)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from percuss.solver.entities import Body
     from percuss.solver.model import Model
 
-STEPS = 16  # steps at a time of long bars
-TILE = 1024  # nodes, whose displacements and velocities stay in the first-level cache; at least twice `STEPS`
+STEPS = 32  # steps at a time of long bars
+TILE = 1536  # nodes, whose displacements and velocities stay in the first-level cache
 SHORT_BAR = 1000  # nodes below which a bar stays in the cache from step to step: many steps at a time save nothing
 SAME_FORCE = 1e-12  # largest relative difference between the force of an element and that of a spring
 

@@ -16,8 +16,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.solver.compiled.marks import fused
+
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
+
+LINE = 8  # numbers in a line of the cache
 
 UNIFORM_BAR = np.dtype(
     [
@@ -39,7 +43,7 @@ class UniformBars(NamedTuple):
 
     bars: Any  # UNIFORM_BAR
     steps: int  # largest number of steps at a time
-    tile: int  # nodes of a tile, at least twice as many as steps
+    tile: int  # nodes of a tile
     left: Floats  # (bars, steps) elongation, before each step, of the element left of those that advance inside
     right: Floats  # (bars, steps) the same of the element right of them
     between: Floats  # (steps,) the same of the element between two tiles
@@ -62,7 +66,8 @@ def advance_whole(uniform: UniformBars, u: Floats, v: Floats, dt: float) -> None
 def advance_inside(uniform: UniformBars, u: Floats, v: Floats, steps: int, dt: float) -> None:
     """Advance the inside of all bars by `steps` steps, in step k all nodes but k + 1 at either end.
 
-    A tile starts one node further left in every step, as the node behind its last one is a step behind.
+    A tile makes all its steps before the next one begins. As the node right of it is not ahead yet, it ends further
+    left in every step, by a whole line of the cache: all tiles but the first begin with a line in every step.
     """
     between = uniform.between
     for b in range(uniform.bars.size):
@@ -70,16 +75,19 @@ def advance_inside(uniform: UniformBars, u: Floats, v: Floats, steps: int, dt: f
         left, right = uniform.left[b], uniform.right[b]
         first = bar.start + 1
         stop = bar.stop - 1
-        for tile in range(first, stop, uniform.tile):
+        tile = first
+        while tile < stop:
+            # The first tile does not begin with a line: it is as short as its ends, which approach each other, allow.
+            size = uniform.tile if tile > first else (LINE + 1) * steps
+            following = (tile + size + LINE - 1) // LINE * LINE
             for k in range(steps):
-                lo = tile - k
-                hi = min(tile + uniform.tile, stop) - k
-                behind = between[k]
+                lo = tile - LINE * k
+                hi = following - LINE * k if following < stop else stop - k
                 if tile == first:
                     lo = first + k
-                    left[k] = behind = u[lo] - u[lo - 1]
-                between[k] = ahead = u[hi] - u[hi - 1]
-                advance_row(u[lo:hi], v[lo:hi], behind, ahead, bar.rate, dt)
+                    left[k] = between[k] = u[lo] - u[lo - 1]
+                between[k] = advance_tile(u[lo : hi + 1], v[lo:hi], between[k], bar.rate, dt)
+            tile = following
         for k in range(steps):
             right[k] = between[k]
 
@@ -135,13 +143,36 @@ def sum_of_elongations(u: Floats, v: Floats, dt: float) -> float:
 sum_of_elongations.reduction = True  # type: ignore[attr-defined]
 
 
+@fused
 def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:
     """Advance consecutive nodes by a step, in place, between elements with elongations `behind` and `ahead`."""
     last = u.size - 1
-    for i in range(last):
+    behind = advance_tile(u, v[:last], behind, rate, dt)
+    v[last] += rate * (ahead - behind)
+    u[last] += dt * v[last]
+
+
+@fused
+def advance_tile(u: Floats, v: Floats, behind: float, rate: float, dt: float) -> float:
+    """Advance the nodes of `v` by a step, in place; `u` has one node more on the right, which stays.
+
+    Parameters
+    ----------
+    u, v
+        Displacements and velocities.
+    behind
+        Elongation, before the step, of the element left of these nodes.
+    rate, dt
+        That of the bar, and the time step.
+
+    Returns
+    -------
+    float
+        The elongation, before the step, of the element right of these nodes.
+    """
+    for i in range(v.size):
         elongation = u[i + 1] - u[i]
         v[i] += rate * (elongation - behind)
         u[i] += dt * v[i]
         behind = elongation
-    v[last] += rate * (ahead - behind)
-    u[last] += dt * v[last]
+    return behind

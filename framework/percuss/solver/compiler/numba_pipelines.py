@@ -20,6 +20,7 @@ from numba.core.typing import signature as typing_signature
 
 from percuss.filelock import in_turn
 
+FREE_ORDER = {"fast", "reassoc"}  # options of numba's `fastmath` with which the terms of a sum are added in any order
 LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 ENVIRONMENT_PREFIX = "_ZN08NumbaEnv"  # first letters of the name of a variable that refers to a function's globals
 
@@ -71,7 +72,7 @@ class CalleeLowering(NativeLowering):  # type: ignore[misc]
     def run_pass(self, state: Any) -> bool:
         """Translate the function, and let other compiled functions find it."""
         state.library = CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.has_free_order = bool(state.flags.fastmath)
+        state.library.has_free_order = not state.flags.fastmath.flags.isdisjoint(FREE_ORDER)
         state.flags.no_compile = True
         super().run_pass(state)
         lowered = state["cr"]

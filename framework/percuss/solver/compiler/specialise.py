@@ -279,6 +279,8 @@ class Specialiser:
             options["forceinline"] = True
         if reduction or getattr(function, "reduction", False):
             options["fastmath"] = ("nsz", "reassoc")
+        elif getattr(function, "fused", False):
+            options["fastmath"] = ("contract",)
         # Always set, because otherwise the option of the calling function applies.
         options["_nrt"] = self.counting and not _is_part_of_loop(function)
         return options
