@@ -7,7 +7,7 @@ inside of the bars by several steps first, each step on one node less at either 
 nodes with the nodes that were left out. Tile by tile, the inside stays in the first-level cache for all these steps.
 
 Every node is advanced by the same operations on the same numbers, whatever the number of steps at a time: the results
-are equal bit for bit.
+are equal bit for bit. Plain Python rounds the products before it adds them and differs by round-off.
 """
 
 from __future__ import annotations
