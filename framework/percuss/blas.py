@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["one_blas_thread", "start_with_one_blas_thread"]
+__all__ = ["one_blas_thread", "processes_with_one_blas_thread", "start_with_one_blas_thread"]
 
 # Variables of the environment from which the libraries take their number of threads when they are loaded.
 VARIABLES = (
@@ -98,6 +98,21 @@ def one_blas_thread() -> Iterator[None]:
         yield
     finally:
         _LIMIT.end()
+
+
+@contextmanager
+def processes_with_one_blas_thread() -> Iterator[None]:
+    """Let BLAS have one thread in the processes that start inside this context."""
+    before = {name: os.environ.get(name) for name in VARIABLES}
+    os.environ.update(dict.fromkeys(VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def start_with_one_blas_thread() -> None:

@@ -127,15 +127,15 @@ class PencilCriterion:
         """
         if not self._shares_ends:
             return []
-        grouped = {int(p) for p in np.flatnonzero(_pressing(laws))}
+        pressing = [int(p) for p in np.flatnonzero(_pressing(laws))]
+        left = set(pressing)
         out = []
-        while grouped:
-            first = min(grouped)
+        for first in pressing:
             members, waiting = set(), [first]
             while waiting:
                 p = waiting.pop()
-                if p in grouped:
-                    grouped.discard(p)
+                if p in left:
+                    left.discard(p)
                     members.add(p)
                     waiting.extend(self.coupling[p])
             if len(members) > 1:

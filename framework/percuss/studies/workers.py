@@ -22,6 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from percuss.blas import processes_with_one_blas_thread
 from percuss.errors import RunError
 from percuss.heartbeat import Watch, beat
 from percuss.methods.process_guard import guarded_output, plug_ins_cannot_exit, where_is
@@ -357,17 +358,13 @@ def _starting() -> Iterator[None]:
     A script without ``if __name__ == "__main__"`` would run again in each process. The threads of several processes
     would slow each other down.
     """
-    main, threads = sys.modules["__main__"], os.environ.get("OPENBLAS_NUM_THREADS")
+    main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     try:
-        yield
+        with processes_with_one_blas_thread():
+            yield
     finally:
         sys.modules["__main__"] = main
-        if threads is None:
-            del os.environ["OPENBLAS_NUM_THREADS"]
-        else:
-            os.environ["OPENBLAS_NUM_THREADS"] = threads
 
 
 # ------------------------------------------------------------------------------------- inside a worker process
