@@ -17,17 +17,19 @@ _MODULES = {
     "case.case": "Case load",
     "studies.comparison": "compare",
     "methods.interfaces": (
-        "AllowInf BodyEnd BodyMesh ContactLaw ContactPoints ContactProblem ContactState DataFile Doc Element Exact "
-        "ExactContact Floats Ge Gt Integers Integrator Le LeapFrog LinearLaw Load Lt Mass Material Measure Mesh "
+        "AllowInf BodyEnd BodyMesh CellElement ContactLaw ContactPoints ContactProblem ContactState DataFile Doc "
+        "Element Exact ExactContact Floats FollowingLoad Ge Gt Integers Integrator Le LeapFrog LinearLaw Load "
+        "LoadedEnd Lt Lumping Mass Material Measure Mesh "
         "ProblemBody ProblemContact ProblemLoad Region Shape Solution Stages Trial Unit end_of_step"
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "methods.hookspecs": "hookimpl",
-    "methods.slots": "accelerations coupled_gap coupled_rate energy_density stress",
+    "methods.slots": "accelerations coupled_gap coupled_rate energy_density internal stress",
     "certificate.maps": "stability",
     "results.result": "Result open_result",
     "results.runner": "run",
     "solver.compiler.specialise": "compiled_function",
+    "studies.recommendation": "recommend",
     "studies.study": "study",
     "studies.study_table": "Study open_study",
 }
@@ -39,6 +41,7 @@ __all__ = [
     "BodyEnd",
     "BodyMesh",
     "Case",
+    "CellElement",
     "ContactLaw",
     "ContactPoints",
     "ContactProblem",
@@ -49,6 +52,7 @@ __all__ = [
     "Exact",
     "ExactContact",
     "Floats",
+    "FollowingLoad",
     "Ge",
     "Gt",
     "InputError",
@@ -58,7 +62,9 @@ __all__ = [
     "LeapFrog",
     "LinearLaw",
     "Load",
+    "LoadedEnd",
     "Lt",
+    "Lumping",
     "Mass",
     "Material",
     "Measure",
@@ -86,9 +92,11 @@ __all__ = [
     "end_of_step",
     "energy_density",
     "hookimpl",
+    "internal",
     "load",
     "open_result",
     "open_study",
+    "recommend",
     "run",
     "stability",
     "stress",
@@ -104,6 +112,7 @@ if TYPE_CHECKING:
         AllowInf,
         BodyEnd,
         BodyMesh,
+        CellElement,
         ContactLaw,
         ContactPoints,
         ContactProblem,
@@ -114,6 +123,7 @@ if TYPE_CHECKING:
         Exact,
         ExactContact,
         Floats,
+        FollowingLoad,
         Ge,
         Gt,
         Integers,
@@ -122,7 +132,9 @@ if TYPE_CHECKING:
         LeapFrog,
         LinearLaw,
         Load,
+        LoadedEnd,
         Lt,
+        Lumping,
         Mass,
         Material,
         Measure,
@@ -138,11 +150,12 @@ if TYPE_CHECKING:
         Unit,
         end_of_step,
     )
-    from percuss.methods.slots import accelerations, coupled_gap, coupled_rate, energy_density, stress
+    from percuss.methods.slots import accelerations, coupled_gap, coupled_rate, energy_density, internal, stress
     from percuss.results.result import Result, open_result
     from percuss.results.runner import run
     from percuss.solver.compiler.specialise import compiled_function
     from percuss.studies.comparison import compare
+    from percuss.studies.recommendation import recommend
     from percuss.studies.study import study
     from percuss.studies.study_table import Study, open_study
 

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 _PLAIN = frozenset({str, int, bool, type(None)})
+_NUMBERS_AND_TEXTS = _PLAIN | {float}
 
 
 def as_lists(value: Any) -> Any:
     """Return nested mappings and sequences with lists in place of tuples; numbers, infinite ones too, stay."""
+    if type(value) in _NUMBERS_AND_TEXTS:  # nearly all values
+        return value
     if isinstance(value, dict):
         return {key: as_lists(item) for key, item in value.items()}
     return [as_lists(item) for item in value] if isinstance(value, (list, tuple)) else value
@@ -21,6 +24,8 @@ def plain(value: Any) -> Any:
     """Return `value` converted to types that JSON has; numbers that are not finite become None."""
     if type(value) in _PLAIN:  # nearly all values
         return value
+    if type(value) is float:
+        return value if math.isfinite(value) else None
     if isinstance(value, dict):
         return {
             key if type(key) is str else str(key): item if type(item) in _PLAIN else plain(item)
@@ -30,9 +35,9 @@ def plain(value: Any) -> Any:
         return [item if type(item) in _PLAIN else plain(item) for item in value]
     if isinstance(value, (np.ndarray, np.generic)):
         return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, (str, int)) else str(value)
+    if isinstance(value, float):  # of a class derived from it
+        value = float(value) if math.isfinite(value) else None
+    return value if value is None or isinstance(value, (str, int, float)) else str(value)
 
 
 def infinity_as_text(value: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 __all__ = ["lapack"]
 
 MODULE = "_flapack"  # of the package scipy.linalg, whose module `lapack` passes its routines on
-ROUTINES = ("dpttrf", "dpttrs", "dstebz")
+ROUTINES = ("dpttrf", "dpttrs", "dstebz", "dpbtrf", "dpbtrs")
 
 
 @functools.cache

@@ -2,22 +2,51 @@
 
 from percuss import hookimpl
 from percuss_methods.contacts.bipenalty import Bipenalty
+from percuss_methods.contacts.cohesive import Cohesive
+from percuss_methods.contacts.damped_penalty import DampedPenalty
+from percuss_methods.contacts.decomposition_contact_response import DecompositionContactResponse
+from percuss_methods.contacts.energy_conserving_penalty import EnergyConservingPenalty
+from percuss_methods.contacts.hunt_crossley import HuntCrossley
 from percuss_methods.contacts.lagrange import Lagrange
+from percuss_methods.contacts.moreau_jean import MoreauJean
+from percuss_methods.contacts.nitsche import Nitsche
+from percuss_methods.contacts.paoli_schatzman import PaoliSchatzman
 from percuss_methods.contacts.penalty import Penalty
+from percuss_methods.contacts.regularised_lagrange import RegularisedLagrange
+from percuss_methods.contacts.softened_penalty import SoftenedPenalty
 from percuss_methods.contacts.tied import Tied
+from percuss_methods.contacts.uzawa import Uzawa
+from percuss_methods.contacts.walton_braun import WaltonBraun
 from percuss_methods.elements.bar import BarElement
+from percuss_methods.elements.green_bar import GreenBarElement
+from percuss_methods.elements.quadratic_bar import QuadraticBarElement
+from percuss_methods.elements.spectral_bar import SpectralBarElement
 from percuss_methods.integrators.central_difference import CentralDifference
+from percuss_methods.integrators.chung_lee import ChungLee
+from percuss_methods.integrators.explicit_hht import ExplicitHHT
+from percuss_methods.integrators.explicit_newmark import ExplicitNewmark
+from percuss_methods.integrators.hulbert_chung import HulbertChung
 from percuss_methods.integrators.noh_bathe import NohBathe
+from percuss_methods.integrators.tchamwa_wielgosz import TchamwaWielgosz
+from percuss_methods.integrators.velocity_verlet import VelocityVerlet
+from percuss_methods.integrators.viscous_central_difference import ViscousCentralDifference
 from percuss_methods.integrators.wu_predictor_corrector import WuPredictorCorrector
+from percuss_methods.loads.absorbing import Absorbing
+from percuss_methods.loads.base_excitation import BaseExcitation
 from percuss_methods.loads.constant import Constant
 from percuss_methods.loads.gravity import Gravity
 from percuss_methods.loads.half_sine import HalfSine
 from percuss_methods.loads.harmonic import Harmonic
 from percuss_methods.loads.prescribed_velocity import PrescribedVelocity
 from percuss_methods.loads.ramp import Ramp
+from percuss_methods.loads.spring_dashpot import SpringDashpot
 from percuss_methods.loads.table import Table
 from percuss_methods.masses.lumped import Lumped
+from percuss_methods.masses.redistributed import Redistributed
+from percuss_methods.masses.scaled import Scaled
+from percuss_methods.materials.bilinear_plastic import BilinearPlastic
 from percuss_methods.materials.elastic import Elastic
+from percuss_methods.materials.ramberg_osgood import RambergOsgood
 from percuss_methods.measures.ripple import Ripple
 from percuss_methods.shapes.bar import Bar
 from percuss_methods.solutions.bars_in_a_row import BarsInARow
@@ -26,19 +55,58 @@ from percuss_methods.solutions.bars_in_a_row import BarsInARow
 @hookimpl
 def percuss_integrators() -> list[type]:
     """Return the built-in time integrators."""
-    return [CentralDifference, NohBathe, WuPredictorCorrector]
+    return [
+        CentralDifference,
+        ChungLee,
+        ExplicitHHT,
+        ExplicitNewmark,
+        HulbertChung,
+        NohBathe,
+        TchamwaWielgosz,
+        VelocityVerlet,
+        ViscousCentralDifference,
+        WuPredictorCorrector,
+    ]
 
 
 @hookimpl
 def percuss_contacts() -> list[type]:
     """Return the built-in contact laws."""
-    return [Penalty, Bipenalty, Lagrange, Tied]
+    return [
+        Penalty,
+        DampedPenalty,
+        SoftenedPenalty,
+        EnergyConservingPenalty,
+        Bipenalty,
+        Nitsche,
+        Lagrange,
+        RegularisedLagrange,
+        Uzawa,
+        PaoliSchatzman,
+        MoreauJean,
+        HuntCrossley,
+        WaltonBraun,
+        Tied,
+        DecompositionContactResponse,
+        Cohesive,
+    ]
 
 
 @hookimpl
 def percuss_loads() -> list[type]:
-    """Return the built-in load amplitudes."""
-    return [Constant, Ramp, Table, HalfSine, Harmonic, Gravity, PrescribedVelocity]
+    """Return the built-in loads."""
+    return [
+        Constant,
+        Ramp,
+        Table,
+        HalfSine,
+        Harmonic,
+        Gravity,
+        PrescribedVelocity,
+        BaseExcitation,
+        Absorbing,
+        SpringDashpot,
+    ]
 
 
 @hookimpl
@@ -50,19 +118,19 @@ def percuss_shapes() -> list[type]:
 @hookimpl
 def percuss_elements() -> list[type]:
     """Return the built-in elements."""
-    return [BarElement]
+    return [BarElement, GreenBarElement, QuadraticBarElement, SpectralBarElement]
 
 
 @hookimpl
 def percuss_materials() -> list[type]:
     """Return the built-in materials."""
-    return [Elastic]
+    return [Elastic, BilinearPlastic, RambergOsgood]
 
 
 @hookimpl
 def percuss_masses() -> list[type]:
     """Return the built-in mass matrices."""
-    return [Lumped]
+    return [Lumped, Redistributed, Scaled]
 
 
 @hookimpl

@@ -32,17 +32,18 @@ TIMES = {"seconds", "provenance", "machine", "compiled_why", "hint"}
 PLAIN_STEPS = 25
 
 BAR = {"bar": {"length": 1.0, "elements": 8}, "material": {"young": 100.0, "density": 0.01}, "area": 1.0}
+TURNED = {**BAR["bar"], "direction": [0.6, 0.8]}
 OTHERS = {
     "turned in the plane, with gravity and a table": {
         "percuss": 1,
         "bodies": {
-            "a": {**BAR, "at": [0.0, 0.0], "direction": [0.6, 0.8], "velocity": [0.06, 0.08]},
-            "b": {**BAR, "at": [0.606, 0.808], "direction": [0.6, 0.8], "fixed": ["right"]},
+            "a": {**BAR, "bar": TURNED, "at": [0.0, 0.0], "velocity": [0.06, 0.08]},
+            "b": {**BAR, "bar": TURNED, "at": [0.606, 0.808], "fixed": ["right"]},
         },
         "contacts": {"tip": {"between": ["a.right", "b.left"]}},
         "loads": {
             "pull": {"gravity": [0.0, -0.1]},
-            "push": {"table": {"points": [[0.0, 0.0], [0.1, 0.4], [0.3, 0.1]]}, "on": "a.left", "along": [0.6, 0.8]},
+            "push": {"table": {"time": [0.0, 0.1, 0.3], "value": [0.0, 0.4, 0.1]}, "on": "a.left"},
         },
         "method": {"integrator": "central-difference", "contact": "penalty"},
         "time": {"end": 0.4, "courant": 0.4},

@@ -71,7 +71,7 @@ METHODS = {
         ("body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),
     ),
     "mass.nodal": (
-        ("[0.5, 0.5])", "[0.5, 0.5]) * (1.0 + bias)"),
+        ("at_nodes(element_mass)", "at_nodes(element_mass) * (1.0 + bias)"),
         ("return np.append(element_mass, np.nan)", "nodal returned nan at index 3"),
         ("return element_mass", "nodal returned numbers of shape (3,), expected (4,)"),
         ("element_mass[0] = 9.0", "nodal changes an array that it was handed"),

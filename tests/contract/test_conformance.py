@@ -24,17 +24,16 @@ def outcome(label, check, partner):
     return perform(check, SUBJECTS[label], partner)
 
 
-LASTING = ("contacts/bipenalty", "contacts/lagrange", "contacts/tied", "integrators/noh-bathe")
+# Of laws and integrators these are checked in every run, the others in the whole check.
+QUICK = ("contacts/penalty", "integrators/central-difference", "integrators/wu-predictor-corrector")
 # These checks of a law or an integrator compile the loop anew, with kernels of their own or in the plane.
 COMPILING = ("no-hidden-state", "dimensions")
 
 
 def is_deep(label, check, partner):
     """Return whether a check is left to the whole check."""
-    return (
-        bool(partner)
-        or label in LASTING
-        or (label.startswith(("contacts/", "integrators/")) and check.name in COMPILING)
+    return bool(partner) or (
+        label.startswith(("contacts/", "integrators/")) and (label not in QUICK or check.name in COMPILING)
     )
 
 

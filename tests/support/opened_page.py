@@ -2,9 +2,12 @@
 
 
 class Opened:
-    """A page in the browser, and what it asked for and complained of."""
+    """A page in the browser, and what it asked for and complained of.
 
-    def __init__(self, browser, path, width=1280, scheme="light"):
+    With `all_charts` charts are painted where they are not seen too.
+    """
+
+    def __init__(self, browser, path, width=1280, scheme="light", all_charts=True):
         self.requests, self.complaints = [], []
         self.page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -12,9 +15,15 @@ class Opened:
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.goto(path.as_uri())
         self.page.wait_for_selector("html[data-ready]")
+        if all_charts:
+            self.paint_all()
 
     def __enter__(self):
         return self
+
+    def paint_all(self):
+        """Paint the charts that are not seen too, at once and from now on."""
+        self.page.evaluate("{ near = Infinity; [...unpainted.keys()].forEach(paint); }")
 
     def __exit__(self, *_):
         self.page.close()

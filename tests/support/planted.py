@@ -9,6 +9,7 @@ import numpy as np
 
 from percuss import (
     BodyMesh,
+    CellElement,
     ContactLaw,
     ContactState,
     Doc,
@@ -455,6 +456,31 @@ class ChangesTrial(ContactLaw):
         for p in range(multiplier.size):
             trial.predicted_gap[p] = min(trial.predicted_gap[p], 0.0)
             multiplier[p] = -trial.predicted_gap[p] / (trial.gap_response * trial.delassus[p])
+
+
+@caught_by("stored-and-dissipated")
+@dataclass(frozen=True)
+class ForgetsItsDashpot(ContactLaw):
+    """Counts the work of its spring alone, though a dashpot takes energy beside it."""
+
+    name = "forgets-its-dashpot"
+    summary = law.summary
+    state = 2
+    stored_in, dissipated_in = 0, 1
+
+    def bind(self, points, dt):
+        return Stiff(0.25 * points.stiffness)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            overlap = max(-trial.gap[p], 0.0)
+            multiplier[p] = max(bound.k[p] * (overlap - 1e-3 * trial.rate[p]), 0.0) if overlap > 0.0 else 0.0
+            trial.after[p, 0] = 0.5 * bound.k[p] * overlap**2
+
+
+class Stiff(NamedTuple):
+    k: np.ndarray
 
 
 @caught_by("no-hidden-state")
@@ -919,11 +945,27 @@ class LumpedPenalty(Mass):
     name = "lumped-penalty"
     summary = "a mass"
 
-    def nodal(self, element_mass):
-        nodal = np.zeros(element_mass.size + 1)
-        nodal[:-1] += 0.5 * element_mass
-        nodal[1:] += 0.5 * element_mass
+    def nodal(self, element_mass, lumping):
+        nodal = lumping.at_nodes(element_mass)
         nodal[[0, -1]] *= 1.5
+        return nodal
+
+
+@caught_by("masses-in-contact")
+@dataclass(frozen=True)
+class Dropped(Mass):
+    """Drops the mass of ends in contact, which nobody gets."""
+
+    name = "dropped"
+    summary = "a mass"
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def nodal_in_contact(self, element_mass, lumping, first, last):
+        nodal = lumping.at_nodes(element_mass)
+        nodal[0] *= not first
+        nodal[-1] *= not last
         return nodal
 
 
@@ -935,7 +977,7 @@ class Leaning(Mass):
     name = "leaning"
     summary = "a mass"
 
-    def nodal(self, element_mass):
+    def nodal(self, element_mass, lumping):
         nodal = np.append(element_mass, 0.1 * element_mass[-1])
         return nodal * element_mass.sum() / nodal.sum()
 
@@ -1049,7 +1091,7 @@ def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_fa
             return frequency * wave_speed / body.mesh.lengths
 
         @staticmethod
-        def internal_force(element, parameters, first, dim, displacement, force):
+        def internal_force(element, material, first, dim, displacement, force):
             for i in range(force.size):
                 force[i] = 0.0 if sets else force[i]
             for i in range(displacement.size // dim - 1):
@@ -1058,13 +1100,13 @@ def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_fa
                     change = displacement[(i + 1) * dim + d] - displacement[i * dim + d]
                     stretch += element.direction[first + i, d] * change
                 strain = share * stretch * element.inverse[first + i]
-                axial = element.area[first + i] * stress(parameters, strain) / share
+                axial = element.area[first + i] * stress(material, first + i, strain) / share
                 for d in range(dim):
                     force[i * dim + d] += factor * axial * element.direction[first + i, d]
                     force[(i + 1) * dim + d] -= axial * element.direction[first + i, d]
 
         @staticmethod
-        def energy(element, parameters, first, dim, displacement, velocity, dt):
+        def energy(element, material, first, dim, displacement, velocity, dt):
             total = 0.0
             for i in range(displacement.size // dim - 1):
                 after = 0.0
@@ -1074,7 +1116,7 @@ def element(name, check=None, *, sets=True, factor=1.0, frequency=2.0, energy_fa
                     after += element.direction[first + i, d] * (displacement[j] - displacement[k])
                     rate += element.direction[first + i, d] * (velocity[j] - velocity[k])
                 inverse = element.inverse[first + i]
-                density = energy_density(parameters, (after - dt * rate) * inverse, after * inverse)
+                density = energy_density(material, first + i, (after - dt * rate) * inverse, after * inverse)
                 total += 2.0 * energy_factor * element.area[first + i] / inverse * density
             return total
 
@@ -1091,6 +1133,78 @@ element("stiffness-of-its-own", "force-and-energy", stiffness=2.0)
 element("too-slow", "frequency", frequency=1.0)
 element("too-fast", "frequency", frequency=5.0)
 element("half-the-strain", "stress-in-the-element", share=0.5)
+
+
+class CellRule(NamedTuple):
+    slope: np.ndarray
+    weight: np.ndarray
+
+
+def cell(name, check=None, *, shares=(1.0, 1.0, 4.0), volume=1.0, frequency=24.0**0.5, sets=True, factor=1.0):
+    @dataclass(frozen=True)
+    class ThreeNodes(CellElement):
+        """A bar of three nodes, integrated at them.
+
+        Formula: ``force = A stress(strain) e``.
+        """
+
+        summary = "A bar"
+        references = ("nobody, nowhere",)
+        cell = "line3"
+        linear = True
+
+        def rule(self):
+            slope = np.array([[-3.0, -1.0, 4.0], [1.0, 3.0, -4.0], [-1.0, 1.0, 0.0]])
+            return CellRule(slope, np.array([1.0, 1.0, 4.0]) / 6)
+
+        def reference_nodes(self):
+            return np.array([0.0, 1.0, 0.5])
+
+        def mass_shares(self):
+            return np.array(shares) / 6
+
+        def volumes(self, body):
+            return volume * np.outer(body.area * body.mesh.lengths, [1.0, 1.0, 4.0]) / 6
+
+        def axial_stiffness(self, body, modulus):
+            return modulus * body.area / body.mesh.lengths
+
+        def highest_frequency(self, body, wave_speed):
+            return frequency * wave_speed / body.mesh.lengths
+
+        @staticmethod
+        def force(rule, material, first, section, coordinates, displacement, force):
+            nodes, dim = force.shape
+            squared = 0.0
+            for d in range(dim):
+                squared += (coordinates[1, d] - coordinates[0, d]) ** 2
+                for a in range(nodes):
+                    force[a, d] = 0.0 if sets else force[a, d]
+            for q in range(nodes):
+                strain = 0.0
+                for a in range(nodes):
+                    for d in range(dim):
+                        along = coordinates[1, d] - coordinates[0, d]
+                        strain += rule.slope[q, a] * displacement[a, d] * along / squared
+                axial = section * rule.weight[q] * stress(material, first + q, strain) / np.sqrt(squared)
+                for d in range(dim):
+                    along = coordinates[1, d] - coordinates[0, d]
+                    force[0, d] -= factor * axial * rule.slope[q, 0] * along
+                    force[1, d] -= axial * rule.slope[q, 1] * along
+                    force[2, d] -= axial * rule.slope[q, 2] * along
+
+        vars()["name"] = name
+
+    return (caught_by(check) if check else right)(at_the_top(ThreeNodes))
+
+
+cell("three-nodes")
+cell("adds-to-the-force-of-a-cell", "force-and-energy", sets=False)
+cell("one-sided-cell", "force-and-energy", factor=0.9)
+cell("lost-volume", "force-and-energy", volume=0.5)
+cell("wrong-volume", "cells", volume=0.5)
+cell("lopsided", "cells", shares=(2.0, 1.0, 3.0))
+cell("too-slow-cell", "frequency", frequency=4.0)
 
 
 @caught_by("mesh")

@@ -337,12 +337,12 @@ def test_the_module_runs_too() -> None:
 def test_a_terminal_is_told_while_the_loop_is_compiled_and_not_when_it_is_loaded(tmp_path: Path) -> None:
     import pty
 
-    (text,) = re.findall(r"as `hunt_crossley.py`:\n\n```python\n(.*?)^```$", PLUGINS, re.MULTILINE | re.DOTALL)
+    (text,) = re.findall(r"as `damped_hertz.py`:\n\n```python\n(.*?)^```$", PLUGINS, re.MULTILINE | re.DOTALL)
     assert "1.5 * bound.alpha" in text
-    law = tmp_path / "hunt_crossley.py"
+    law = tmp_path / "damped_hertz.py"
     # No other run has compiled a kernel with this number.
     law.write_text(text.replace("1.5 * bound.alpha", f"{1.5 + time.time_ns() % 1_000_000 * 1e-12!r} * bound.alpha"))
-    options = ["--plugin", str(law), "--set", "method.contact=hunt-crossley"]
+    options = ["--plugin", str(law), "--set", "method.contact=damped-hertz"]
     command = [sys.executable, "-m", "percuss", "run", HUNEK, *options]
     env = {**os.environ, "TERM": "xterm"}
     said = []

@@ -19,7 +19,7 @@ from percuss.solver.model import Model
 ROOT = places.ROOT
 PAGES = {
     name: (ROOT / name / "README.md").read_text(encoding="utf-8")
-    for name in (".", "cases", "plugins", "framework", "tests")
+    for name in (".", "cases", "cases/studies", "plugins", "framework", "tests")
 }
 README, CASES, PLUGINS = PAGES["."], PAGES["cases"], PAGES["plugins"]
 LONGEST = 120  # lines of the first page
@@ -128,8 +128,8 @@ def test_the_law_shown_does_what_it_says(folder: Path) -> None:
     """Without its dashpot it is the penalty method; with it, the same contact loses more energy."""
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "damped.py"])
     spring = percuss.run(case, {"method.contact": {"name": "penalty", "beta_s": 0.25}})
-    same = percuss.run(case, {"method.contact": {"name": "damped-penalty"}})
-    damped = percuss.run(case, {"method.contact": {"name": "damped-penalty", "tau": 1e-4}})
+    same = percuss.run(case, {"method.contact": {"name": "spring-and-dashpot"}})
+    damped = percuss.run(case, {"method.contact": {"name": "spring-and-dashpot", "tau": 1e-4}})
     assert (same.arrays["contact_force"] == spring.arrays["contact_force"]).all()
     assert same.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
     assert damped.summary["energy"]["ledger_error"] < 1e-13
@@ -150,11 +150,31 @@ def test_the_integrator_shown_does_what_it_says(folder: Path) -> None:
 
 
 def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
-    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "hunt_crossley.py"])
-    result = percuss.run(case, {"method.contact": {"name": "hunt-crossley", "k": 500.0}})
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "damped_hertz.py"])
+    result = percuss.run(case, {"method.contact": {"name": "damped-hertz", "k": 500.0}})
     assert result.summary["compiled"] == (os.environ.get("NUMBA_DISABLE_JIT", "0") == "0")
     assert result.arrays["contact_force"].min() == 0.0
     assert result.summary["energy"]["contact_work"] < 0.0
+
+
+def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None:
+    result = percuss.open_result(folder / "crushed.nc")
+    arrays, crushed = result.arrays, result.arrays["contact_state"][:, 0, 0]
+    assert arrays["contact_force"].max() == pytest.approx(0.04, rel=1e-12)
+    assert (np.diff(crushed) >= 0.0).all()
+    assert crushed[-1] > 0.0
+    assert arrays["contact_dissipation"][-1] == pytest.approx(0.04 * crushed[-1], rel=1e-12)
+    accounted = arrays["contact_dissipation"] + arrays["contact_energy"]
+    assert abs(arrays["contact_work"] + accounted).max() < 0.01 * arrays["contact_dissipation"][-1]
+
+
+def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
+    result = percuss.open_result(folder / "plastic.nc")
+    energy = result.summary["energy"]
+    assert energy["ledger_error"] < 1e-13
+    assert 0.0 < energy["bodies_error"] < 5e-3
+    assert energy["dissipated"] > 0.0
+    assert result.arrays["contact_force"][100:].max() < 1.1 * 0.04
 
 
 def test_every_method_named_is_registered() -> None:
@@ -183,7 +203,10 @@ def test_pictures_and_links_lead_somewhere() -> None:
             target = ROOT / name / path
             assert target.is_file(), link
             headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
-            assert not heading or heading in {text.lower().replace(" ", "-") for text in headings}, link
+            # As GitHub names a heading in an address: small letters, hyphens for spaces, no other punctuation.
+            assert not heading or heading in {
+                re.sub(r"[^\w-]", "", text.lower().replace(" ", "-")) for text in headings
+            }, link
 
 
 def test_the_lines_of_the_laws_are_those_that_the_page_shows() -> None:

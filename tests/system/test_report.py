@@ -738,9 +738,9 @@ def test_sorting_and_filtering(browser, pages, small):
         opened.filter("time.courant", ">=0.5")
         assert set(opened.cells("time.courant")) == {"0.5", "0.9"}
         page.click("#clear")
-        page.wait_for_function('document.getElementById("count").textContent === "132 rows"')
+        page.wait_for_function('() => document.getElementById("count").textContent === "132 rows"')
         page.select_option("#filters select >> nth=2", "2")
-        page.wait_for_function('document.getElementById("count").textContent === "66 of 132 rows"')
+        page.wait_for_function('() => document.getElementById("count").textContent === "66 of 132 rows"')
         assert opened.complaints == []
 
 
@@ -782,7 +782,7 @@ def test_a_click_on_a_row_or_a_point_shows_its_force(browser, pages):
         )
         page.locator("#work").scroll_into_view_if_needed()
         page.locator("#work").click(position={"x": place[0], "y": place[1]})
-        page.wait_for_function('picked.length === 2 || document.querySelectorAll(".picked").length === 1')
+        page.wait_for_function('() => picked.length === 2 || document.querySelectorAll(".picked").length === 1')
         assert opened.complaints == []
 
 
@@ -849,7 +849,9 @@ def test_a_sampled_page_says_of_what_its_lines_are(browser, pages):
         assert "of the sample" in opened.page.inner_text("#vary-note")
         assert "of the sample" in opened.page.inner_text("#map-note")
         opened.page.click("#clear")
-        opened.page.wait_for_function('document.getElementById("map-note").textContent.includes("all 20,000 rows")')
+        opened.page.wait_for_function(
+            '() => document.getElementById("map-note").textContent.includes("all 20,000 rows")'
+        )
         shares = opened.page.evaluate(
             """() => {
               const [x, y] = [column["refine"], column["time.courant"]];
@@ -876,6 +878,26 @@ def test_the_page_prints_with_its_charts(browser, pages, tmp_path):
         page.evaluate('dispatchEvent(new Event("afterprint"))')
         assert page.locator("#work canvas").count() == 1
         assert page.locator("details[open]").count() == 0
+        assert opened.complaints == []
+
+
+def test_a_chart_is_painted_when_it_comes_into_sight(browser, pages):
+    """Painting takes half of the time in which a large page opens."""
+    painted = "Object.keys(charts)"
+    with Opened(browser, pages / "several.html", all_charts=False) as opened:
+        page = opened.page
+        assert "work" in page.evaluate(painted)
+        assert "map" not in page.evaluate(painted)
+        assert page.inner_text("#map-note")  # what is said of it, and its height, are there at once
+        opened.filter("contact", "lagrange")
+        page.locator("#map").scroll_into_view_if_needed()
+        page.wait_for_function("() => charts.map && !unpainted.has('map')")
+        titles = page.evaluate("charts.map.chart.getOption().title.map((one) => one.text)")
+        assert titles
+        assert all("lagrange" in title for title in titles)
+        assert page.evaluate("unpainted.has('work')")
+        page.locator("#work").scroll_into_view_if_needed()
+        page.wait_for_function("() => !unpainted.has('work')")
         assert opened.complaints == []
 
 
@@ -1011,7 +1033,7 @@ def test_a_click_never_leads_to_an_empty_chart(browser, pages, several):
             keys = several.table["key"]
             bare = next(row for row in points if name == "several" or keys[row] not in kept)
             page.evaluate("(row) => pick(row, true)", bare)
-            page.wait_for_function('document.querySelectorAll("#table .tabulator-row.picked").length === 1')
+            page.wait_for_function('() => document.querySelectorAll("#table .tabulator-row.picked").length === 1')
             row = page.locator("#table .tabulator-row.picked")
             assert keys[bare] in row.inner_text()
             assert f"({keys[bare]})" in page.inner_text("#force-note")

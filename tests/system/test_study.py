@@ -263,7 +263,8 @@ def test_a_shipped_study_is_one(path, tmp_path):
 def test_the_shipped_studies_are_there():
     assert {path.stem for path in SHIPPED} >= {"scoreboard", "sensitivity", "work-precision"}
     scoreboard = read_study(ROOT / "cases" / "studies" / "scoreboard.yaml")
-    assert set(scoreboard.cases) >= {path.stem for path in (ROOT / "cases").glob("*.yaml")}
+    # the moving wall is the impact of doyen-impact, seen from the wall
+    assert set(scoreboard.cases) >= {path.stem for path in (ROOT / "cases").glob("*.yaml")} - {"moving-wall"}
 
 
 # ------------------------------------------------------------------------------------- running and resuming

@@ -277,3 +277,12 @@ def test_a_stiffer_bipenalty_gains_more():
     found = [gains({"name": "bipenalty", "beta_s": beta_s}, rows=30, seed=0) for beta_s in (0.5, 1.0, 2.0)]
     assert found[0].most < 0.5 * found[1].most < 0.5 * found[2].most
     assert found[2].largest > 1.0
+
+
+def test_an_end_that_is_driven_all_the_time_is_as_stiff_to_contact_as_a_wall():
+    """One that a drive lets go is not: contact may then move its whole body."""
+    moving, still = (percuss.load(places.CASES / f"{name}.yaml") for name in ("moving-wall", "doyen-impact"))
+    cases = (moving, still, moving.with_overrides({"loads.motion.until": 0.5}))
+    limits = [float(Model(case).points([0], 3e-3).stiffness_limit[0]) for case in cases]
+    assert limits[0] == pytest.approx(limits[1], rel=1e-12)
+    assert limits[2] < 0.9 * limits[1]

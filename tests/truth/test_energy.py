@@ -11,12 +11,25 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.solver.compiled import leapfrog_loop
-from strategies import INTEGRATORS, LEAPFROG, PAIRS, each_pair, number, pair_id, rows, run, with_pair
+from strategies import (
+    CORE,
+    INTEGRATORS,
+    LEAPFROG,
+    PAIRS,
+    PLAIN_PAIRS,
+    each_integrator,
+    each_pair,
+    number,
+    pair_id,
+    rows,
+    run,
+    with_pair,
+)
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 CHECK = "energy-never-grows"
 WITHIN = 1e-12
-EACH_PAIR = each_pair(PAIRS)
+EACH_PAIR = each_pair(PAIRS, PLAIN_PAIRS)
 
 
 def finished(case, **kwargs):
@@ -178,14 +191,16 @@ def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair
     ):  # it takes minutes
         result = finished(with_pair(case, pair))
     certificate, found = result.summary["certificate"], result.summary["energy_growth"]
-    assume(certificate["stable"] == "yes")
+    assert found["kept"] is not False
+    if certificate["stable"] != "yes":  # of some laws it never is known
+        event(certificate["stable"])
+        return
     event(certificate["energy"])
     if certificate["energy"] == "never grows":
         assert rise(result) <= WITHIN
         assert found["largest"] <= WITHIN
     if certificate["energy"] == "conserved between switchings":
         assert found["between_switchings"] <= WITHIN
-    assert found["kept"] is not False
 
 
 @pytest.mark.parametrize("beta", [0.1, 1.0])
@@ -211,7 +226,7 @@ def test_central_difference_keeps_the_energy_of_a_closed_bipenalty_too():
 # -------------------------------------------------------------------------------------------------- the account
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@each_integrator(INTEGRATORS)
 @pytest.mark.parametrize("every", [7, 10_000])
 def test_the_watch_sees_every_step_whatever_is_recorded(integrator, every):
     law = {"name": "penalty", "beta_s": 0.5}
@@ -225,7 +240,7 @@ def test_the_watch_sees_every_step_whatever_is_recorded(integrator, every):
 
 def test_plain_python_keeps_the_same_account():
     law = {"name": "bipenalty", "beta_s": 0.5, "ratio": 1.0}
-    for integrator in INTEGRATORS:
+    for integrator in CORE:
         case = between_two_walls(law, integrator, 300)
         one, other = run(case), run(case, compiled=False)
         for name in ("contact_energy", "energy_growth"):

@@ -5,6 +5,7 @@ The registries are swept as they are: a plug-in that is installed later is drawn
 
 import copy
 import math
+import os
 
 import numpy as np
 import pytest
@@ -12,13 +13,32 @@ from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 import percuss
-from strategies import INTEGRATORS, LEAPFROG, PAIRS, apart, number, pair_id, round_off, rows, run, with_pair
+from percuss.case.options import options_of
+from strategies import (
+    CORE_PAIRS,
+    INTEGRATORS,
+    INVISCID,
+    LEAPFROG,
+    PAIRS,
+    REGISTRY,
+    apart,
+    each_integrator,
+    number,
+    pair_id,
+    round_off,
+    rows,
+    run,
+    with_pair,
+)
 
 pytestmark = pytest.mark.slow
 
 INVARIANT = ("contact_force", "gap", "kinetic_energy", "elastic_energy", "contact_work", "external_work")
-EACH_PAIR = pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
-SOME_PAIR = st.sampled_from(PAIRS)
+# With few draws all pairs, with many draws those of the core: each pair compiles kernels.
+EACH_PAIR = pytest.mark.parametrize(
+    "pair", PAIRS if os.environ.get("HYPOTHESIS_PROFILE", "quick") == "quick" else CORE_PAIRS, ids=pair_id
+)
+SOME_PAIR = st.sampled_from(CORE_PAIRS)
 
 
 def finished(case, **kwargs):
@@ -68,7 +88,7 @@ def gap_rates(case, result):
     return out
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@each_integrator(INTEGRATORS)
 @given(case=rows())
 def test_the_accounts_are_those_of_the_histories(integrator, case):
     """Impulses and works summed by the loop against sums over what was recorded, in numpy."""
@@ -105,7 +125,7 @@ def test_lagrange_multipliers_are_complementary_to_the_gaps(integrator, case):
     assert np.abs(force[:-1] * gap[1:]).max() <= 1e-12 * force.max() * moved
 
 
-@pytest.mark.parametrize("integrator", LEAPFROG)
+@pytest.mark.parametrize("integrator", INVISCID)
 @given(case=rows(loads=False))
 def test_energy_of_the_lagrange_method_never_grows(integrator, case):
     result = finished(with_pair(case, (integrator, {"name": "lagrange"})))
@@ -283,7 +303,7 @@ POWERS = {  # of length, mass, time
     "stiffness": (0, 1, -2), "mass": (0, 1, 0), "time": (0, 0, 1), "area": (2, 0, 0), "young": (-1, 1, -2),
     "density": (-3, 1, 0), "frequency": (0, 0, -1),
 }  # fmt: skip
-TIMES = {"duration": "time", "frequency": "frequency", "time": "time"}
+OF_OPTION = {"time": "time", "1/time": "frequency", "length/time": "velocity", "length/time^2": "acceleration"}
 
 
 def unit(kind):
@@ -311,13 +331,14 @@ def converted(case):
             if key in one:
                 one[key] *= unit("time")
         name = next(iter(one))
-        amplitude = unit(one.get("as") or "velocity")
+        factors = {
+            key: {"amplitude": unit(one.get("as") or "velocity"), "1": 1.0, "radian": 1.0}.get(option.unit)
+            or unit(OF_OPTION[option.unit])
+            for key, option in options_of(REGISTRY.get("loads", name)).items()
+            if key in one[name]
+        }
         one[name] = {
-            key: value
-            if key == "phase"
-            else tuple(v * unit(TIMES[key]) if key in TIMES else v * amplitude for v in value)
-            if isinstance(value, tuple)
-            else value * (unit(TIMES[key]) if key in TIMES else amplitude)
+            key: tuple(v * factors[key] for v in value) if isinstance(value, tuple) else value * factors[key]
             for key, value in one[name].items()
         }
     return out

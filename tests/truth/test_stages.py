@@ -1,5 +1,6 @@
 """Schemes that are no leap-frog, as single files: against dense matrices, in their accounts, in what is refused."""
 
+import functools
 import math
 import textwrap
 
@@ -18,9 +19,10 @@ from percuss.reporting.explanation import explanation
 from percuss.results.exact import exact_solution
 from percuss.solver.march import March
 from percuss.solver.model import Model
-from strategies import INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair
+from strategies import CORE, INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair
 
-STAGED = [name for name in INTEGRATORS if name not in LEAPFROG]
+STAGED = [name for name in CORE if name not in LEAPFROG]
+OTHERS = [name for name in INTEGRATORS if name not in (*CORE, *LEAPFROG)]  # in deep tests
 
 HEAD = """
 from dataclasses import dataclass
@@ -82,6 +84,18 @@ def alpha_step(A, u, v, a, t, dt, rho=0.8):
     return u + dt * v + dt**2 * ((0.5 - b) * a + b * after), v + dt * ((1 - g) * a + g * after), after
 
 
+def chung_lee_step(A, u, v, a, t, dt, beta=28 / 27):
+    now = A(u, v, t, 0)
+    return u + dt * v + dt**2 * ((0.5 - beta) * a + beta * now), v + dt * (1.5 * now - 0.5 * a), now
+
+
+def hht_step(A, u, v, a, t, dt, alpha=-0.1):
+    b, g = (1 - alpha) ** 2 / 4, 0.5 - alpha
+    predicted = u + dt * v + (0.5 - b) * dt**2 * a
+    after = A((1 + alpha) * predicted - alpha * u, v, t + (1 + alpha) * dt, 0)
+    return predicted + b * dt**2 * after, v + dt * ((1 - g) * a + g * after), after
+
+
 def noh_bathe_step(A, u, v, a, t, dt, p=0.54):
     q1 = (1 - 2 * p) / (2 * p * (1 - p))
     q2 = 0.5 - p * q1
@@ -107,6 +121,13 @@ SCHEMES = {
     "verlet": (verlet_step, lambda dt: [(dt, dt**2)]),
     "alpha": (alpha_step, None),
     "noh-bathe": (noh_bathe_step, ends_of_noh_bathe),
+    # those that come with percuss
+    "velocity-verlet": (verlet_step, None),
+    "explicit-newmark": (functools.partial(newmark_step, gamma=0.5), None),
+    "tchamwa-wielgosz": (functools.partial(tchamwa_step, phi=1.033), lambda dt: [(dt, 1.033 * dt**2)]),
+    "hulbert-chung": (functools.partial(alpha_step, rho=0.4), None),
+    "chung-lee": (chung_lee_step, None),
+    "explicit-hht": (hht_step, None),
 }
 
 
@@ -161,7 +182,8 @@ def march(case, steps, dt, scheme, law, push=None, drive=None):
 
 # Each scheme is compiled for several seconds: the whole check compares all of them.
 ALL_SCHEMES = [
-    pytest.param(scheme, marks=pytest.mark.deep) if scheme in {"alpha", "tchamwa"} else scheme for scheme in SCHEMES
+    pytest.param(scheme, marks=pytest.mark.deep) if scheme in {"alpha", "tchamwa", *OTHERS} else scheme
+    for scheme in SCHEMES
 ]
 LAWS_TRIED = {
     "penalty": {"name": "penalty", "beta_s": 0.5},
@@ -268,7 +290,7 @@ def oscillator(integrator, courant, load=None):
 
 @pytest.mark.deep
 @pytest.mark.parametrize("load", [None, {"harmonic": {"value": 0.7, "frequency": 0.3, "phase": 0.4}}], ids=str)
-@pytest.mark.parametrize("name", [*STAGED, *OWN])
+@pytest.mark.parametrize("name", [*STAGED, *OWN])  # of the others see test_integrators
 def test_the_order_is_what_is_declared(name, load, files):
     """A mass of 1 on a spring of 1, with and without a force."""
     case = percuss.load(oscillator(name, 0.1, load), plugins=files)
@@ -442,7 +464,11 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.deep) if name == "runge" else name for name in (*STAGED, *OWN)]
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.deep if name in ("runge", *OTHERS) else ())
+        for name in (*STAGED, *OTHERS, *OWN)
+    ],
 )
 def test_records_stand_where_they_say(name, files):
     """Energies of record n are those of the motion of record n + 1; one element, so that the probes are all nodes."""
@@ -505,7 +531,7 @@ def test_a_constant_force_brings_its_impulse_whenever_it_acts(files):
         assert result.summary["momentum"]["error"] < 1e-14
 
 
-@pytest.mark.parametrize("name", [*STAGED, *OWN])
+@pytest.mark.parametrize("name", [*STAGED, *OWN, *(pytest.param(name, marks=pytest.mark.deep) for name in OTHERS)])
 def test_a_drive_is_followed_exactly_while_it_holds(name, files):
     case = hunek(4, courant=0.5, integrator=name, contact={"name": "penalty"})
     case["loads"] = {"drive": {"harmonic": {"value": 0.3, "frequency": 3.0}, "on": "short.left", "as": "velocity",
@@ -669,7 +695,7 @@ def test_waves_and_closed_forms_are_refused_with_the_reason():
 
 def test_the_registered_ones_are_tried_here():
     assert STAGED, "no scheme of stages is registered"
-    for name in STAGED:
+    for name in (*STAGED, *OTHERS):
         integrator = REGISTRY.get("integrators", name)
         assert isinstance(integrator().bind(0.5), percuss.Stages)
         assert "momentum" in integrator.conserves

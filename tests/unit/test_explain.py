@@ -16,7 +16,7 @@ from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
 from percuss.reporting.component import component_data, component_text
 from percuss.reporting.explanation import explanation
-from strategies import hunek
+from strategies import hunek, is_refused
 
 CASES = sorted(places.CASES.glob("*.yaml"))
 REGISTRY = Registry.load()
@@ -178,6 +178,10 @@ def test_a_snippet_runs_where_it_is_pasted(family, name, tmp_path, monkeypatch):
     case = pasted(REGISTRY, family, name)
     if family == "loads" and REGISTRY.get(family, name).acts_as == "velocity":
         case["bodies"]["short"]["velocity"] = 0.0
+    if family == "masses":  # ends without mass go with laws that do not weigh the gap acceleration
+        case["method"]["contact"] = {"name": "lagrange"}
+    if is_refused(case["method"]["integrator"], case["method"]["contact"]):
+        case["method"]["integrator"] = "central-difference"
     result = percuss.run(percuss.load(case), compiled=False)
     assert result.status == "done"
     used = result.provenance["plugins"]

@@ -10,6 +10,7 @@ from percuss.case import source
 from percuss.case.case import load
 from percuss.case.source import Source
 from percuss.errors import InputError
+from percuss.methods.registry import Registry
 
 TABLE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))
 
@@ -36,7 +37,10 @@ def test_message(row, folder):
     for old, new in row.get("change", {}).items():
         assert old in text
         text = text.replace(old, new, 1)
-    assert message(text, row.get("set")).replace(str(folder), "FOLDER") == row["message"].rstrip("\n")
+    expected = row["message"].rstrip("\n")
+    for family, words in (("contacts", "CONTACT LAWS"), ("loads", "THE LOADS")):
+        expected = expected.replace(words, ", ".join(Registry.load().names(family)))
+    assert message(text, row.get("set")).replace(str(folder), "FOLDER") == expected
 
 
 def test_the_base_is_right(folder):

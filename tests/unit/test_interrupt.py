@@ -22,6 +22,14 @@ from percuss.studies.cluster import _WaitForWorkers
 CASE = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
 
 
+@pytest.fixture(autouse=True)
+def usual_ctrl_c():
+    """Let Ctrl-C interrupt, also where the tests were started in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def press():
     os.kill(os.getpid(), signal.SIGINT)
 

@@ -182,8 +182,9 @@ def resolves(parts):
 MAY_NAME_METHODS = {"percuss.case.defaults": None, "percuss.studies.tasks": {"TIED"}}
 # Names of methods and options that are words of the framework too.
 COMMON = {
-    *("constant", "direction", "during", "elastic", "elements", "file", "frequency", "length", "mean", "p", "peak"),
-    *("ramp", "scale", "stiffness", "table", "time", "value"),
+    *("alpha", "beta", "columns", "constant", "direction", "during", "elastic", "elements", "file", "frequency"),
+    *("gamma", "initial", "length", "mean", "order", "p", "peak", "ramp", "scale", "stiffness", "table"),
+    *("time", "value"),
 }
 VALUES_OF_ONE_OPTION = {"from-step", "matched"}
 

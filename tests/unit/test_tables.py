@@ -85,6 +85,55 @@ def test_the_command_line_says_so(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+RECORD = '# gauges\ntime\t"near end"\tforce\n0\t0\t0\n0.1\t1\t2\n\n0.2\t1\t3\n'
+
+
+def test_a_file_of_tabs_has_named_columns_and_lines(tmp_path):
+    (tmp_path / "record.tsv").write_text(RECORD, encoding="utf-8")
+    table = table_in(read_text("record.tsv", tmp_path), "record.tsv")
+    assert table.names == ("time", "near end", "force")
+    assert [table.place(row) for row in range(3)] == ["record.tsv:3", "record.tsv:4", "record.tsv:6"]
+    assert table.column("force").tolist() == table.column(3).tolist() == [0.0, 2.0, 3.0]
+    assert table != table_in(RECORD.replace("force", "strain"), "record.tsv")
+
+
+@pytest.mark.parametrize(
+    ("record", "options", "said"),
+    [
+        (
+            RECORD,
+            {"columns": ["time", "stress"]},
+            "has no column 'stress': its first line names 'time', 'near end'",
+        ),
+        (RECORD, {"columns": [1, 4]}, "record.tsv has no column 4: it has 3, numbered from 1"),
+        (RECORD, {"columns": [0, 1]}, "record.tsv has no column 0"),
+        (RECORD, {"columns": [1]}, "columns: expected a list of 2 values, found [1]"),
+        (RECORD, {}, "record.tsv has 3 columns: say by `columns` which two are time and value"),
+        (RECORD, {"columns": [2, 3]}, "record.tsv:6: times must increase: 1 follows 1 of record.tsv:4"),
+        (RECORD, {"columns": [1, 2], "time": [0]}, "expected both `time` and `value`, or `file`, found both ways"),
+        (RECORD.replace("force", "time"), {"columns": ["time", 2]}, "several columns 'time'"),
+        ("0\t1\n1\t2\n", {"columns": ["t", "f"]}, "no line above its numbers names them; give numbers"),
+        ("0\t1\n1\tx\n", {}, "record.tsv:2:3: expected a number as 1.5 or 2e-3, found 'x'"),
+        (None, {}, "no such file: "),
+        (None, {"file": None}, "expected points: give both `time` and `value`, or `file`"),
+        (None, {"file": None, "time": [0], "value": [0], "columns": [1, 2]}, "`columns` are those of a `file`"),
+    ],
+)
+@pytest.mark.parametrize("name", ["table", "base-excitation"])
+def test_a_wrong_record_is_one_message(name, record, options, said, tmp_path):
+    if record:
+        (tmp_path / "record.tsv").write_text(record, encoding="utf-8")
+    load = {name: {"file": "record.tsv", **options}, "on": "short.left"}
+    (tmp_path / "case.yaml").write_text(
+        yaml.safe_dump({**hunek(4, end=0.1), "loads": {"push": load}}), encoding="utf-8"
+    )
+    done = percuss_command("check", "case.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("case.yaml:")
+    assert said in done.stderr
+    assert "1 mistake; nothing was run" in done.stderr
+
+
 @pytest.mark.parametrize("text", ["1_0", "\u0661", "1 0"])
 def test_varied_values_are_read_as_strictly(text):
     assert parameters.values(f"{text},2") == [text, 2]

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, suggestion
+from percuss.methods.blame import SINGULAR
 
-__all__ = ["expect_files", "expect_mapping_or_path", "expect_names", "expect_paths", "wrong_argument"]
+if TYPE_CHECKING:
+    from percuss.methods.registry import Registry
+
+__all__ = ["expect_files", "expect_mapping_or_path", "expect_methods", "expect_names", "expect_paths", "wrong_argument"]
 
 
 def wrong_argument(function: str, message: str, value: Any, advice: str) -> InputError:
@@ -45,6 +49,19 @@ def expect_names(function: str, parameter: str, value: Any) -> None:
     if isinstance(value, str) or not isinstance(value, Iterable):
         example = [value] if isinstance(value, str) else ["NAME"]
         raise wrong_argument(function, f"expected a list of names as `{parameter}`", value, f"As {example}.")
+
+
+def expect_methods(registry: Registry, integrators: Iterable[str], contacts: Iterable[str]) -> None:
+    """Raise InputError unless all names of integrators and of contact laws are registered."""
+    options = (("integrator", "integrators", integrators), ("contact", "contacts", contacts))
+    problems = [
+        Problem(f"--{option}", "", f"unknown {SINGULAR[family]} '{name}'", suggestion(name, registry.names(family)))
+        for option, family, names in options
+        for name in names
+        if name not in registry.names(family)
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 def expect_files(function: str, value: Any) -> None:

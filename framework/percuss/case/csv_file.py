@@ -51,8 +51,9 @@ def read_text(path: str, folder: Path) -> str:
 def table_in(text: str, path: str) -> DataFile:
     """Return the numbers in the text of a CSV file.
 
-    Fields are separated by commas, or by semicolons where the file has any. Empty lines and lines that begin with
-    ``#`` are skipped, and so is a first line in which no field begins like a number.
+    Fields are separated by semicolons where the file has any, else by commas where it has any, else by tabs. Empty
+    lines and lines that begin with ``#`` are skipped; a first line in which no field begins like a number names the
+    columns.
 
     Parameters
     ----------
@@ -72,18 +73,22 @@ def table_in(text: str, path: str) -> DataFile:
         If a field is not a finite number; the message gives line and column.
     """
     rows: list[list[float]] = []
+    names: tuple[str, ...] = ()
+    lines: list[int] = []
     for position, (line, fields) in enumerate(_lines(text)):
         if position == 0 and not any(field.looks_like_a_number for field in fields):
-            continue  # This line is the header.
+            names = tuple(field.text.strip('"') for field in fields)
+            continue
         row = [_number(field, f"{path}:{line}:{field.column}") for field in fields]
         if rows and len(row) != len(rows[0]):
             raise ValueError(f"{path}:{line}:1: expected {len(rows[0])} columns as above, found {len(row)}")
         rows.append(row)
+        lines.append(line)
     if not rows:
         raise ValueError(f"{path} holds no numbers")
     table = np.ascontiguousarray(np.array(rows).T)
     table.flags.writeable = False
-    return DataFile(path, table)
+    return DataFile(path, table, names, tuple(lines))
 
 
 def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
@@ -91,7 +96,7 @@ def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
     lines = [(number, line) for number, line in enumerate(LINE_END.split(text), start=1)]
     lines = [(number, line) for number, line in lines if line.strip(" \t") and not line.lstrip(" \t").startswith("#")]
     # The whole file has one separator; otherwise 0,5;1,0 with decimal commas would be four numbers.
-    separator = ";" if any(";" in line for _, line in lines) else ","
+    separator = next((mark for mark in (";", ",", "\t") if any(mark in line for _, line in lines)), ",")
     for number, line in lines:
         fields, column = [], 1
         for part in line.split(separator):

@@ -34,7 +34,7 @@ class Quantity:
     Attributes
     ----------
     of
-        Entity that the quantity belongs to.
+        Entity that the quantity belongs to; a contact state has several values for each contact.
     label
         Plain words for axes and legends of figures and for menus.
     unit
@@ -58,7 +58,7 @@ class Quantity:
         Whether runs are ranked by the number, smaller being better.
     """
 
-    of: Literal["contact", "probe", "element", "run"] = "run"
+    of: Literal["contact", "contact state", "probe", "element", "run"] = "run"
     label: str
     unit: str = "1"
     short: str = ""
@@ -158,6 +158,20 @@ QUANTITIES: dict[str, Quantity] = {
         definition_multistage="strain energy at t_n+1",
         definition_exact="exact strain energy",
     ),
+    "internal_work": Quantity(
+        label="internal work",
+        unit="energy",
+        axis="time_half",
+        definition="work of the internal forces of all bodies up to t_n+1/2, where one of them is not linear "
+        "or the scheme is viscous",
+    ),
+    "dissipated_energy": Quantity(
+        label="energy dissipated in bodies",
+        unit="energy",
+        axis="time_half",
+        definition="energy that the materials of bodies say they have dissipated up to t_n; of a viscous scheme the "
+        "internal work up to t_n+1/2 that the bodies do not store",
+    ),
     "external_work": Quantity(
         label="external work",
         unit="energy",
@@ -178,7 +192,21 @@ QUANTITIES: dict[str, Quantity] = {
         unit="energy",
         axis="time_half",
         definition="energy that closed contacts store at t_n+1/2",
-        definition_multistage="nothing: what contacts store is not followed",
+        definition_multistage="energy that the laws of contacts say they store at t_n+1; of other laws nothing",
+    ),
+    "contact_dissipation": Quantity(
+        label="energy dissipated by contacts",
+        unit="energy",
+        axis="time_half",
+        definition="energy that the laws of contacts say they have dissipated up to t_n+1/2",
+        definition_multistage="energy that the laws of contacts say they have dissipated up to t_n+1",
+    ),
+    "contact_state": Quantity(
+        of="contact state",
+        label="state variables of contacts",
+        unit="",  # each law has its own
+        axis="time_half",
+        definition="state variables of the law of each contact after the step from t_n",
     ),
     "energy": Quantity(
         label="energy", unit="energy", axis="time_half", definition="kinetic and elastic energy together"
@@ -329,7 +357,7 @@ CONTACT_NUMBERS = {name: quantity for name, quantity in QUANTITIES.items() if qu
 MEASURABLE = {
     name: quantity
     for name, quantity in QUANTITIES.items()
-    if (quantity.axis is not None and quantity.of != "element") or name in CONTACT_NUMBERS
+    if (quantity.axis is not None and quantity.of not in {"element", "contact state"}) or name in CONTACT_NUMBERS
 }
 # Quantities that are columns of the table of a study by their bare names, in this order.
 METRICS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.metric}

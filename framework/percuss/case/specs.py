@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, WrapValidator
@@ -157,7 +158,7 @@ class TimeSpec(Section):
 
     end: Annotated[float, Gt(0), Unit("time"), Doc("the last step reaches it or just passes it")] | None = None
     courant: (
-        Annotated[float, Gt(0), Unit("1"), Doc("Courant number of the element with the smallest h/c, or auto")]
+        Annotated[float, Gt(0), Unit("1"), Doc("dt over 2/omega, omega the highest frequency of an element, or auto")]
         | Literal["auto"]
         | None
     ) = None
@@ -368,27 +369,28 @@ class Expectation(Section):
     path: Annotated[KeyPath, Computed()] = ()
 
     def __post_init__(self) -> None:
-        given = [f"`{statistic}`" for statistic in self._values()]
+        given = [f"`{statistic}`" for statistic in self._values]
         if len(given) != 1:
             state = f"has {' and '.join(given)}" if given else "expects no value"
             raise ValueError(f"{state}: give exactly one of {', '.join(STATISTICS)}")
         if self.during is not None and self.at is not None:
             raise ValueError("has both `during` and `at`: keep one")
 
+    @cached_property
     def _values(self) -> dict[str, float]:
-        """Return the given values by statistic."""
+        """The given values by statistic."""
         values = {name: self.single if name == "value" else getattr(self, name) for name in STATISTICS}
         return {name: value for name, value in values.items() if value is not None}
 
     @property
     def statistic(self) -> str:
         """Statistic of the history: mean, max, min, final, integral or value."""
-        return next(iter(self._values()))
+        return next(iter(self._values))
 
     @property
     def value(self) -> float:
         """Expected value."""
-        return self._values()[self.statistic]
+        return self._values[self.statistic]
 
     @property
     def relative(self) -> bool:

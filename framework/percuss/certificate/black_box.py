@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.certificate.following_loads import directions
 from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
 from percuss.errors import PercussError
-from percuss.solver.compiled.contact_equation import NEVER
+from percuss.solver.compiled.contact_equation import NEVER, WITH_MASS
 from percuss.solver.march import March
 
 if TYPE_CHECKING:
@@ -32,9 +33,11 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.solver.model import Model
 
-# Overlap and closing of the base state, relative to a unit perturbation, so that no perturbation opens a contact.
+# Overlap and closing of the base state, relative to a unit perturbation, so that no perturbation opens a contact. The
+# unit is the length of the shortest element: what is said of a law with a length of its own depends on no system of
+# units, and an overlap of so many elements is deeper than any of a run.
 BASE_OVERLAP = 64.0
-# Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it.
+# Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
 OPEN_GAP = 1e12
 # Largest state of which all eigenvalues are computed; of a larger one Arnoldi's iteration finds the largest only.
 LARGEST_DENSE_STATE = 240
@@ -161,19 +164,21 @@ class ClosedStep:
         signs[self.closed] = -1.0
         nodes = [node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes]
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
-        self._scale = np.sqrt(lightest) / self.motions.root
+        unit = self.motions.shortest_element
+        self._scale = unit * np.sqrt(lightest) / self.motions.root
         order = self.march.order
-        points.initial_gap = BASE_OVERLAP * signs[order]
+        points.initial_gap = unit * BASE_OVERLAP * signs[order]
         # Under a multi-stage scheme the loop holds contacts closed whose law is linear and acts at that time.
-        linear = self._held_by_loop = (points.own == 0) & (points.always != NEVER) & self.model.multistage
+        linear = self._held_by_loop = (points.source == WITH_MASS) & (points.always != NEVER) & self.model.multistage
         if self.model.multistage:
             closed = signs[order] < 0
             points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
-            points.initial_gap[linear & (points.initial_gap > 0)] = OPEN_GAP
+            points.initial_gap[linear & (points.initial_gap > 0)] = unit * OPEN_GAP
             points.always[linear & closed], points.never_pulls[linear & closed] = 1, 0
             signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
-        speed = np.linalg.lstsq(gaps, BASE_OVERLAP * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
+        # By half of the gap in a step, so that the gap one step before lies on the same side, for laws that weigh it.
+        speed = np.linalg.lstsq(gaps, 0.5 * BASE_OVERLAP * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
         out = np.zeros((self.parts, self._scale.size))
         out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
         return out
@@ -185,7 +190,10 @@ class ClosedStep:
             points[name] = values
 
     def _step(self, state: Floats) -> Floats:
-        return self.march.stepper.step_without_loads(self.march.kernels, self.march.record, state)
+        after = self.march.stepper.step_without_loads(self.march.kernels, self.march.record, state)
+        # State variables stay as they are at the beginning of a run: the step is one of the bodies alone.
+        self.march.boundary.state_before[:] = 0.0
+        return after
 
     def __call__(self, states: Floats) -> Floats:
         """Return the weighted states (u, dt v, dt^2 kept) after the step, one a column, (parts n, k) or (parts n,).
@@ -226,6 +234,7 @@ class Motions:
         self.basis = _basis(model, self.pencil)
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(np.repeat(model.mass, model.dim))
+        self.shortest_element = min(float(body.mesh.lengths.min()) for body in model.bodies.values())
         self._march: March | None = None
         self.open_points: Any = None  # contact points of that march before a combination holds some of them closed
 
@@ -250,6 +259,11 @@ class Motions:
         return np.asarray(self.projection @ (out / self.root).T).T
 
     @cached_property
+    def followed(self) -> Floats:
+        """The displacements that loads follow, as rows for weighted displacements, (loads, n)."""
+        return np.asarray(self.projection @ (directions(self.model) / self.root).T).T
+
+    @cached_property
     def strainless(self) -> Floats:
         """Motions without strain: translation of bars that are free along their axis, and all motion across, (n, z)."""
         model, basis = self.model, self.basis
@@ -269,26 +283,24 @@ class Motions:
 
     def critical_modes(self, dt: float) -> Floats:
         """Return the highest mode of each body whose highest frequency is 2/dt, (n, z)."""
-        from scipy.linalg import eigh_tridiagonal
-
         columns = []
-        for first, mass, diagonal, off in self.pencil.bodies:
-            top = mass.size - 1
-            root = np.sqrt(mass)
-            if abs(dt**2 * (diagonal / mass).max() / 2.0 - 1.0) > 0.5 or top == 0:
+        for body in self.pencil.bodies:
+            largest = (body.diagonal / body.mass).max()
+            if (body.tridiagonal and abs(dt**2 * largest / 2.0 - 1.0) > 0.5) or body.mass.size == 1:
                 continue  # Gershgorin's bound shows that the highest frequency is far from 2/dt.
-            value, vector = eigh_tridiagonal(
-                diagonal / mass, off / (root[:-1] * root[1:]), select="i", select_range=(top, top)
-            )
-            if abs(value[0] * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
+            value, vector = body.highest_mode()
+            if abs(value * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
                 full = np.zeros((self.model.n_nodes, self.model.dim))
-                full[first : first + mass.size] = vector * self.model.body_of(first).mesh.direction
+                full[body.first : body.first + body.mass.size] = vector * self.model.body_of(body.first).mesh.direction
                 columns.append(self.projection @ full.ravel())
         return np.array(columns).reshape(-1, self.basis.shape[1]).T
 
     def idle(self, dt: float, closed: Sequence[int]) -> Floats:
-        """Return an orthonormal basis of the motions that grow linearly without being an instability, (n, w)."""
-        gaps = self.gaps[sorted(closed)]
+        """Return an orthonormal basis of the motions that grow linearly without being an instability, (n, w).
+
+        They change no closed gap and move no end that a load follows.
+        """
+        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed])
         out = []
         for group in (self.strainless, *(() if self.model.stages else (self.critical_modes(dt),))):
             if gaps.size and group.size:
@@ -356,7 +368,7 @@ def examine(
         return ClosedStepStability(np.nan, None, conclusive=False)
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.model.multistage else None
     size = step.parts * step.size
-    if size > LARGEST_DENSE_STATE and theta is not None:
+    if size > LARGEST_DENSE_STATE and theta is not None and not step.model.followers:
         # Up to theta = 1 the closed step is bounded wherever the free step is.
         zeros = np.zeros(len(motions.model.contact_pairs))
         return ClosedStepStability(

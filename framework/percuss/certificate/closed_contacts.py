@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.integrator_check import unchecked_scheme
+from percuss.certificate.following_loads import why_beyond_pencil
+from percuss.solver.integrator_check import unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import ContactState, Floats, LinearLaw
+    from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
     from percuss.solver.model import Model
 
 
@@ -25,8 +27,12 @@ PULLS = "with its mass the contact pulls before it opens, and each opening or cl
 OTHER = "{} is no leap-frog scheme: what it does to energy as contacts open and close is not known"
 SHARED = "contacts share an end: one may open or close another against what was predicted"
 TIES = "a tie takes up the gap rate of its ends when it begins: energy jumps there, either way"
+BALANCED = "an end without mass is in balance with its gap at the current state: energy jumps as it closes or opens"
 BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
+ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
+DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
+VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 
 
@@ -37,14 +43,16 @@ class ClosedContacts:
     Attributes
     ----------
     stiffness, inertia
-        eps_s and eps_m; zero where a law is evaluated at the end of the step, or does not act.
+        eps_s and eps_m; zero where a law is evaluated at the end of the step, or does not act. Of a contact with an end
+        without mass, the stiffness of its law in series with the end elements, and zero.
     predicted
         Whether the law is evaluated at the predicted gap.
     surplus
         Excess of ``eps_m / eps_s`` over its value for a gap at the end of the step (dt^2 in a leap-frog scheme), for
         laws evaluated at the predicted gap; 0 for laws evaluated at the end of the step, nan elsewhere [time^2].
     compliance
-        sigma over the weight of the gap; 0 for mesh tying and for unknown laws [length/force].
+        sigma over the weight of the gap; 0 for mesh tying and for unknown laws; that of the end elements is added where
+        an end has no mass [length/force].
     tied
         Points whose gap does not change while the law acts, which it does at any gap.
     unknown
@@ -81,18 +89,15 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         unknown.append(name)
         doubts.append(reason)
 
-    guarantees = [(NEVER_GROWS, BY_END) if count else (BETWEEN, NO_CONTACT)]
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
-    if model.why_not_linear:
-        guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
-    if stages is not None:
-        guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
+    guarantees = _guarantees_without_laws(model, stages)
+    by_scheme = _why_no_springs(model, stages)
     for bound_law in model.laws_at(dt):
         law, linear, indices = bound_law.law, bound_law.linear, list(bound_law.where)
         if linear is None:
             add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
-        if reason := _reason_unknown(linear, law.name, multistage=stages is not None):
+        if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
             add_unknown(law.name, reason)
             continue
         if linear.at == "explicit" and not _determined(table.explicit, linear):
@@ -117,22 +122,70 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
     if unknown and stages is None:
         guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
+    by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
     ties = tuple(p for p in tied if p not in inactive)
     weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
-    return ClosedContacts(
+    closed = ClosedContacts(
         stiffness,
         inertia,
         predicted,
         surplus,
         compliance,
         ties,
-        tuple(unknown),
-        tuple(dict.fromkeys(doubts)),
+        (*unknown, *by_loads),
+        (*dict.fromkeys(doubts), *by_loads),
         weakest,
         why,
     )
+    return _behind_end_elements(model, closed) if model.points_without_mass.any() else closed
+
+
+def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
+    """Return the closed contacts of a model with ends without mass.
+
+    A closed contact of such an end is a spring between nodes with mass, which is the law in series with the end
+    elements and follows from the current state.
+    """
+    massless = model.points_without_mass
+    compliance = laws.compliance + np.where(massless, model.delassus(0.5 * model.dt) * model.dt**2, 0.0)
+    acting = massless.copy()
+    acting[list(model.inactive_points(0.5 * model.dt))] = False
+    weaker = WEAKEST_LAST.index(laws.energy) < WEAKEST_LAST.index(BETWEEN)
+    return dataclasses.replace(
+        laws,
+        stiffness=np.where(
+            massless, np.divide(1.0, compliance, out=np.zeros_like(compliance), where=acting), laws.stiffness
+        ),
+        inertia=np.where(massless, 0.0, laws.inertia),
+        predicted=laws.predicted & ~massless,
+        surplus=np.where(massless, np.nan, laws.surplus),
+        compliance=compliance,
+        tied=tuple(p for p in laws.tied if not massless[p]),
+        energy=BETWEEN if weaker else laws.energy,
+        why=BALANCED if weaker else laws.why,
+    )
+
+
+def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[str, str]]:
+    """Return the energy guarantees that bodies and scheme give and limit, each with the reason for it in words."""
+    guarantees = [(NEVER_GROWS, BY_END) if model.contact_pairs else (BETWEEN, NO_CONTACT)]
+    if model.why_not_linear:
+        guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
+    if model.viscosity:
+        guarantees.append((NOT_GUARANTEED, DISSIPATES))
+    if stages is not None:
+        guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
+    return guarantees
+
+
+def _why_no_springs(model: Model, stages: Stages | None) -> str:
+    """Return why closed contacts do not act in the step as the springs of a mesh do; empty where they do."""
+    integrator = model.case.method.integrator
+    if model.viscosity:
+        return f"{integrator.name} {VISCOUS}"
+    return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(integrator) else ""
 
 
 def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:

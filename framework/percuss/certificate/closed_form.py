@@ -34,8 +34,8 @@ class ClosedFormCriterion:
     Raises
     ------
     NoClosedFormError
-        If a body is not linear or a bar not uniform, the integrator is a multi-stage scheme, or an end in contact is
-        fixed, driven or in several contacts.
+        If a body is not linear or a bar not uniform, the integrator is a multi-stage scheme or viscous, or an end in
+        contact is fixed, driven or in several contacts.
     """
 
     by = "closed-form"
@@ -46,8 +46,13 @@ class ClosedFormCriterion:
             raise NoClosedFormError(f"{model.why_not_linear}")
         if model.stages is not None:
             raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
+        if model.viscosity:
+            raise NoClosedFormError(f"{model.case.method.integrator.name} is viscous")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
         for body in model.bodies.values():
+            if body.mesh.cells:
+                kind = next(iter(body.mesh.cells))
+                raise NoClosedFormError(f"the cells of body '{body.name}' are of the kind {kind}")
             if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
                 raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
         nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from percuss.methods.interfaces import Floats
-    from percuss.solver.model import Model
+    from percuss.solver.model import Model, Stretch
 
 UNALIKE = (
     "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
@@ -108,14 +108,17 @@ class PencilCriterion:
     ----------
     model
         A stretch of a run, `percuss.solver.model.Model.stretches`.
+    closed
+        The closed contacts of the stretch at its step, if they are known.
     """
 
     by = "pencil"
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, closed: ClosedContacts | None = None) -> None:
         self.model = model
+        self._closed = closed
         self.pencil = Pencil(model)
-        self.limit_ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt)
+        self.limit_ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
         self.delassus, self.coupling = model.delassus_rows(0.5 * model.dt)
         self._shares_ends = any(self.coupling)
 
@@ -190,9 +193,13 @@ class PencilCriterion:
                     largest_theta, worst = theta, part
         return largest_theta, [int(p) for p in worst]
 
+    def _closed_at(self, dt: float) -> ClosedContacts:
+        """Return the closed contacts, with laws bound for a step."""
+        return self._closed if self._closed and dt == self.model.dt else closed_contacts(self.model, dt)
+
     def assess_step(self, dt: float) -> StepAssessment:
         """Return the assessment of a step."""
-        laws = closed_contacts(self.model, dt)
+        laws = self._closed_at(dt)
         assessment = self._assess_by_pencil(dt, laws)
         if assessment.stable and (groups := self._unequal_groups(laws)):
             return dataclasses.replace(self._assess_by_matrix(dt, laws, groups), theta=assessment.theta)
@@ -217,7 +224,7 @@ class PencilCriterion:
         """
         if self.limit_ratio == 0.0:
             return 1.0
-        laws = closed_contacts(self.model, dt)
+        laws = self._closed_at(dt)
         theta = self.theta(dt, laws)[0] or 0.0
         softening = self.pencil.largest_softening(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
         if not (np.isfinite(softening) and np.isfinite(theta)):
@@ -230,7 +237,7 @@ class PencilCriterion:
         above = bound * (1.0 + SEARCH_TOLERANCE)
         # Where theta is above 1 at every step, the bound is 0 and no step just above it can tell.
         beyond_theta = bound == 0.0 or (
-            above < self.free and (self.theta(above, closed_contacts(self.model, above))[0] or 0.0) > 1.0
+            above < self.free and (self.theta(above, self._closed_at(above))[0] or 0.0) > 1.0
         )
         if not beyond_theta or self._black_box is None:
             return None
@@ -267,6 +274,8 @@ class PencilCriterion:
 
         Contact can damp all of such a bar, so a step above theta = 1 may be stable.
         """
+        if self.model.points_without_mass.any():  # their state is not one of displacement and velocity alone
+            return None
         short = any(body.stiffness.size < SHORT_BAR_ELEMENTS for body in self.model.bodies.values())
         return BlackBoxCriterion(self.model) if short and 2 * self.model.mass.size <= LARGEST_DENSE_STATE else None
 
@@ -292,7 +301,7 @@ class PencilCriterion:
             bound = largest_step_below(criterion.excess, self.free)
         if not self._shares_ends or not 0.0 < bound < np.inf:
             return bound
-        if not self._unequal_groups(closed_contacts(self.model, bound)):
+        if not self._unequal_groups(self._closed_at(bound)):
             return bound
         # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
         return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).stable else np.nan
@@ -340,7 +349,16 @@ class RunCriterion:
         if other_step is not None and other_step.by == kind.by and other_step._actions() == self._actions():
             self.criteria = other_step.criteria
         else:
-            self.criteria = [kind(stretch.model) for stretch in self.stretches]
+            self.criteria = [self._criterion_of(kind, stretch) for stretch in self.stretches]
+
+    def _criterion_of(
+        self, kind: type[PencilCriterion | BlackBoxCriterion], stretch: Stretch
+    ) -> PencilCriterion | BlackBoxCriterion:
+        if not issubclass(kind, PencilCriterion):
+            return kind(stretch.model)
+        # The same laws act in the first step of the run as in this stretch, mostly.
+        same = stretch.inactive == self.model.inactive_points(0.5 * self.model.dt)
+        return kind(stretch.model, self.closed if same else None)
 
     def _actions(self) -> list[Any]:
         """Return the numbers of the active constraints and of the inactive contact points in each stretch."""
@@ -402,13 +420,17 @@ class BlackBoxCriterion:
     def free(self) -> float:
         """Largest step that is stable without contact."""
         model = self.model
-        return free_step(self.motions.pencil) * limit_ratio(model.case.method.integrator, model.stages, model.dt)
+        ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
+        return free_step(self.motions.pencil) * ratio
 
     @cached_property
     def _combinations(self) -> list[tuple[int, ...]]:
-        """Combinations of closed contacts to be tried; under a multi-stage scheme `free` covers that of no contact."""
+        """Combinations of closed contacts to be tried; under a multi-stage scheme `free` covers that of no contact.
+
+        It knows no load that follows the motion of an end.
+        """
         closed_sets = combinations(len(self.model.contact_pairs))
-        return closed_sets if self.model.stages is None else closed_sets[1:]
+        return closed_sets if self.model.stages is None or self.model.followers else closed_sets[1:]
 
     @property
     def _all_are_tried(self) -> bool:

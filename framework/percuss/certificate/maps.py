@@ -15,6 +15,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
+from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion, RunCriterion
@@ -124,6 +125,8 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
     """Return the row of one criterion; `doubts` are the reasons why the pencil does not cover some of the laws."""
     if model.why_not_linear:
         return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
+    if why := following_loads.why_unknown(model):
+        return _row(varied, way, None, f"{why}, which changes the critical step")
     if way == "pencil" and doubts:
         return _row(varied, way, None, f"the pencil does not cover this: {'; '.join(doubts)}")
     try:

@@ -1,7 +1,9 @@
 """Stability of the closed linear step from the linear laws, with banded matrices of the bars and no dense ones.
 
-Bars stretch along their axes only, so the stiffness of each body is one symmetric tridiagonal matrix in the axial
-displacements of its nodes. By Sylvester's law of inertia, central difference is stable at a step dt where
+Bars stretch along their axes only, so the stiffness of each body is one symmetric matrix of few diagonals in the axial
+displacements of its nodes. An end without mass is condensed: while it is open its element has no stress, and while it
+is closed the element is a spring in series with the contact (`percuss.certificate.closed_contacts`), at the node beside
+the end. By Sylvester's law of inertia, central difference is stable at a step dt where
 ``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for the worst combination of closed contacts, which closes
 exactly the contacts with a negative ``4 eps_m / dt^2 - eps_s``. Each body is factorised by itself, and the contacts
 enter through the small matrix ``N^T ((4/dt^2) M - K)^-1 N``.
@@ -18,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.lapack import lapack
+from percuss.certificate.axial_matrix import AxialMatrix
+from percuss.certificate.following_loads import end_stiffness
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -57,23 +60,33 @@ class Pencil:
         for constraint in self.constraints:
             held.setdefault(constraint.node, []).append(constraint.direction)
         self.held = held
-        self.bodies: list[tuple[int, Floats, Floats, Floats]] = []  # first free node, masses, diagonal, off-diagonal
+        springs = end_stiffness(model)
+        self.bodies: list[AxialMatrix] = []
         for body in model.bodies.values():
-            diagonal = np.zeros(body.mass.size)
-            diagonal[:-1] += body.stiffness
-            diagonal[1:] += body.stiffness
-            axis = body.mesh.direction
-            free = [self._free_along(held.get(node, []), axis) for node in (body.start, body.stop - 1)]
-            lo, hi = int(not free[0]), body.mass.size - int(not free[1])
+            diagonal, off = body.axial_band
+            for node in {body.start, body.stop - 1} & springs.keys():
+                diagonal = diagonal.copy()
+                diagonal[node - body.start] += springs[node]
+            axis, without_mass = body.mesh.direction, body.ends_without_mass
+            for node, beside in without_mass.items():
+                diagonal = diagonal.copy()
+                diagonal[beside - body.start] -= body.stiffness[body.end_element(node)]
+            left_out = [
+                node in without_mass or not self._free_along(held.get(node, []), axis)
+                for node in (body.start, body.stop - 1)
+            ]
+            lo, hi = int(left_out[0]), body.mass.size - int(left_out[1])
             if hi > lo:
-                self.bodies.append((body.start + lo, body.mass[lo:hi], diagonal[lo:hi], -body.stiffness[lo : hi - 1]))
+                off = off[lo : hi - 1] if off.ndim == 1 else off[: hi - lo - 1, lo:hi]
+                self.bodies.append(AxialMatrix(body.start + lo, body.mass[lo:hi], diagonal[lo:hi], off))
 
         # Nodes in contact, ascending, and for each its contacts with their N along the axis of the body.
         at_node: dict[int, list[tuple[int, float]]] = {}
         for p, contact_pair in enumerate(model.contact_pairs):
             for node, normal in contact_pair.gap_gradient():
-                along = float(normal @ model.body_of(node).mesh.direction)
-                at_node.setdefault(node, []).append((p, along))
+                body = model.body_of(node)
+                along = float(normal @ body.mesh.direction)
+                at_node.setdefault(body.ends_without_mass.get(node, node), []).append((p, along))
         self._contact_nodes = sorted(at_node)
         self._at_node = at_node
 
@@ -81,16 +94,15 @@ class Pencil:
     def _free_along(directions: list[Floats], axis: Floats) -> bool:
         return all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
 
-    def factors(self, dt: float) -> list[tuple[Floats, Floats]] | None:
-        """Return the factors L D L^T of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
-        dpttrf = lapack().dpttrf
-        out = []
-        for _, mass, diagonal, off in self.bodies:
-            *factor, failed = dpttrf(4.0 / dt**2 * mass - diagonal, -off if off.size else np.zeros(1))
-            if failed:
+    def factors(self, dt: float) -> list[Any] | None:
+        """Return a factor of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
+        factors = []
+        for body in self.bodies:
+            factor = body.factor(4.0 / dt**2)
+            if factor is None:
                 return None
-            out.append(tuple(factor))
-        return out
+            factors.append(factor)
+        return factors
 
     def normals(self, first: int, count: int) -> Floats:
         """Return N of all contacts along the axis of a body, for `count` of its nodes from `first` on, (count, P)."""
@@ -106,19 +118,18 @@ class Pencil:
         ]
         return [(node, p, normal) for node in nodes for p, normal in self._at_node[node]]
 
-    def compliance(self, factors: list[tuple[Floats, Floats]]) -> Any:
+    def compliance(self, factors: list[Any]) -> Any:
         """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P).
 
         A contact is coupled to those on the same bodies only: from `SMALL_MATRIX` contacts on the matrix is sparse.
         """
-        dpttrs = lapack().dpttrs
         couplings, places = self._couplings
         values = []
         for body, touched, entries in couplings:
-            normals = np.zeros((self.bodies[body][1].size, touched))
+            normals = np.zeros((self.bodies[body].mass.size, touched))
             for node, column, normal in entries:
                 normals[node, column] += normal
-            values.append((normals.T @ dpttrs(*factors[body], normals)[0]).ravel())
+            values.append((normals.T @ self.bodies[body].solve(factors[body], normals)).ravel())
         count = len(self.model.contact_pairs)
         if not values:
             return np.zeros((count, count))
@@ -216,21 +227,7 @@ class Pencil:
 
     def free_step(self) -> float:
         """Return the largest step that is stable without contact, 2 over the highest frequency of the bodies."""
-        dstebz, by_index = lapack().dstebz, 2
-        highest = 0.0
-        for _, mass, diagonal, off in self.bodies:
-            root = 1.0 / np.sqrt(mass)
-            size = mass.size
-            squared = diagonal * root**2
-            scale = float(squared.max()) or 1.0  # LAPACK does not scale, and units may be of any size
-            if size > 1:
-                beside = off * root[:-1] * root[1:] / scale
-                found, values, *_, failed = dstebz(squared / scale, beside, by_index, 0.0, 1.0, size, size, 0.0, "E")
-                if failed or found != 1:
-                    raise np.linalg.LinAlgError(f"LAPACK's dstebz failed with {failed} on {size} rows")
-            else:
-                values = squared / scale
-            highest = max(highest, scale * float(values[0]))
+        highest = max([0.0, *(body.highest_eigenvalue() for body in self.bodies)])
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
 

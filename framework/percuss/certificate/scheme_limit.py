@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,11 @@ def oscillating(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> Non
     a[:] = -system[0] * u
 
 
+def oscillating_internally(system: Any, stage: int, u: Floats, f: Floats) -> None:
+    """Set `f` to the internal forces of oscillators over their masses."""
+    f[:] = system[0] * u
+
+
 def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Floats) -> Any:
     """Return the amplification matrices of single oscillators for the states (u, dt v, dt^2 kept), (Z, m, m).
 
@@ -35,7 +41,8 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     squares : (Z,) array
         ``(omega dt)^2`` of each oscillator.
     """
-    step = Specialiser({slots.accelerations: oscillating}, jit=False).bind(kernel_of(integrator))
+    filled: dict[Any, Any] = {slots.accelerations: oscillating, slots.internal: oscillating_internally}
+    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
     size = 2 + integrator.kept
     out = np.zeros((squares.size, size, size))
     scale = dt ** -np.concatenate([[0.0, 1.0], np.full(integrator.kept, 2.0)])
@@ -48,10 +55,15 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     return out
 
 
-def limit_ratio(integrator: Integrator, stages: Stages | None, dt: float) -> float:
-    """Return the largest stable omega dt of a scheme over that of central difference, which is 2."""
+def limit_ratio(integrator: Integrator, stages: Stages | None, dt: float, viscosity: float = 0.0) -> float:
+    """Return the largest stable omega dt of a scheme over that of central difference, which is 2.
+
+    Of a viscous leap-frog scheme, ``v += dt f, u += dt v`` with ``f = -omega^2 (u + viscosity dt v)``, the step has the
+    trace ``2 - x (1 + viscosity)`` and the determinant ``1 - x viscosity``, x = (omega dt)^2. It is stable while
+    1 + trace + determinant is positive, ``x (1 + 2 viscosity) < 4``.
+    """
     if stages is None:
-        return 1.0
+        return 1.0 / math.sqrt(1.0 + 2.0 * viscosity)
     try:
         return _limit_ratio(integrator, stages, dt)
     except TypeError:  # The options of the integrator may be unhashable, which the cache does not accept.

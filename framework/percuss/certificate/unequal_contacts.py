@@ -38,19 +38,19 @@ class ClosedMatrix:
     """
 
     def __init__(self, pencil: Pencil) -> None:
-        sizes = [mass.size for _, mass, _, _ in pencil.bodies]
+        sizes = [body.mass.size for body in pencil.bodies]
         self.size = sum(sizes)
         self.scaled = np.zeros((self.size, self.size))  # M^-1/2 K M^-1/2
         self.normal = np.zeros((self.size, len(pencil.model.contact_pairs)))  # M^-1/2 N
         rigid = []
         at = 0
-        for (first, mass, diagonal, off), size in zip(pencil.bodies, sizes, strict=True):
-            root = np.sqrt(mass)
+        for body, size in zip(pencil.bodies, sizes, strict=True):
+            root = np.sqrt(body.mass)
             place = np.arange(at, at + size)
-            self.scaled[place, place] = diagonal / mass
-            self.scaled[place[:-1], place[1:]] = self.scaled[place[1:], place[:-1]] = off / (root[:-1] * root[1:])
-            self.normal[place] = pencil.normals(first, size) / root[:, None]
-            if size == pencil.model.body_of(first).mass.size:  # A body with all its nodes free moves rigidly.
+            self.scaled[np.ix_(place, place)] = body.full() / (root[:, None] * root)
+            self.scaled[place, place] = body.diagonal / body.mass
+            self.normal[place] = pencil.normals(body.first, size) / root[:, None]
+            if size == pencil.model.body_of(body.first).mass.size:  # A body with all its nodes free moves rigidly.
                 motion = np.zeros(self.size)
                 motion[place] = root / np.linalg.norm(root)
                 rigid.append(motion)
@@ -106,7 +106,7 @@ class ClosedMatrix:
 
 def work(pencil: Pencil, count: int) -> float:
     """Return the work of examining a step: `count` sets of closed contacts times the cube of the matrix size."""
-    return float(count) * (2.0 * sum(mass.size for _, mass, _, _ in pencil.bodies)) ** 3
+    return float(count) * (2.0 * sum(body.mass.size for body in pencil.bodies)) ** 3
 
 
 def unequal_sets(groups: Sequence[Sequence[int]], laws: ClosedContacts) -> Iterator[tuple[int, ...]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import (
     BlackBoxCriterion,
@@ -102,6 +103,12 @@ def settled(case: Case) -> SettledRun:
     model = Model(case)
     if case.time.courant != "auto":
         return SettledRun(model, None)
+    if why := following_loads.why_unknown(model):
+        message = f"expected loads of which the critical step is known, found that {why}"
+        raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
+    if why := unknown_without_mass(model):
+        message = f"expected ends in contact with mass, or linear laws, found that {why}"
+        raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
     if model.why_not_linear:
         message = f"expected linear bodies, found that {model.why_not_linear}"
         advice = "The highest frequency changes with the strain, so that no step is known to be stable: give one."
@@ -161,8 +168,19 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
 
     """
     if model.why_not_linear:
-        return _certificate_of_nonlinear_bodies(model)
-    criterion = criterion or criterion_of(model)
+        found = _certificate_of_nonlinear_bodies(model)
+    elif why := unknown_without_mass(model):
+        found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
+    else:
+        found = _certificate_of_linear_bodies(model, criterion or criterion_of(model))
+    if why := following_loads.why_unknown(model):
+        why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
+        found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
+        found = found | {"dt_critical": None, "dt_critical_free": None, "courant_critical": None, "margin": None}
+    return found
+
+
+def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion) -> Certificate:
     free, critical = criterion.free, criterion.critical_step
     assessment = criterion.assess_step(model.dt)
     if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
@@ -199,14 +217,17 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
     }
 
 
-def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
-    """Return the certificate of a run with bodies that are not linear.
+def unknown_without_mass(model: Model) -> str:
+    """Return why no criterion covers the ends without mass of a model; empty if one does, or if there are none."""
+    doubts = closed_contacts(model, model.dt).doubts if model.points_without_mass.any() else ()
+    if not doubts:
+        return ""
+    return f"ends without mass are examined with linear laws in gap or gap rate alone, and {'; '.join(doubts)}"
 
-    Their highest frequency changes with the strain, so no step is known to be stable. A step that is unstable for
-    small motions about rest is known to be unstable, provided the bodies are as stiff about rest as they declare.
-    """
-    laws = closed_contacts(model, model.dt)
-    out: Certificate = {
+
+def _unknown_certificate(laws: ClosedContacts, model: Model, why: str) -> Certificate:
+    """Return the certificate of a run about whose step nothing is known, with the reason in words."""
+    return {
         "stable": "unknown",
         "energy": laws.energy,
         "energy_why": laws.why,
@@ -218,10 +239,22 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
         "stretch": None,
         "theta": None,
         "by": "none",
-        "why": f"{model.why_not_linear}, and its highest frequency changes with the strain",
+        "why": why,
         "cure": "",
         "ignores": model.ignored_couplings(),
     }
+
+
+def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
+    """Return the certificate of a run with bodies that are not linear.
+
+    Their highest frequency changes with the strain, so no step is known to be stable. A step that is unstable for
+    small motions about rest is known to be unstable, provided the bodies are as stiff about rest as they declare.
+    """
+    laws = closed_contacts(model, model.dt)
+    out = _unknown_certificate(
+        laws, model, f"{model.why_not_linear}, and its highest frequency changes with the strain"
+    )
     if laws.unknown or not tangent_as_declared(model):
         return out
     criterion = criterion_of(model)

@@ -85,8 +85,9 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     InputError
         If there is no such contact.
     PercussError
-        If a body is not linear, the integrator is a multi-stage scheme, the step is not linear with the contact
-        closed, or an end in contact is held, in a second contact, or of a body with fewer than two elements.
+        If a body is not linear or has elements of more than two nodes, the integrator is a multi-stage scheme or
+        viscous, the step is not linear with the contact closed, or an end in contact is held, in a second contact, or
+        of a body with fewer than two elements.
     """
     if model.why_not_linear:
         raise PercussError(f"{model.why_not_linear}: its waves are no harmonics, and change with the strain")
@@ -95,6 +96,16 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         raise PercussError(
             f"{name} is no leap-frog scheme: harmonics at an interface are known of a leap-frog step only"
         )
+    if model.viscosity:
+        raise PercussError(
+            f"{model.case.method.integrator.name} is viscous: its waves fade along the bars, which no harmonics do"
+        )
+    for body in model.bodies.values():
+        if body.mesh.cells:
+            raise PercussError(
+                f"the cells of body '{body.name}' are of the kind {next(iter(body.mesh.cells))}: harmonics at an "
+                "interface are known of bars of two-node elements only"
+            )
     names = [contact_pair.name for contact_pair in model.contact_pairs]
     if not names or (contact and contact not in names):
         advice = suggestion(contact, names, "contact") if names else "Add a contact."
@@ -141,6 +152,11 @@ class _Ends:
 
     def __init__(self, model: Model, p: int) -> None:
         contact_pair = model.contact_pairs[p]
+        if model.points_without_mass.any():
+            raise PercussError(
+                f"contact '{contact_pair.name}': waves are measured of ends with mass; the mass "
+                f"{model.case.method.mass.name} leaves ends in contact without"
+            )
         motions = Motions(model)
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():

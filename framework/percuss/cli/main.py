@@ -13,6 +13,7 @@ from percuss.cli.check import check
 from percuss.cli.compare import compare
 from percuss.cli.new import new
 from percuss.cli.plugins import plugins
+from percuss.cli.recommend import recommend
 from percuss.cli.report import report
 from percuss.cli.run import run
 from percuss.cli.schema import schema
@@ -33,7 +34,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, check, compare, study, stability, waves, report, verify, plugins, new, schema):
+for command in (run, check, compare, study, recommend, stability, waves, report, verify, plugins, new, schema):
     app.command()(command)
 
 

@@ -7,7 +7,7 @@ import math
 
 from percuss import version
 from percuss.errors import PluginError, suggestion
-from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component
+from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Material
 
 __all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted"]
 
@@ -18,8 +18,14 @@ CHANGES = {
     1: "the first",
     2: "`Rows` is `LinearLaw`, `Judged` is `ContactState` with `response` in place of `answer`, `Trial.gap_answer` and "
     "`Trial.rate_answer` are `gap_response` and `rate_response`, `DataFile.columns` is `as_columns`",
+    3: "kernels of elements call `stress(material, point, strain)` and `energy_density(material, point, before, "
+    "after)`, where `material` is what they receive in the place of the parameters, and `point` is `first` plus the "
+    "number of the element in the call",
+    4: "a mass is `nodal(element_mass, lumping)`: `lumping.at_nodes(element_mass)` gives the mass of each element to "
+    "its nodes, half to each of two",
 }
 OLDEST = 2  # oldest supported contract; a method that states an older one is refused
+OLDEST_OF = {"elements": 3, "masses": 4}  # the same for families whose methods had to change later
 
 
 def admitted(family: str, offer: object) -> type[Component]:
@@ -51,6 +57,8 @@ def admitted(family: str, offer: object) -> type[Component]:
     if parameters is None or not parameters.frozen:
         raise PluginError(f"{name} is not a frozen dataclass; put @dataclass(frozen=True) above it")
     _check_signatures(contract, offer)
+    if issubclass(offer, ContactLaw | Material):
+        _check_state(offer)
     if not isinstance(offer.name, str) or not NAME_PATTERN.fullmatch(offer.name):
         raise PluginError(f"{name} has the name {offer.name!r}; a letter, then letters, digits, _ and -")
     return offer
@@ -59,6 +67,10 @@ def admitted(family: str, offer: object) -> type[Component]:
 # Static methods that a contract describes but does not define, with their arguments.
 KERNELS: dict[str, dict[str, tuple[str, ...]]] = {
     "contacts": {"multipliers": ("bound", "trial", "multiplier")},
+    "loads": {"follow": ("numbers", "time", "displacement", "velocity")},
+    "elements": {
+        "force": ("rule", "material", "first", "section", "coordinates", "displacement", "force"),
+    },
     "integrators": {"step": ("numbers", "system", "u", "v", "kept", "dt")},
 }
 
@@ -71,6 +83,8 @@ def _check_signatures(contract: type[Component], component: type[Component]) -> 
         function = value.__func__ if isinstance(value, staticmethod) else value
         if inspect.isfunction(function):
             expected[name] = tuple(inspect.signature(function).parameters)
+    if issubclass(component, Material) and component.state:
+        expected["stress"] = ("parameters", "strain", "before", "after")
     for name, arguments in expected.items():
         attribute = inspect.getattr_static(component, name, None)
         function = attribute.__func__ if isinstance(attribute, staticmethod) else attribute
@@ -85,6 +99,28 @@ def _check_signatures(contract: type[Component], component: type[Component]) -> 
             raise PluginError(f"{component.__name__}.{signature} is called as {name}({', '.join(arguments)})")
 
 
+def _check_state(component: type[ContactLaw | Material]) -> None:
+    """Raise PluginError if a contact law or a material does not declare its state variables soundly."""
+    name, state = component.__name__, component.state
+    if type(state) is not int or state < 0:
+        raise PluginError(f"{name} has state = {state!r}; expected the number of its state variables")
+    for fact in ("stored_in", "dissipated_in"):
+        number = getattr(component, fact)
+        if number is not None and not (type(number) is int and 0 <= number < state):
+            raise PluginError(
+                f"{name} has {fact} = {number!r}; expected the number of one of its {state} state variables, from 0, "
+                "or None"
+            )
+    if not issubclass(component, Material):
+        return
+    if state > 0 and component.stored_in is None:
+        raise PluginError(f"{name} has state variables; say with `stored_in` which of them is the energy it stores")
+    if state > 0 and component.linear:
+        raise PluginError(f"{name} has state variables, and declares `linear = True`; its stress depends on the past")
+    if state == 0 and component.energy_density is Material.energy_density:
+        raise PluginError(f"{name} is still abstract; it lacks `energy_density`")
+
+
 def _check_version(component: type[Component]) -> None:
     """Raise PluginError if a component states a contract that is newer than this percuss or no longer supported."""
     stated, current = component.contract_version, version.CONTRACT
@@ -97,8 +133,9 @@ def _check_version(component: type[Component]) -> None:
     written = f"{component.__name__} is written for contract {stated}, this percuss has contract {current}"
     if stated > current:
         raise PluginError(f"{written}: upgrade percuss")
-    if stated < OLDEST:
+    oldest = OLDEST_OF.get(component.family, OLDEST)
+    if stated < oldest:
         since = "; ".join(f"contract {version}: {CHANGES[version]}" for version in range(stated + 1, current + 1))
         raise PluginError(
-            f"{written} and keeps those from {OLDEST} on: change it ({since}), then state contract_version = {current}"
+            f"{written} and keeps those from {oldest} on: change it ({since}), then state contract_version = {current}"
         )

@@ -21,7 +21,7 @@ from percuss.methods.interfaces import LinearLaw, Trial
 from percuss.methods.plugin_calls import answer, read_only
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import ContactLaw, ContactPoints
+    from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats
 
 DEPTHS = (1e-6, 1e-3)  # magnitudes of the gaps in the trial states
 SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which multipliers are compared with those at t = 0
@@ -67,11 +67,14 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
     """
     kernel: Any = kernel_of(law)
     kernel = getattr(kernel, "py_func", kernel)
-    before = _mutable_globals(kernel)
-    states = list(_trial_states(len(points.names), dt))
-    first_results = [_multipliers_of(law, kernel, bound, _trial_of(points, dt, state, law)) for state in states]
+    globals_before = _mutable_globals(kernel)
+    # The state variables that the kernel leaves are those that it finds in the next state.
+    tried: list[tuple[Trial, Floats]] = []
+    for state in _trial_states(len(points.names), dt):
+        trial = _trial_of(points, dt, state, law, tried[-1][0].after if tried else None)
+        tried.append((trial, _multipliers_of(law, kernel, bound, trial)))
     for name, value in _mutable_globals(kernel).items():
-        if value != before[name]:
+        if value != globals_before[name]:
             raise breach(
                 law,
                 "multipliers",
@@ -80,9 +83,9 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
             )
     low_indices: list[int] = []
     watched_bound = _with_watched_arrays(bound, low_indices)
-    for state, multipliers in zip(states, first_results, strict=True):
-        trial = _trial_of(points, dt, state, law)
-        repeated = _multipliers_of(law, kernel, watched_bound, trial)
+    for trial, multipliers in tried:
+        again = trial._replace(after=trial.before.copy(), shift=np.zeros_like(trial.shift))
+        repeated = _multipliers_of(law, kernel, watched_bound, again)
         if low_indices:
             raise breach(
                 law,
@@ -90,15 +93,21 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
                 f"multipliers reads a bound array at index {low_indices[0]}, which counts from its end, in the state "
                 f"with {describe_state(trial, 0)}: check the index, or write `array.size - n` where the end is meant",
             )
-        if not np.array_equal(multipliers, repeated):
-            point = int((multipliers != repeated).argmax())
-            raise breach(
-                law,
-                "multipliers",
-                f"multipliers gives {multipliers[point]:.17g} for point {point}, and {repeated[point]:.17g} when it is "
-                "asked the same again after other calls: the kernel keeps state between calls, draws random numbers or "
-                "reads the clock; what it needs is in what `bind` returns and in the trial",
-            )
+        for what, first, second in (
+            ("", multipliers, repeated),
+            ("state variable ", trial.after, again.after),
+            ("shift ", trial.shift, again.shift),
+        ):
+            if not np.array_equal(first, second):
+                differing = tuple(np.argwhere(first != second)[0])
+                raise breach(
+                    law,
+                    "multipliers",
+                    f"multipliers gives {what}{first[differing]:.17g} for point {differing[0]}, and "
+                    f"{second[differing]:.17g} when it is asked the same again after other calls: the kernel keeps "
+                    "state between calls, draws random numbers or reads the clock; what it needs is in what `bind` "
+                    "returns and in the trial, and what it remembers in `trial.before` and `trial.after`",
+                )
 
 
 def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: float, end: float) -> bool:
@@ -160,8 +169,13 @@ def _trial_states(count: int, dt: float) -> Iterator[list[Any]]:
             yield [gap, gap + dt * predicted, rate, predicted]
 
 
-def _trial_of(points: ContactPoints, dt: float, state: list[Any], law: ContactLaw) -> Trial:
-    """Return the `Trial` of a state; the points of a law that uses coupling are coupled in a chain."""
+def _trial_of(
+    points: ContactPoints, dt: float, state: list[Any], law: ContactLaw, before: Floats | None = None
+) -> Trial:
+    """Return the `Trial` of a state; the points of a law that uses coupling are coupled in a chain.
+
+    State variables are those of `before`, (points, k), zeros where it is None.
+    """
     count = len(points.names)
     neighbours = [[q for q in (p - 1, p + 1) if 0 <= q < count] if law.uses_coupling else [] for p in range(count)]
     pairs = [(p, q) for p, row in enumerate(neighbours) for q in row]
@@ -176,9 +190,10 @@ def _trial_of(points: ContactPoints, dt: float, state: list[Any], law: ContactLa
             np.zeros(count),
         )
     )
+    before = read_only(np.zeros((count, law.state)) if before is None else before)
     return Trial(
         gap, predicted_gap, rate, predicted_rate, points.delassus, dt, 0.0, dt * dt, dt, first_neighbour, neighbour,
-        coupling, pushed_by_others,
+        coupling, pushed_by_others, before, before.copy(), np.zeros(count if law.shifts else 0),
     )  # fmt: skip
 
 
@@ -191,7 +206,7 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
     except Exception as error:
         text = f"{type(error).__name__}: {error}"
         if isinstance(error, ValueError) and "read-only" in str(error):
-            text = "it changes what it was handed; it may write to the multiplier alone"
+            text = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
         where = line_in_plugin(error)
         raise PluginError(f"{where + ': ' if where else ''}contact law {law.name}: multipliers: {text}") from error
     if np.isnan(multiplier).any():
@@ -201,6 +216,22 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
             "multipliers",
             f"multipliers leaves point {point} of {multiplier.size} without a number: set every entry, 0.0 where "
             f"nothing presses (at {describe_state(trial, point)})",
+        )
+    if not np.isfinite(trial.shift).all():
+        point = int((~np.isfinite(trial.shift)).argmax())
+        raise breach(
+            law,
+            "multipliers",
+            f"multipliers leaves the shift of point {point} as {trial.shift[point]}, expected a finite number "
+            f"(at {describe_state(trial, point)})",
+        )
+    if not np.isfinite(trial.after).all():
+        point, number = np.argwhere(~np.isfinite(trial.after))[0]
+        raise breach(
+            law,
+            "multipliers",
+            f"multipliers leaves state variable {number} of point {point} as {trial.after[point, number]}, expected a "
+            f"finite number (at {describe_state(trial, point)})",
         )
     return multiplier
 

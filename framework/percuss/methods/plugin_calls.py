@@ -135,9 +135,24 @@ def _amplitude_fault(value: Any, time: Any) -> str:
     return f"returned {np.ravel(value)[wrong[0]]} at the time {np.ravel(time)[wrong[0]]:.6g} since the load began"
 
 
+def _follower_numbers_fault(value: Any, end: Any) -> str:  # noqa: ARG001 - the argument of `FollowingLoad.numbers`
+    if not isinstance(value, tuple):
+        return f"returned {_shown(value)}, expected a tuple of numbers"
+    return _numbers_fault(value, (len(value),))
+
+
+def _follow_fault(value: Any, numbers: Any, time: float, displacement: float, velocity: float) -> str:  # noqa: ARG001
+    fault = "returned nothing, expected a number" if value is None else _numbers_fault(value, ())
+    motion = f"at the time {time:g}, the displacement {displacement:g} and the velocity {velocity:g}"
+    return f"{fault.removesuffix(' at index 0')} {motion}" if fault else ""
+
+
 def _mesh_fault(mesh: Any, at: Any, refine: int) -> str:  # noqa: ARG001 - the arguments of `Shape.mesh`
     if not isinstance(mesh, Mesh):
         return f"returned {_shown(mesh)}, expected a Mesh"
+    if mesh.cells:
+        kinds = ", ".join(mesh.cells)
+        return f"returned cells of the kind {kinds}: a shape makes a line of two-node cells, and leaves `cells` empty"
     count, dim = np.size(mesh.lengths), np.size(at)
     for name, shape in (("lengths", (count,)), ("nodes", (count + 1, dim)), ("direction", (dim,))):
         fault = _numbers_fault(getattr(mesh, name), shape)
@@ -146,8 +161,52 @@ def _mesh_fault(mesh: Any, at: Any, refine: int) -> str:  # noqa: ARG001 - the a
     return ""
 
 
-def _nodal_fault(value: Any, element_mass: Any) -> str:
-    return _numbers_fault(value, (np.size(element_mass) + 1,))
+def _nodal_fault(value: Any, element_mass: Any, lumping: Any) -> str:  # noqa: ARG001 - the arguments of `Mass.nodal`
+    return _numbers_fault(value, (lumping.nodes,))
+
+
+def _rule_fault(value: Any) -> str:
+    if not (isinstance(value, tuple) and hasattr(value, "_fields")):
+        return f"returned {_shown(value)}, expected a NamedTuple of arrays"
+    for name, array in zip(value._fields, value, strict=True):
+        fault = _numbers_fault(array, np.shape(array))
+        if fault:
+            return fault.replace("returned", f"returned as `{name}`", 1)
+    return ""
+
+
+def _reference_nodes_fault(value: Any) -> str:
+    fault = _numbers_fault(value, (max(np.size(value), 2),))
+    if fault:
+        return fault
+    inner = np.asarray(value, dtype=float)[2:]
+    if tuple(value[:2]) != (0.0, 1.0) or np.unique(inner).size < inner.size or not ((inner > 0) & (inner < 1)).all():
+        return f"returned {np.asarray(value).tolist()}, expected 0, 1, and different positions between them"
+    return ""
+
+
+def _shares_fault(value: Any) -> str:
+    fault = _numbers_fault(value, (max(np.size(value), 2),))
+    if not fault and abs(float(np.sum(value)) - 1.0) > 1e-12:
+        return f"returned shares whose sum is {float(np.sum(value)):.17g}, expected 1"
+    return fault
+
+
+def _volumes_fault(value: Any, body: Any) -> str:
+    points = np.shape(value)[1] if np.ndim(value) == 2 else 1
+    return _numbers_fault(value, (body.mesh.lengths.size, points))
+
+
+def _nodal_in_contact_fault(value: Any, element_mass: Any, lumping: Any, first: bool, last: bool) -> str:
+    fault = _nodal_fault(value, element_mass, lumping)
+    if fault:
+        return fault
+    may_be_zero = np.zeros(np.size(value), dtype=bool)
+    may_be_zero[0], may_be_zero[-1] = first, last
+    without = [int(node) for node in np.flatnonzero((np.asarray(value) == 0.0) & ~may_be_zero)]
+    if without:
+        return f"returned no mass at node {without[0]}, expected some at every node but an end that is told in contact"
+    return "" if np.any(value) else "returned no mass at all"
 
 
 def _element_numbers_fault(value: Any, body: Any, property_: float) -> str:  # noqa: ARG001 - arguments of the method
@@ -189,7 +248,7 @@ def _measure_fault(value: Any, result: Any) -> str:  # noqa: ARG001 - the argume
 def _bound_integrator_fault(value: Any, dt: float) -> str:  # noqa: ARG001 - the arguments of `Integrator.bind`
     if not isinstance(value, LeapFrog):
         return ""  # the numbers of `Stages` are checked with the trial steps
-    for name, state in zip(value._fields, value, strict=True):
+    for name, state in (("explicit", value.explicit), ("end", value.end)):
         fault = _numbers_fault(state.response, (3,))
         if fault:
             return fault.replace("returned", f"returned as the response of `{name}`", 1)
@@ -198,9 +257,16 @@ def _bound_integrator_fault(value: Any, dt: float) -> str:  # noqa: ARG001 - the
 
 CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("loads", "amplitude"): _amplitude_fault,
+    ("loads", "numbers"): _follower_numbers_fault,
+    ("loads", "follow"): _follow_fault,
     ("shapes", "mesh"): _mesh_fault,
     ("masses", "nodal"): _nodal_fault,
+    ("masses", "nodal_in_contact"): _nodal_in_contact_fault,
     ("elements", "bind"): _element_arrays_fault,
+    ("elements", "rule"): _rule_fault,
+    ("elements", "reference_nodes"): _reference_nodes_fault,
+    ("elements", "mass_shares"): _shares_fault,
+    ("elements", "volumes"): _volumes_fault,
     ("elements", "axial_stiffness"): _element_numbers_fault,
     ("elements", "highest_frequency"): _element_numbers_fault,
     ("materials", "parameters"): _parameters_fault,

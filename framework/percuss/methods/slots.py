@@ -38,13 +38,19 @@ def unbound() -> NoReturn:
     raise NotImplementedError("a slot is called before a kernel is bound to it")
 
 
-def stress(parameters: Floats, strain: float) -> float:
-    """Return the stress at `strain`; a slot for the kernel of the body's material."""
+def stress(material: Any, point: int, strain: float) -> float:
+    """Return the stress of a point of a body at `strain`; a slot for the body's material.
+
+    `material` is what the kernel of the element receives, and `point` the number of its element in the bound arrays.
+    """
     unbound()
 
 
-def energy_density(parameters: Floats, before: float, after: float) -> float:
-    """Return the staggered strain-energy density; a slot for the kernel of the body's material."""
+def energy_density(material: Any, point: int, before: float, after: float) -> float:
+    """Return the staggered strain-energy density of a point of a body; a slot for the body's material.
+
+    `material` is what the kernel of the element receives, and `point` the number of its element in the bound arrays.
+    """
     unbound()
 
 
@@ -53,9 +59,14 @@ def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> N
     unbound()
 
 
+def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
+    """Set `f` to ``M^-1 f_int(u)`` at a stage, without loads and contact; a slot that the time loop fills."""
+    unbound()
+
+
 def internal_force(
     element: Any,
-    parameters: Floats,
+    material: Any,
     first: int,
     dim: int,
     displacement: Floats,
@@ -67,7 +78,7 @@ def internal_force(
 
 def energy(
     element: Any,
-    parameters: Floats,
+    material: Any,
     first: int,
     dim: int,
     displacement: Floats,
@@ -80,3 +91,21 @@ def energy(
 
 # This is a sum over elements, so the compiler may add its terms in any order, which is faster.
 energy.reduction = True  # type: ignore[attr-defined]
+
+
+def cell_force(
+    rule: Any,
+    material: Any,
+    first: int,
+    section: float,
+    coordinates: Floats,
+    displacement: Floats,
+    force: Floats,
+) -> None:
+    """Set `force` to the forces of one cell on its nodes; a slot for the kernel of the body's element."""
+    unbound()
+
+
+def follow(numbers: Any, time: float, displacement: float, velocity: float) -> float:
+    """Return the force of a load that follows the motion of an end; a slot for the kernel of the load."""
+    unbound()

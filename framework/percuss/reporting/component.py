@@ -110,7 +110,10 @@ def _option(option: Option) -> dict[str, Any]:
 def _facts(component: type[Component]) -> dict[str, Any]:
     """Return the class facts that the family's contract names and the component declares or inherits, by name."""
     names = [*FAMILIES[component.family].__annotations__, *Component.__annotations__]
-    return {name: getattr(component, name) for name in names if name not in ELSEWHERE and hasattr(component, name)}
+    values = {name: getattr(component, name) for name in names if name not in ELSEWHERE and hasattr(component, name)}
+    return {
+        name: "follows from the options" if isinstance(value, property) else value for name, value in values.items()
+    }
 
 
 def component_text(registry: Registry, family: str, name: str) -> str:

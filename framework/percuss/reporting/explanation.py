@@ -15,6 +15,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
+from percuss.solver.cells import cells_of
 from percuss.solver.contact_problem import contact_problem
 from percuss.solver.contact_rows import law_records
 from percuss.solver.recording import recordable
@@ -154,9 +155,10 @@ def _body_lines(model: Model) -> list[str]:
         length = float(body.mesh.lengths.sum())
         h = body.mesh.lengths
         size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
+        nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.mesh.cells else ""
         moves = f", velocity {found(body.spec.velocity)}" if np.any(body.velocity) else ""
         lines.append(
-            f"  {body.name}: {body.spec.shape.name} of {h.size} elements, {size}, {material.name} "
+            f"  {body.name}: {body.spec.shape.name} of {h.size} elements{nodes}, {size}, {material.name} "
             f"({_assignments(_non_default_options(material))}), area {body.spec.area:.6g}{moves}"
             + (f", fixed at {', '.join(body.spec.fixed)}" if body.spec.fixed else "")
         )
@@ -179,7 +181,8 @@ def _step_data(model: Model) -> dict[str, Any]:
     element = int(np.argmax(body.frequency))
     smallest = 2.0 / model.omega
     where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.omega else f"element {element}"
-    of = f"the smallest h/c = {smallest:.9g}, that of {where} of body '{body.name}'"
+    size = "2/omega" if body.mesh.cells else "h/c"  # omega is the highest frequency, 2c/h of a two-node bar
+    of = f"the smallest {size} = {smallest:.9g}, that of {where} of body '{body.name}'"
     if time.step is not None:
         how = f"dt = {model.dt:.9g} as given, Courant number {model.courant:.6g} of {of}"
     elif time.courant == "auto":
@@ -189,7 +192,8 @@ def _step_data(model: Model) -> dict[str, Any]:
             f"Courant number {model.courant:.6g} of {of}"
         )
     else:
-        how = f"dt = {model.courant:.6g} h/c = {model.dt:.9g}, Courant number {model.courant:.6g} of {of}"
+        times = "* " if body.mesh.cells else ""
+        how = f"dt = {model.courant:.6g} {times}{size} = {model.dt:.9g}, Courant number {model.courant:.6g} of {of}"
     return {
         "dt": model.dt,
         "courant": model.courant,
@@ -254,11 +258,16 @@ def _contact_data(model: Model, number: int, contact_pair: ContactPair) -> dict[
         "resolved": resolved,
         "chosen": dict(contact_pair.law.chosen(points, model.dt)),
         "point": {
-            "EA/h": contact_pair.stiffness,
-            "2c/h": contact_pair.frequency,
-            "rho A h / 2": contact_pair.mass,
+            **dict(
+                zip(
+                    _names_at_end(model, contact_pair),
+                    (contact_pair.stiffness, contact_pair.mass, contact_pair.frequency),
+                    strict=True,
+                )
+            ),
             "s": s,
         },
+        "s_formula": "1/(k dt^2) of each end without mass" if model.points_without_mass[number] else "N^T M^-1 N",
         "row": _linear_law_data(model, number, s),
     }
 
@@ -269,12 +278,14 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     linear = bound_law.linear
     if linear is None:
         return None
-    records = law_records(bound_law, model.tables[-1], bound_law.points.delassus)
+    massless = model.points_without_mass[list(bound_law.where)]
+    records = law_records(bound_law, model.tables[-1], bound_law.points.delassus, massless, model.dt)
     record = records[bound_law.where.index(number)]
     w = float(record["response"])
+    judged = "predicted" if record["sees_predicted_gap"] else "current"
     return {
         "at": linear.at,
-        "judged": "predicted" if record["sees_predicted_gap"] else "current",
+        "judged": "balanced" if massless[bound_law.where.index(number)] else judged,
         "sees_acceleration": bool(record["sees_acceleration"]),
         "sigma": float(record["sigma"]),
         "gap": float(record["weight_gap"]),
@@ -285,6 +296,13 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
         "w": w,
         "stiffness": 1.0 / (float(record["sigma"]) + w * s),
     }
+
+
+def _names_at_end(model: Model, contact_pair: ContactPair) -> tuple[str, str, str]:
+    """Return the names of stiffness, mass and frequency of the ends in contact (`ContactPoints`)."""
+    if any(model.body_of(node).mesh.cells for node in contact_pair.nodes):
+        return "m omega^2 / 2", "m", "omega"
+    return "EA/h", "rho A h / 2", "2c/h"
 
 
 def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set[str]) -> list[str]:
@@ -301,10 +319,16 @@ def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set
     lines.append(f"    given: {_assignments(contact['given']) or 'nothing, all by default'}")
     lines += [f"    {option} {words}" for option, words in contact["chosen"].items()]
     point = _numbers_as_text(contact["point"])
+    stiffness, mass, frequency = list(point)[:3]
+    of_bars = "omega = " if frequency != "omega" else ""
     lines.append(
-        f"    with EA/h = {point['EA/h']} and rho A h / 2 = {point['rho A h / 2']} of the softer side, "
-        f"omega = 2c/h = {point['2c/h']}, s = N^T M^-1 N = {point['s']}, dt = {model.dt:.6g}"
+        f"    with {stiffness} = {point[stiffness]} and {mass} = {point[mass]} of the softer side, "
+        f"{of_bars}{frequency} = {point[frequency]}, s = {contact['s_formula']} = {point['s']}, dt = {model.dt:.6g}"
     )
+    if frequency == "omega":
+        lines.append(
+            "    m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2"
+        )
     lines += [f"    {_assignments(_numbers_as_text(contact['resolved']))}"] if contact["resolved"] else []
     if contact["row"] is None:
         return [*lines, f"    {law.name} is no row of the contact equation: its own kernel gives the force"]
@@ -312,6 +336,9 @@ def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set
     if contact["row"]["acceleration"] and not contact["row"]["sees_acceleration"]:
         lines.append(f"    g'' counts as 0: {law.needs_only_response_of['acceleration']}")
     return lines
+
+
+BALANCED_GAP = "the gap at t_n, in static balance of the end without mass, whatever the integrator"
 
 
 def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
@@ -322,6 +349,8 @@ def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
     state = {
         ("end", "predicted"): "the gap at the end of the step",
         ("explicit", "predicted"): "the predicted gap",
+        ("explicit", "balanced"): BALANCED_GAP,
+        ("end", "balanced"): BALANCED_GAP,
     }.get((law["at"], law["judged"]), "the current gap")
     remark = "" if law["sees_acceleration"] or not law["acceleration"] else ", g'' counts as 0"
     left = f"{law['sigma']:.6g} lambda" if law["sigma"] else "0"

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from percuss import version
 from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
-from percuss.methods.admission import OLDEST
+from percuss.methods.admission import OLDEST, OLDEST_OF
 from percuss.reporting.tables import Column, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
@@ -308,7 +308,10 @@ def tell_registry(registry: Registry) -> None:
         for column, cell in zip(columns, (family, name, component.summary, origin, source.file), strict=True):
             column.cells.append(cell)
     print_table(console, columns)
-    console.print(f"percuss {version.__version__}, contract {version.CONTRACT}; keeps contracts from {OLDEST} on")
+    later = "".join(f", of {family} from {oldest} on" for family, oldest in OLDEST_OF.items() if oldest > OLDEST)
+    console.print(
+        f"percuss {version.__version__}, contract {version.CONTRACT}; keeps contracts from {OLDEST} on{later}"
+    )
     for broken in registry.broken:
         where = f" ({broken.file})" if broken.file else ""
         console.print(f"[red]not usable[/red] {escape(broken.source)}{escape(where)}: {escape(broken.error)}")

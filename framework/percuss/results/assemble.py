@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,18 +11,18 @@ from percuss.certificate import cause
 from percuss.compiling import Stopwatch
 from percuss.jsonable import as_lists, plain
 from percuss.results import energy_growth, ledger, true_error
-from percuss.results.exact import exact_solution, sampled
+from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins, resolved_methods
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
 from percuss.solver.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.solver.model import Model
-from percuss.solver.recording import field_elements
+from percuss.solver.recording import field_nodes, recorded_elements
 from percuss.solver.stop import Stop
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
-    from percuss.methods.interfaces import Exact
+    from percuss.methods.interfaces import Exact, Floats
     from percuss.results.summary import Accounts, ExactEntries, ExactErrors, StopSummary, Summary
 
 # Notes that begin with these words are also shown in the row of the run in a table.
@@ -75,7 +76,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "velocity": outcome.record.velocity[:record_count].reshape(record_count, len(probe_names), dim),
     }
     energies = ledger.energies(outcome)
-    arrays |= energies
+    arrays |= energies | _contact_states(march, outcome)
     end_force = outcome.record.end_force[:record_count][:, case_order]
     if end_force.size and not np.isnan(outcome.points.end_stiffness).all():
         arrays["contact_force_end"] = end_force
@@ -151,8 +152,8 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
         )
-    total = march.boundary.totals[0]
-    allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise()
+    total = march.totals
+    allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise
     if outcome.status != "unstable" and not total.contact_work <= allowed:
         work = f"{total.contact_work:.6g}"
         warnings.append(f"{NOT_VALID}: contact added an energy of {work}, far above all that was put in")
@@ -188,6 +189,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
             model.dt,
             solution.reached,
             every=record.every,
+            impulse=partial(impulse_at, solution, name),
         )
         for k, name in enumerate(contact_names)
     }
@@ -203,6 +205,36 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
     return solution, true_error.summary_entries(errors, reason)
 
 
+def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
+    """Return the recorded state variables of the contact laws, and the energy that they have dissipated.
+
+    Returns
+    -------
+    dict
+        ``contact_state``, (records, contacts, state variables), nan where a contact has fewer than another, and
+        ``contact_dissipation``, (records,), if a law knows it; empty if no law has state variables.
+    """
+    laws = [bound_law for bound_law in march.kernel_laws if bound_law.law.state > 0]
+    if not laws:
+        return {}
+    records = outcome.record.contact_state[: outcome.records]
+    most = max(bound_law.law.state for bound_law in laws)
+    states = np.full((outcome.records, len(march.order), most), np.nan)
+    dissipated = np.zeros(outcome.records)
+    first = 0
+    for bound_law in laws:
+        law, where = bound_law.law, list(bound_law.where)
+        stop = first + len(where) * law.state
+        of_law = records[:, first:stop].reshape(outcome.records, len(where), law.state)
+        states[:, where, : law.state] = of_law
+        if law.dissipated_in is not None:
+            dissipated += of_law[:, :, law.dissipated_in].sum(axis=1)
+        first = stop
+    if any(bound_law.law.dissipated_in is not None for bound_law in laws):
+        return {"contact_state": states, "contact_dissipation": dissipated}
+    return {"contact_state": states}
+
+
 def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     record, model, dim = outcome.record, march.model, march.dim
     if record.field_every == 0:
@@ -212,15 +244,24 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     )
     if snapshots == 0:  # stopped before the first snapshot
         return {}
-    u = record.field[:snapshots].reshape(snapshots, -1, 2, dim)
-    first_nodes = field_elements(model)
-    stress = np.empty(u.shape[:2])
-    for body in model.bodies.values():
-        in_body = (first_nodes >= body.start) & (first_nodes < body.stop)
-        stress[:, in_body] = stress_field(body, first_nodes[in_body] - body.start, u[:, in_body])
+    stress: list[Floats] = []
+    names: list[str] = []
+    positions: list[Floats] = []
+    first, first_state = 0, 0
+    for body, elements, nodes in zip(
+        model.bodies.values(), recorded_elements(model).values(), field_nodes(model), strict=True
+    ):
+        u = record.field[:snapshots, first : first + nodes.size * dim].reshape(snapshots, *nodes.shape, dim)
+        first += nodes.size * dim
+        points, state = body.volumes.shape[1], body.spec.material.state
+        states = record.field_state[:snapshots, first_state : first_state + elements.size * points * state]
+        first_state += elements.size * points * state
+        stress.append(stress_field(body, elements, u, states.reshape(snapshots, elements.size, points, state)))
+        names += [body.name] * elements.size
+        positions.append(0.5 * (model.nodes[nodes[:, 0]] + model.nodes[nodes[:, 1]]))  # the ends come first
     return {
         "time": np.arange(snapshots) * record.field_every * model.dt,
-        "body": [model.body_of(int(node)).name for node in first_nodes],
-        "position": 0.5 * (model.nodes[first_nodes] + model.nodes[first_nodes + 1]),
-        "stress": stress,
+        "body": names,
+        "position": np.concatenate(positions),
+        "stress": np.concatenate(stress, axis=1),
     }

@@ -12,7 +12,12 @@ from percuss.case.quantities import QUANTITIES
 if TYPE_CHECKING:
     import xarray as xr
 
-_AXES = {"contact": ("contact",), "probe": ("probe", "component"), "run": ()}
+_AXES = {
+    "contact": ("contact",),
+    "contact state": ("contact", "state_variable"),
+    "probe": ("probe", "component"),
+    "run": (),
+}
 _TIMES = ("time", "time_half")  # a result without steps has no second one
 
 

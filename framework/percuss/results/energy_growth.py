@@ -25,6 +25,8 @@ ALLOWED = 1e-12  # allowed growth over the largest energy or work, beside round-
 # and work takes the difference of two gaps: up to three units, and one more from the sums over the steps. The bound
 # assumes that all these errors have the same sign.
 ROUND_OFF_UNITS = 4.0
+# Half a step before the other energies: the sum grows and falls with the force even where nothing is gained.
+STORED_BY_LAWS = "what laws say they store at t_n"
 
 
 def growth_summary(march: March, outcome: Outcome, certificate: Certificate, scale: float) -> GrowthSummary:
@@ -39,7 +41,7 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     scale
         Largest energy or work of the run.
     """
-    total = outcome.totals[0]
+    total = outcome.totals
     guarantee = certificate["energy"]
 
     def share(value: float) -> float:
@@ -54,7 +56,11 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
         "guarantee": guarantee,
         "quantity": "contact work"
         if march.model.multistage
-        else quantity(outcome.points, linear=not march.model.why_not_linear),
+        else quantity(
+            outcome.points,
+            linear=not (march.model.why_not_linear or march.model.viscosity),
+            by_laws=march.state_variables.stored_by_laws.size > 0,
+        ),
         "largest": rise,
         "step": step,
         "time": (step + march.stepper.energy_at) * march.model.dt if step is not None else None,
@@ -64,7 +70,7 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
     }
 
 
-def quantity(points: Any, *, linear: bool = True) -> str:
+def quantity(points: Any, *, linear: bool = True, by_laws: bool = False) -> str:
     """Return in words the energy that is measured for the given contact points.
 
     For linear bodies contact work equals kinetic plus elastic energy less external work, and is named by these.
@@ -74,6 +80,8 @@ def quantity(points: Any, *, linear: bool = True) -> str:
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
     if (points.stores == BY_CURRENT).any():
         parts.append("(eps_s g_n g_n+1 + eps_m r_n+1/2^2)/2 while closed")
+    if by_laws:
+        parts.append(STORED_BY_LAWS)
     return " + ".join(parts) + (" - work" if linear else "")
 
 
@@ -88,7 +96,7 @@ def growth_notes(march: March, outcome: Outcome, growth: GrowthSummary) -> list[
             f"energy grew by {growth['largest']:.3g} of the largest energy at step {growth['step']}, time "
             f"{growth['time']:.6g}, beyond what {pair} allows ({NEVER_GROWS})"
         ]
-    step = int(outcome.totals[0].drift_step)
+    step = int(outcome.totals.drift_step)
     return [
         f"energy changed by {growth['between_switchings']:.3g} of the largest energy up to step {step}, time "
         f"{(step + 0.5) * march.model.dt:.6g}, in steps in which no contact opened or closed, beyond what {pair} "

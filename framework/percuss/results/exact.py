@@ -90,6 +90,14 @@ def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt:
     return {"contact_force_exact": force, "gap_exact": gap}
 
 
+def impulse_at(solution: Exact, name: str, time: Floats) -> Floats:
+    """Return the exact impulse of the contact `name` from 0 to each of several times."""
+    (impulse,) = kept_solutions.values_at(
+        solution, ("impulse", name), time.tobytes(), lambda: (solution.contacts[name].impulse(time),)
+    )
+    return impulse
+
+
 def displacement_at(solution: Exact, name: str, along: Floats, time: float) -> Floats:
     """Return the exact displacement of the body `name` at distances `along` from its start, along its direction."""
     (displacement,) = kept_solutions.values_at(

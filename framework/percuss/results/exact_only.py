@@ -120,7 +120,10 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[st
             values[:, k] = along[:, None] * body.mesh.direction
     energies = np.array([solution.energy(float(instant)) for instant in t])
     has_external_work = (
-        model.nodal_forces or model.body_forces or any(constraint.load is not None for constraint in model.constraints)
+        model.nodal_forces
+        or model.followers
+        or model.body_forces
+        or any(constraint.load is not None for constraint in model.constraints)
     )
     work = np.array([solution.work(float(instant)) for instant in t]) if has_external_work else np.zeros(t.size)
     total = energies.sum(axis=1)

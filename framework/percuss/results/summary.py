@@ -49,6 +49,9 @@ class EnergySummary(TypedDict):
     contact_work: float
     external_work_max: float
     contact_work_max: float
+    internal_work: float | None
+    dissipated: float | None
+    bodies_error: float | None
     ledger_error: float
     ledger_allowed: float | None
     ledger_closed: bool | None

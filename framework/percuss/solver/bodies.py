@@ -6,23 +6,25 @@ element's force, whatever strain the element measures and whatever the element d
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.methods import slots
-from percuss.methods.interfaces import BodyMesh
+from percuss.methods.interfaces import BodyMesh, CellElement
 from percuss.methods.plugin_calls import answer
+from percuss.solver.cells import PROBING_STRAIN, cells_of, volumes_of
 from percuss.solver.compiler.specialise import Specialiser
+from percuss.solver.material_points import plain_slots, points_at_rest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.methods.interfaces import Element, Floats, Integers, Material
+    from percuss.solver.compiled.materials import MaterialPoints
     from percuss.solver.entities import Body
     from percuss.solver.model import Model
 
-PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
 SAME_STIFFNESS = 1e-4  # largest relative difference between declared stiffness and stiffness about rest
 PROBED_ELEMENTS = 8
 
@@ -40,32 +42,78 @@ class ElementProbe:
 
     def __init__(self, element: Element, material: Material, mesh: BodyMesh) -> None:
         self.dim = mesh.mesh.nodes.shape[1]
-        self._arrays = answer(element, "bind", mesh)
-        self._parameters = np.array(answer(material, "parameters"), dtype=float)
-        self._stresses: list[float] = []
-        stress: Callable[[Floats, float], float] = getattr(material.stress, "py_func", material.stress)
+        volumes = volumes_of(element, mesh)
+        self.points_of_element = volumes.shape[1]
+        self.nodes_of_element = cells_of(mesh.mesh).shape[1] if mesh.mesh.cells else 2
+        self._points = points_at_rest(material, volumes.size)
+        self._stresses: list[tuple[float, float]] = []  # of each call: stress, and volume of its point
+        maker = Specialiser(plain_slots(material), jit=False)
+        stress: Callable[..., float] = maker.bind(maker.slots[slots.stress])
 
-        def recorded_stress(parameters: Floats, strain: float) -> float:
-            value = stress(parameters, strain)
-            self._stresses.append(float(value))
+        def recorded_stress(points: MaterialPoints, point: int, strain: float) -> float:
+            value = stress(points, point, strain)
+            self._stresses.append((float(value), float(volumes.flat[point])))
             return value
 
-        self._force = Specialiser({slots.stress: recorded_stress}, jit=False).bind(element.internal_force)
+        specialiser = Specialiser({slots.stress: recorded_stress}, jit=False)
+        if isinstance(element, CellElement):
+            self._force = _force_of_cell(element, mesh, specialiser)
+        else:
+            arrays, force = answer(element, "bind", mesh), specialiser.bind(element.internal_force)
+            self._force = lambda points, number, u, f: force(arrays, points, number, self.dim, u, f)
 
-    def force(self, number: int, displacement: Floats) -> Floats:
-        """Return the force of an element on its two nodes, (2 dim,), at their `displacement`, (2 dim,)."""
-        force = np.zeros(2 * self.dim)
-        self._force(self._arrays, self._parameters, number, self.dim, displacement, force)
+    def force(self, number: int, displacement: Floats, state: Floats | None = None) -> Floats:
+        """Return the force of an element on its nodes, (nodes of an element * dim,).
+
+        Parameters
+        ----------
+        number
+            Number of the element in the body.
+        displacement : (nodes of an element * dim,) array
+            Displacement of its nodes.
+        state : (points of an element, state variables) array
+            State variables of its material before the step; zeros where it is None.
+        """
+        force = np.zeros(self.nodes_of_element * self.dim)
+        points = self._points
+        if state is not None:
+            before = np.zeros_like(points.after)
+            first = number * self.points_of_element
+            before[first : first + self.points_of_element] = state
+            points = points._replace(before=before)
+        self._force(points, number, displacement, force)
         return force
 
-    def stress(self, number: int, displacement: Floats) -> float:
-        """Return the stress in an element; nan if the element does not call the stress kernel of its material."""
+    def stress(self, number: int, displacement: Floats, state: Floats | None = None) -> float:
+        """Return the stress in an element, the mean over its volume.
+
+        It is nan if the element does not call the stress kernel of its material. Parameters are those of `force`.
+        """
         self._stresses.clear()
-        self.force(number, displacement)
-        return float(np.mean(self._stresses)) if self._stresses else np.nan
+        self.force(number, displacement, state)
+        if not self._stresses:
+            return np.nan
+        if self.points_of_element == 1:
+            return float(np.mean([stress for stress, _ in self._stresses]))
+        values, volumes = np.array(self._stresses).T
+        return float(values @ volumes / volumes.sum())
 
 
-def stress_field(body: Body, elements: Integers, displacement: Floats) -> Floats:
+def _force_of_cell(element: CellElement, mesh: BodyMesh, specialiser: Specialiser) -> Callable[..., None]:
+    """Return the force of single cells as a function of their points, number, displacement and, to be set, force."""
+    force, rule, cells = specialiser.bind(element.force), answer(element, "rule"), cells_of(mesh.mesh)
+    points_of_cell = volumes_of(element, mesh).shape[1]
+
+    def force_of_cell(points: Any, number: int, displacement: Floats, nodal: Floats) -> None:
+        shape = cells.shape[1], mesh.mesh.nodes.shape[1]
+        first = number * points_of_cell
+        coordinates = mesh.mesh.nodes[cells[number]]
+        force(rule, points, first, mesh.area, coordinates, displacement.reshape(shape), nodal.reshape(shape))
+
+    return force_of_cell
+
+
+def stress_field(body: Body, elements: Integers, displacement: Floats, states: Floats) -> Floats:
     """Return the stress in elements of a body at several times.
 
     Parameters
@@ -74,8 +122,10 @@ def stress_field(body: Body, elements: Integers, displacement: Floats) -> Floats
         The body.
     elements : (E,) array
         Numbers of the elements in the body.
-    displacement : (T, E, 2, dim) array
-        Displacements of the two nodes of each element.
+    displacement : (T, E, nodes of an element, dim) array
+        Displacements of the nodes of each element.
+    states : (T, E, points of an element, state variables) array
+        State variables of the material of each element before the step.
 
     Returns
     -------
@@ -83,12 +133,17 @@ def stress_field(body: Body, elements: Integers, displacement: Floats) -> Floats
         Stress, tension positive [force/length^2]; nan if an element does not call the stress kernel of its material.
     """
     probe = ElementProbe(body.spec.element, body.spec.material, BodyMesh(body.mesh, body.spec.area))
-    times, count, _, dim = displacement.shape
-    nodal_states = displacement.reshape(times, count, 2 * dim)
+    times, count, nodes, dim = displacement.shape
+    nodal_states = displacement.reshape(times, count, nodes * dim)
     field = np.empty((times, count))
     linear = not body.why_not_linear
     for column, number in enumerate(elements):
-        if linear:  # the stress is linear in the displacements: one call for each unit displacement is enough
+        if linear and body.mesh.cells:  # as below, relative to the first node
+            size = PROBING_STRAIN * float(body.mesh.lengths[number])
+            stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(nodes * dim)[dim:]]
+            relative = displacement[:, column, 1:] - displacement[:, column, :1]
+            field[:, column] = relative.reshape(times, -1) @ np.array(stresses)
+        elif linear:  # the stress is linear in the displacements: one call for each unit displacement is enough
             size = PROBING_STRAIN * float(body.mesh.lengths[number])
             stresses = [probe.stress(int(number), unit) / size for unit in size * np.eye(2 * dim)]
             # Both nodes have the same influence with opposite signs; using their mean difference makes the stress of a
@@ -96,7 +151,10 @@ def stress_field(body: Body, elements: Integers, displacement: Floats) -> Floats
             influence = 0.5 * (np.array(stresses[dim:]) - np.array(stresses[:dim]))
             field[:, column] = (nodal_states[:, column, dim:] - nodal_states[:, column, :dim]) @ influence
         else:
-            field[:, column] = [probe.stress(int(number), state) for state in nodal_states[:, column]]
+            field[:, column] = [
+                probe.stress(int(number), nodal_state, state)
+                for nodal_state, state in zip(nodal_states[:, column], states[:, column], strict=True)
+            ]
     return field
 
 
@@ -112,10 +170,13 @@ def tangent_as_declared(model: Model) -> bool:
         probe = ElementProbe(body.spec.element, body.spec.material, BodyMesh(body.mesh, body.spec.area))
         numbers = np.unique(np.linspace(0, body.stiffness.size - 1, PROBED_ELEMENTS).round().astype(np.int64))
         for number in numbers:
+            nodes = body.mesh.nodes[body.element_nodes(np.array([number]))[0] - body.start]
+            along = (nodes - nodes[0]) @ body.mesh.direction
             length_change = PROBING_STRAIN * float(body.mesh.lengths[number])
             for sign in (1.0, -1.0):
                 elongation = sign * length_change * body.mesh.direction
-                force = probe.force(int(number), np.concatenate([np.zeros(model.dim), elongation]))
+                stretched = (along / along.max())[:, None] * elongation
+                force = probe.force(int(number), stretched.ravel())
                 stiffness = float(force[: model.dim] @ elongation) / length_change**2
                 if not abs(stiffness - body.stiffness[number]) <= SAME_STIFFNESS * body.stiffness[number]:
                     return False

@@ -12,6 +12,8 @@ from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
 from percuss.methods.kernel_trial import bound_of, kernel_of
 
+COEFFICIENTS = ("sigma", "gap", "rate", "acceleration")
+
 
 @dataclass(frozen=True, eq=False)
 class BoundLaw:
@@ -79,15 +81,18 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> 
         If a coefficient is out of bounds or has the wrong shape, or an option is unknown.
     """
     count = len(points.names)
-    coefficients: dict[str, Any] = {}
-    for field in ("sigma", "gap", "rate", "acceleration"):
+    values = np.empty((len(COEFFICIENTS), count))
+    for field, row in zip(COEFFICIENTS, values, strict=True):
         value = np.asarray(getattr(linear_law, field), dtype=float)
         if value.shape not in {(), (count,)}:
             message = f"LinearLaw.{field} has shape {value.shape}, expected ({count},) or a number"
             raise breach(law, "bind", message)
-        if not np.isfinite(value).all():
-            raise breach(law, "bind", f"LinearLaw.{field} is not finite")
-        coefficients[field] = np.broadcast_to(value, (count,))
+        row[:] = value
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.all():
+        raise breach(law, "bind", f"LinearLaw.{COEFFICIENTS[int(np.argmin(finite))]} is not finite")
+    values.flags.writeable = False
+    coefficients: dict[str, Any] = dict(zip(COEFFICIENTS, values, strict=True))
     if (coefficients["sigma"] < 0).any():
         raise breach(law, "bind", "LinearLaw.sigma is negative, expected a compliance of at least 0")
     for field, allowed in (

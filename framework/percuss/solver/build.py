@@ -13,7 +13,9 @@ from percuss.compiling import LOCK
 from percuss.methods import slots
 from percuss.methods.interfaces import Stages
 from percuss.solver import integrator_check
-from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop, linked, multistage_loop
+from percuss.solver.cells import element_slots, energy_slots, has_cells
+from percuss.solver.compiled import bulk, cells, custom_laws, following_loads, leapfrog_loop, linked, multistage_loop
+from percuss.solver.compiled.materials import material_slots
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.linking import Entrances, LinkedLoop, LinkedStages
 from percuss.solver.compiler.machine_code import CannotLink, jit_disabled
@@ -23,6 +25,7 @@ from percuss.solver.compiler.specialise import Kernel, Specialiser, compile_erro
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integrator
     from percuss.solver.bound_law import BoundLaw
+    from percuss.solver.entities import Follower
 
 SWITCHED_OFF = "compilation was switched off for this run"
 DISABLED = "compilation is switched off by NUMBA_DISABLE_JIT"
@@ -41,6 +44,8 @@ class LoopParts:
         The arrays of each group.
     laws
         Bound contact laws with a kernel.
+    followers
+        The loads that follow the motion of an end.
     integrator
         The integrator of a multi-stage scheme, None for a leap-frog scheme.
     dim
@@ -50,6 +55,7 @@ class LoopParts:
     kinds: Sequence[tuple[Any, Any]]
     groups: Sequence[Any]
     laws: Sequence[BoundLaw]
+    followers: Sequence[Follower]
     integrator: Integrator | None
     dim: int
 
@@ -59,6 +65,7 @@ class _Recipe(NamedTuple):
 
     bodies: tuple[tuple[Any, Any, str], ...]  # element and material class, and the layout of the arrays of a group
     laws: tuple[tuple[Any, str], ...]  # kernel of a contact law, and the layout of what it reads
+    loads: tuple[tuple[Any, str], ...]  # the same for loads that follow the motion
     integrator: Integrator | None
     dim: int
 
@@ -67,6 +74,7 @@ def _recipe(parts: LoopParts) -> _Recipe:
     return _Recipe(
         tuple((*kinds, layout(group)) for kinds, group in zip(parts.kinds, parts.groups, strict=True)),
         tuple((bound_law.kernel, layout(bound_law.kernel_data)) for bound_law in parts.laws),
+        tuple((follower.kernel, layout(follower.numbers)) for follower in parts.followers),
         parts.integrator,
         parts.dim,
     )
@@ -150,10 +158,11 @@ def _key(parts: LoopParts, *, jit: bool) -> Any:
         for (element, material), group in zip(parts.kinds, parts.groups, strict=True)
     )
     laws = tuple((bound_law.kernel, _types(bound_law.kernel_data)) for bound_law in parts.laws)
+    loads = tuple((follower.kernel, _types(follower.numbers)) for follower in parts.followers)
     scheme = None
     if parts.integrator is not None:
         scheme = integrator_check.kernel_of(parts.integrator), _types(parts.integrator.bind(1.0))
-    return jit, parts.dim, bulk_kernels, laws, scheme
+    return jit, parts.dim, bulk_kernels, laws, loads, scheme
 
 
 def _types(value: object) -> Any:
@@ -181,16 +190,23 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
     """
     reasons: dict[str, Exception] = {}
     for (element, material), group in zip(parts.kinds, parts.groups, strict=True):
-        maker = Specialiser(_slots(element, material), counting=True, about=layout(group))
+        empty = Specialiser(counting=True)
         try:
-            maker.bind(multistage_loop.force_group, entry=True)(group, u, np.zeros(u.size), parts.dim)
-            maker.bind(bulk.elastic_group, entry=True)(group, u, v, parts.dim, 1.0)
+            maker, template = _of_group(empty, multistage_loop.force_group, element, material, layout(group))
+            maker.bind(template, entry=True)(group, u, np.zeros(u.size), parts.dim)
+            maker, template = _of_group(empty, bulk.elastic_group, element, material, layout(group))
+            maker.bind(template, entry=True)(group, u, v, parts.dim, 1.0)
         except compile_error() as failure:
             reasons[f"element {element.name} with material {material.name}"] = failure
     for bound_law in parts.laws:
         law_failure = custom_laws.compile_failure(bound_law)
         if law_failure is not None:
             reasons[f"contact law {bound_law.law.name}"] = law_failure
+    for follower in parts.followers:
+        numbers = follower.numbers
+        load_failure = following_loads.compile_failure(follower.kernel, numbers, layout(numbers))
+        if load_failure is not None:
+            reasons[f"load {follower.load.load.name}"] = load_failure
     if parts.integrator is not None:
         integrator_failure = _integrator_failure(parts.integrator, u, v, dt)
         if integrator_failure is not None:
@@ -208,7 +224,10 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
 
 def _integrator_failure(integrator: Integrator, u: Floats, v: Floats, dt: float) -> Exception | None:
     """Return the compiler's error for the kernel of an integrator, or None if it can be compiled."""
-    filled = {slots.accelerations: integrator_check.constant_accelerations}
+    filled: dict[Any, Any] = {
+        slots.accelerations: integrator_check.constant_accelerations,
+        slots.internal: integrator_check.no_internal_forces,
+    }
     try:
         step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(integrator), entry=True)
         stages = integrator.bind(dt)
@@ -220,11 +239,12 @@ def _integrator_failure(integrator: Integrator, u: Floats, v: Floats, dt: float)
 
 
 class _Stage(NamedTuple):
-    """What a time loop asks of its model: the bulk update or internal forces, the strain energy and the laws."""
+    """What a time loop asks of its model: bulk update or internal forces, strain energy, laws, following loads."""
 
     update: Kernel
     energy: Kernel
     laws: Kernel
+    loads: Kernel
 
 
 def _bound(maker: Specialiser, recipe: _Recipe) -> _Stage:
@@ -234,19 +254,25 @@ def _bound(maker: Specialiser, recipe: _Recipe) -> _Stage:
         forces = multistage_loop.force_group
     update = _over_groups(maker, recipe, forces, bulk.each_group)
     energy = _over_groups(maker, recipe, bulk.elastic_group, bulk.sum_over_groups)
-    return _Stage(update, energy, custom_laws.bind(maker, recipe.laws))
+    loads = following_loads.bind(maker, recipe.loads)
+    return _Stage(update, energy, custom_laws.bind(maker, recipe.laws), loads)
 
 
 def _plain_loop(recipe: _Recipe) -> Kernels:
     """Return the loop as plain Python, with the kernels in the place of its slots."""
     maker = Specialiser(jit=False)
-    update, energy, laws = _bound(maker, recipe)
-    filled: dict[Any, Any] = {leapfrog_loop.elastic: energy, leapfrog_loop.kernel_laws: laws}
+    update, energy, laws, loads = _bound(maker, recipe)
+    filled: dict[Any, Any] = {
+        leapfrog_loop.elastic: energy,
+        leapfrog_loop.kernel_laws: laws,
+        leapfrog_loop.following_forces: loads,
+    }
     if recipe.integrator is None:
         filled[leapfrog_loop.bulk] = update
         return Kernels(PlainLoop(maker.with_slots(filled).bind(leapfrog_loop.advance)), False, maker.readings)
     filled[multistage_loop.forces] = update
     filled[slots.accelerations] = maker.with_slots(filled).bind(multistage_loop.accelerate)
+    filled[slots.internal] = maker.with_slots(filled).bind(multistage_loop.internal_accelerations)
     filled[multistage_loop.take_step] = maker.with_slots(filled).bind(integrator_check.kernel_of(recipe.integrator))
     maker = maker.with_slots(filled)
     loop = PlainLoop(maker.bind(multistage_loop.advance), maker.bind(multistage_loop.begin))
@@ -283,14 +309,16 @@ def _entrances(maker: Specialiser, recipe: _Recipe, instructions: Mapping[Any, A
         What replaces the slots of `linked` that stand for instructions of the compiler.
     """
     instructions = dict(instructions or {})
-    update, energy, laws = _bound(maker, recipe)
+    update, energy, laws, loads = _bound(maker, recipe)
     filled: dict[Any, Any] = instructions | {
         leapfrog_loop.bulk: linked.bulk,
         leapfrog_loop.elastic: linked.elastic,
         leapfrog_loop.kernel_laws: linked.kernel_laws,
+        leapfrog_loop.following_forces: linked.following_forces,
         multistage_loop.forces: linked.forces,
         multistage_loop.take_step: linked.take_step,
         slots.accelerations: linked.accelerations,
+        slots.internal: linked.internal,
     }
     own = maker.with_slots(filled)
 
@@ -303,12 +331,16 @@ def _entrances(maker: Specialiser, recipe: _Recipe, instructions: Mapping[Any, A
     entrances = {"strain energy": entrance(maker, energy)}
     if recipe.laws:
         entrances["contact laws"] = entrance(maker, laws)
+    if recipe.loads:
+        entrances["following loads"] = entrance(maker, loads)
     if recipe.integrator is None:
         entrances["bulk update"] = entrance(maker, update)
         entrances["leap-frog loop"] = entrance_of_loop(leapfrog_loop.advance)
         return entrances
     entrances["internal forces"] = entrance(maker, update)
     entrances["accelerations of a stage"] = entrance(own, multistage_loop.accelerate)
+    if integrator_check.uses_internal(recipe.integrator):
+        entrances["internal forces of a stage"] = entrance(own, multistage_loop.internal_accelerations)
     scheme = maker.with_slots(filled, about=layout(recipe.integrator.bind(1.0)))
     scheme.counting = True  # nearly every kernel of a multi-stage scheme allocates
     scheme.checked = True
@@ -319,11 +351,31 @@ def _entrances(maker: Specialiser, recipe: _Recipe, instructions: Mapping[Any, A
     return entrances
 
 
+# The templates for a group of two-node elements, and those for a group of elements with cells of any kind.
+_WITH_CELLS: dict[Kernel, Kernel] = {
+    bulk.advance_bars: cells.advance_cells,
+    bulk.advance_bodies: cells.advance_cells,
+    bulk.elastic_group: cells.elastic_cells,
+    multistage_loop.force_group: cells.force_cells,
+}
+
+
+def _of_group(maker: Specialiser, template: Kernel, element: Any, material: Any, about: str) -> tuple[Specialiser, Any]:
+    """Return the specialiser and the template for a group of bodies, given the template for two-node elements."""
+    filled = _slots(element, material)
+    if has_cells(element):
+        template = _WITH_CELLS[template]
+    if template is cells.elastic_cells:
+        filled |= energy_slots(maker, element)
+    return maker.with_slots(filled, about=about), template
+
+
 def _over_groups(maker: Specialiser, recipe: _Recipe, template: Kernel, pair: Kernel) -> Any:
     """Return one function for all groups of bodies: `template` treats one, `pair` one and the groups behind it."""
     joined: Any = None
     for element, material, about in reversed(recipe.bodies):
-        head = maker.with_slots(_slots(element, material), about=about).bind(template)
+        specialiser, of_group = _of_group(maker, template, element, material, about)
+        head = specialiser.bind(of_group)
         if joined is None:
             joined = head
         else:
@@ -333,12 +385,7 @@ def _over_groups(maker: Specialiser, recipe: _Recipe, template: Kernel, pair: Ke
 
 def _slots(element: Any, material: Any) -> dict[Any, Any]:
     """Return the slots of the bulk update and the kernels of an element and a material class that replace them."""
-    return {
-        slots.stress: material.stress,
-        slots.energy_density: material.energy_density,
-        slots.internal_force: element.internal_force,
-        slots.energy: element.energy,
-    }
+    return {**material_slots(material), **element_slots(element)}
 
 
 def _telling_line(error: Exception) -> str:

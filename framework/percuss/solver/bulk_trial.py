@@ -13,15 +13,19 @@ import numpy as np
 from percuss.errors import PercussError, PluginError
 from percuss.methods import slots
 from percuss.methods.blame import breach, is_third_party, line_in_plugin
+from percuss.methods.interfaces import CellElement
 from percuss.methods.plugin_calls import DIFFERENT, answer, read_only, same
+from percuss.solver.cells import cells_of, volumes_of
 from percuss.solver.compiler.specialise import Specialiser
+from percuss.solver.material_points import plain_slots, points_at_rest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.methods.interfaces import BodyMesh, Element, Floats, Material
+    from percuss.solver.compiled.materials import MaterialPoints
 
-FORCE = "internal_force"
+FORCE, CELL_FORCE = "internal_force", "force"
 # The kernels that have been tried, by the class of the first third-party component among element and material.
 _TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
@@ -42,8 +46,7 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
     key = repr(element), repr(material), mesh.mesh.direction.size
     if not foreign or key in _TRIED.setdefault(type(foreign[0]), set()):
         return
-    arrays = read_only(answer(element, "bind", mesh))
-    parameters = read_only(np.array(answer(material, "parameters"), dtype=float))
+    points = points_at_rest(material, volumes_of(element, mesh).size)
     size = 1e-6 * float(mesh.mesh.lengths[0]) * mesh.mesh.direction
     rest = 0.0 * size
     # displacement of both nodes, and their velocity
@@ -52,36 +55,63 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
         for displacement in ((rest, rest), (rest, size), (size, rest), (size, size), (rest, 1e3 * size))
         for velocity in ((rest, rest), (size, 2.0 * size))
     ]
-    stress: Any = getattr(material.stress, "py_func", material.stress)
-    energy_density: Any = getattr(material.energy_density, "py_func", material.energy_density)
-    slot_kernels: dict[Any, Any] = {slots.stress: stress, slots.energy_density: energy_density}
-    force = Specialiser(slot_kernels, jit=False).bind(element.internal_force)
-    energy = Specialiser(slot_kernels, jit=False).bind(element.energy)
+    maker = Specialiser(plain_slots(material), jit=False)
+    stress, energy_density = (maker.bind(maker.slots[slot]) for slot in (slots.stress, slots.energy_density))
 
     def stress_of(u: Floats, _: Floats) -> Any:
-        return stress(parameters, float(u[-1] - u[0]))
+        return stress(points, 0, float(u[-1] - u[0]))
 
     def density_of(u: Floats, v: Floats) -> Any:
-        return energy_density(parameters, float(u[-1] - u[0]), float(v[-1] - v[0]))
+        return energy_density(points, 0, float(u[-1] - u[0]), float(v[-1] - v[0]))
 
-    def force_of(u: Floats, _: Floats) -> Floats:
-        result = np.full(u.size, np.nan)
-        force(arrays, parameters, 0, rest.size, u, result)
-        return result
-
-    def energy_of(u: Floats, v: Floats) -> Any:
-        return energy(arrays, parameters, 0, rest.size, u, v, 1e-3)
-
-    kernels: tuple[tuple[Any, str, Callable[[Any, Any], Any]], ...] = (
+    kernels: list[tuple[Any, str, Callable[[Any, Any], Any]]] = [
         (material, "stress", stress_of),
         (material, "energy_density", density_of),
-        (element, FORCE, force_of),
-        (element, "energy", energy_of),
-    )
+    ]
+    if isinstance(element, CellElement):
+        kernels.append((element, CELL_FORCE, _force_of_first_cell(maker, element, points, mesh)))
+    else:
+        kernels += _line_kernels(maker, element, points, mesh)
     for component, name, call in kernels:
         if component in foreign:
             _try_twice(component, name, call, states)
     _TRIED[type(foreign[0])].add(key)
+
+
+def _line_kernels(
+    maker: Specialiser, element: Element, points: MaterialPoints, mesh: BodyMesh
+) -> list[tuple[Any, str, Callable[[Any, Any], Any]]]:
+    """Return the kernels of a two-node element as functions of displacement and velocity of its first element."""
+    arrays, dim = read_only(answer(element, "bind", mesh)), mesh.mesh.direction.size
+    force, energy = maker.bind(element.internal_force), maker.bind(element.energy)
+
+    def force_of(u: Floats, _: Floats) -> Floats:
+        result = np.full(u.size, np.nan)
+        force(arrays, points, 0, dim, u, result)
+        return result
+
+    def energy_of(u: Floats, v: Floats) -> Any:
+        return energy(arrays, points, 0, dim, u, v, 1e-3)
+
+    return [(element, FORCE, force_of), (element, "energy", energy_of)]
+
+
+def _force_of_first_cell(
+    maker: Specialiser, element: CellElement, points: MaterialPoints, mesh: BodyMesh
+) -> Callable[[Any, Any], Any]:
+    """Return the force of the first cell as a function of the displacement of its ends, linear between them."""
+    cell = cells_of(mesh.mesh)[0]
+    places, rule = np.asarray(answer(element, "reference_nodes")), read_only(answer(element, "rule"))
+    coordinates, force = read_only(mesh.mesh.nodes[cell]), maker.bind(element.force)
+
+    def force_of(u: Floats, _: Floats) -> Floats:
+        first, last = u.reshape(2, -1)
+        displacement = read_only((1.0 - places[:, None]) * first + places[:, None] * last)
+        result = np.full(displacement.shape, np.nan)
+        force(rule, points, 0, mesh.area, coordinates, displacement, result)
+        return result.ravel()
+
+    return force_of
 
 
 def _try_twice(component: Any, name: str, call: Callable[[Any, Any], Any], states: list[Any]) -> None:
@@ -100,7 +130,7 @@ def _try_twice(component: Any, name: str, call: Callable[[Any, Any], Any], state
         raise PluginError(f"{where}: {str(failure).partition(': ')[2]}" if where else str(failure)) from error
     for value, repeated in zip(first, second, strict=True):
         # the nodal forces are the array that the kernel was handed; the other kernels return a number
-        if np.ndim(value) != (1 if name == FORCE else 0):
+        if np.ndim(value) != (1 if name in (FORCE, CELL_FORCE) else 0):
             raise breach(component, name, f"{name} returned {value}, expected one number")
         if not np.isfinite(np.asarray(value, dtype=float)).all():
             raise breach(component, name, f"{name} gave {value}, expected finite numbers")

@@ -65,7 +65,7 @@ def contact_pair_of(
             f"Move them apart by {-gap:.17g}, or drop the contact.",
         )
         return None
-    stiffness = [float(body.stiffness[element]) for body, element in zip(sides, elements, strict=True)]
+    stiffness = [body.end_stiffness(node) for body, node in zip(sides, nodes, strict=True)]
     frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
     softer = int(np.argmin(stiffness))
     return ContactPair(

@@ -33,6 +33,7 @@ def contact_problem(model: Model) -> ContactProblem:
         _load(body_force.load, body_force.acceleration, bodies[body_force.body].name)
         for body_force in model.body_forces
     ]
+    loads += [_load(follower.load, follower.direction, _end_of(model, follower.node)) for follower in model.followers]
     fixed = [_end_of(model, constraint.node) for constraint in model.constraints if constraint.load is None]
     order = {name: number for number, name in enumerate(model.case.loads)}
     return ContactProblem(

@@ -9,7 +9,19 @@ import numpy as np
 
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
-from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ENTRY, LAW, NOTHING, OTHER, POINT
+from percuss.solver.compiled.contact_equation import (
+    BY_CURRENT,
+    BY_END,
+    BY_KERNEL,
+    ENTRY,
+    LAW,
+    NOTHING,
+    OTHER,
+    POINT,
+    WITHOUT_MASS,
+)
+from percuss.solver.compiled.ends_without_mass import END_WITHOUT_MASS
+from percuss.solver.record_arrays import empty_records, record_array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,19 +29,24 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.solver.bound_law import BoundLaw
 
-SUMMED = ("multiplier", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
+SUMMED = ("multiplier", "coming", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
 
 
 @dataclass(frozen=True)
 class Side:
-    """One side of a contact point: its node, the coefficients of N there, and those of M^-1 N."""
+    """One side of a contact point: its node, the coefficients of N there, and those of M^-1 N.
+
+    At an end without mass 1/m is replaced by ``1 / (k dt^2)``, k the stiffness of the end element, and `beside` is the
+    node beside it; elsewhere that is None.
+    """
 
     node: int
     normal: Floats  # (dim,)
     response: Floats  # (dim,)
+    beside: int | None = None
 
 
-def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
+def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats, massless: Any = None, dt: float = 0.0) -> Any:
     """Return the (P,) `LAW` records of a bound law with an integrator.
 
     The records of a law with a kernel contain nothing but the mark for it.
@@ -42,16 +59,32 @@ def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
         The states at which the integrator evaluates explicit laws and laws at the end of the step.
     delassus : (P,) array
         Diagonal of S at the points of the law [1/mass].
+    massless : (P,) bool array or None
+        Points with a side without mass, which have the force of static balance at the end of the step, whatever the
+        integrator; None for none.
+    dt
+        Time step, which only these points need.
 
     Raises
     ------
     PluginError
         If sigma and w are both zero, so that no force follows.
     """
+    if massless is not None and massless.any():
+        with_mass = law_records(bound_law, table, delassus)
+        balance = ContactState("predicted", "predicted", "none", (dt * dt, dt, 0.0))
+        records = law_records(bound_law, LeapFrog(balance, balance), delassus)
+        records["source"] = WITHOUT_MASS
+        records["stores"] = np.where(records["stores"] == BY_END, BY_CURRENT, NOTHING)
+        # The gap that decides is that of the balance, which other contacts of the end change: a spring that acts while
+        # its gap is negative is one that never pulls.
+        springs = (records["always"] == 0) & (records["weight_rate"] == 0.0)
+        records["always"][springs] = records["never_pulls"][springs] = 1
+        return np.where(massless, records, with_mass)
     records = np.zeros(delassus.size, dtype=LAW)
     linear = bound_law.linear
     if linear is None:
-        records["own"], records["end_stiffness"] = 1, np.nan
+        records["source"], records["end_stiffness"] = BY_KERNEL, np.nan
         return records
     state: ContactState = getattr(table, linear.at)
     sigma = np.asarray(linear.sigma)
@@ -90,8 +123,16 @@ def energy_storage(linear: LinearLaw, state: ContactState) -> Any:
     return np.where(elastic & full_response & (state.response[0] == 0), BY_CURRENT, NOTHING)
 
 
+def without_mass(point_sides: Sequence[Side]) -> bool:
+    """Return whether a side of a contact point has no mass, so that the static balance of that side gives its force."""
+    return any(side.beside is not None for side in point_sides)
+
+
 def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[int, float]]]:
     """Return S = N^T M^-1 N as its diagonal and its off-diagonal entries.
+
+    The equation of a point with a side without mass has the response of such sides alone: what its force moves of the
+    other side, and of other points, comes a step later.
 
     Parameters
     ----------
@@ -106,7 +147,10 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
     """
     at_node: dict[int, list[tuple[int, Side]]] = {}
     for p, point_sides in enumerate(sides):
+        massless = without_mass(point_sides)
         for side in point_sides:
+            if massless and side.beside is None:
+                continue
             at_node.setdefault(side.node, []).append((p, side))
     entries: list[dict[int, float]] = [{} for _ in sides]
     for node_sides in at_node.values():
@@ -134,16 +178,16 @@ def point_records(
         Map from each boundary node to the index of its first boundary degree of freedom.
     """
     diagonal, rows = delassus_rows(sides)
-    points = np.zeros(len(sides), dtype=POINT)
+    points = empty_records(len(sides), POINT)
     for name in LAW.names or ():
         points[name] = laws[name]
     points["initial_gap"], points["delassus"] = gaps, diagonal
-    compliance = points["sigma"] + points["surplus"] * diagonal
-    is_spring = (points["stores"] == BY_END) & (compliance > 0)
-    points["kappa"] = np.divide(points["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
+    compliance = laws["sigma"] + laws["surplus"] * diagonal
+    is_spring = (laws["stores"] == BY_END) & (compliance > 0)
+    points["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
     points["first"] = points["last"] = -1
     entries = [
-        (place[side.node] + d, normal, response)
+        (place[side.node] + d, normal, response if side.beside is None else 0.0)
         for row in sides
         for side in row
         for d, (normal, response) in enumerate(zip(side.normal, side.response, strict=True))
@@ -154,10 +198,22 @@ def point_records(
     stops = np.cumsum([len(row) for row in rows], dtype=np.int64)
     points["other_start"][1:], points["other_stop"] = stops[:-1], stops
     return (
-        points.view(np.recarray),
-        np.array(entries, dtype=ENTRY).view(np.recarray),
-        np.array(others, dtype=OTHER).view(np.recarray),
+        points,
+        record_array(entries, ENTRY),
+        record_array(others, OTHER),
     )
+
+
+def end_records(sides: Sequence[Sequence[Side]], place: dict[int, int]) -> Any:
+    """Return the records of the sides without mass, `END_WITHOUT_MASS`; parameters are those of `point_records`."""
+    rows = [
+        (point, place[side.node] + d, side.beside * side.normal.size + d, response)
+        for point, point_sides in enumerate(sides)
+        for side in point_sides
+        if side.beside is not None
+        for d, response in enumerate(side.response)
+    ]
+    return record_array(rows, END_WITHOUT_MASS)
 
 
 def carry_over(before: Any, after: Any) -> None:

@@ -21,6 +21,7 @@ from percuss.solver.build import Kernels, LoopParts, bind
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
     from percuss.solver.bound_law import BoundLaw
+    from percuss.solver.entities import Follower
     from percuss.solver.model import Model
 
 SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
@@ -78,7 +79,7 @@ class NoMultiplier(Exception):
 
 
 class KernelError(Exception):
-    """Error of a contact law whose kernel raised an exception, which is the cause of this error."""
+    """Error of a contact law or a load whose kernel raised an exception, which is the cause of this error."""
 
 
 def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
@@ -93,7 +94,7 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
         try:
             kernel(bound, trial, multiplier)
         except Exception as error:
-            raise KernelError(law) from error
+            raise KernelError(f"contact law {law}: multipliers: ") from error
         state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
         if np.isnan(multiplier).any() and np.isfinite(state).all():
             point = int(np.isnan(multiplier).argmax())
@@ -107,6 +108,20 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
             raise NoMultiplier(law, contacts[point], kind, describe_state(trial, point))
 
     return probe
+
+
+def probing_follower(follower: Follower) -> Follower:
+    """Return a load whose kernel raises `KernelError` if it fails."""
+    load: Any = follower.load.load
+
+    def probe(numbers: tuple[float, ...], time: float, displacement: float, velocity: float) -> float:
+        try:
+            force: float = load.follow(numbers, time, displacement, velocity)
+        except Exception as error:
+            raise KernelError(f"load {load.name}: follow: ") from error
+        return force
+
+    return dataclasses.replace(follower, kernel=probe)
 
 
 def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseException | None:
@@ -132,7 +147,8 @@ def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseExcepti
     ]
     saved = [array.copy() for array in march.changing_arrays()]
     compiled = march.kernels
-    march.kernels = bind(dataclasses.replace(march.parts, laws=laws), compiled=False)
+    followers = [probing_follower(follower) for follower in march.parts.followers]
+    march.kernels = bind(dataclasses.replace(march.parts, laws=laws, followers=followers), compiled=False)
     try:
         with np.errstate(all="ignore"):
             march.advance(amplitudes, step, 1)
@@ -168,7 +184,7 @@ def refuse_array_writing(error: Exception) -> None:
     prefix = f"{location[1]}:{location[2]}: " if location else ""
     raise PluginError(
         f"{prefix}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
-        "write to the multiplier alone, and keeps nothing between calls"
+        "write to the multiplier, `trial.after` and `trial.shift` alone, and keeps nothing between calls"
     )
 
 
@@ -177,13 +193,13 @@ def kernel_failure(march: Marching, amplitudes: Any, step: int, raised: BaseExce
     error = repeat_in_python(march, amplitudes, step) or raised
     law = ""
     if isinstance(error, KernelError):
-        law = f"contact law {error}: multipliers: "
+        law = str(error)
         error = error.__cause__ or raised
     if isinstance(error, NoMultiplier):
         error = raised
     location = line_in_plugin(error)
     description = f"{type(error).__name__}: {error}"
     if isinstance(error, ValueError) and "read-only" in str(error):
-        description = "it changes what it was handed; it may write to the multiplier alone"
+        description = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
     step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
     return PluginError(f"{location + ': ' if location else ''}{law or 'a kernel: '}{description} ({step_and_time})")

@@ -45,16 +45,28 @@ def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, 
     """Return stages and states as `scheme` does, for an integrator that has passed the trial steps at another step."""
     definition = answer(integrator, "bind", dt)
     if isinstance(definition, LeapFrog):
+        viscosity, other = definition.viscosity, answer(integrator, "bind", 0.5 * dt).viscosity
+        if not (0.0 <= viscosity < np.inf and abs(viscosity - other) <= ROUND_OFF_TOLERANCE * viscosity):
+            raise _plugin_error(
+                integrator,
+                "LeapFrog.viscosity needs a finite number of at least 0, the same at every step: it is the time of the "
+                f"viscosity over the step; found {viscosity!r}, and {other!r} at half the step",
+            )
         return None, (definition,)
     if not isinstance(definition, Stages):
         raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected LeapFrog or Stages")
     ends = ends_of(definition, dt)
-    numbers = np.array([*definition.times, *definition.numbers, *ends.ravel()], dtype=float)
+    velocities = velocities_of(definition)
+    numbers = np.array([*definition.times, *definition.numbers, *ends.ravel(), *velocities.ravel()], dtype=float)
     if not definition.times or not np.isfinite(numbers).all():
         raise _plugin_error(integrator, "Stages need one stage or more, and finite numbers throughout")
     if ends.shape != (len(definition.times), 3) or (ends <= 0).any():
         raise _plugin_error(
             integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all"
+        )
+    if velocities.shape != (len(definition.times),) or (velocities < 0).any():
+        raise _plugin_error(
+            integrator, "Stages.velocity needs a number of at least 0 for each stage, or nothing at all"
         )
     return definition, tuple(
         LeapFrog(STATE_IN_STAGE, ContactState("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
@@ -65,6 +77,11 @@ def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, 
 def ends_of(stages: Stages, dt: float) -> Floats:
     """Return r_v, r_a, s_a of each stage, (stages, 3); where a scheme gives none, those of a leap-frog step."""
     return np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times), dtype=float)
+
+
+def velocities_of(stages: Stages) -> Floats:
+    """Return the coefficient c of each stage, (stages,); where a scheme gives none, zero."""
+    return np.array(stages.velocity or [0.0] * len(stages.times), dtype=float)
 
 
 def refuse_end(integrator: Integrator, stages: Stages | None, laws: Sequence[BoundLaw]) -> None:
@@ -78,6 +95,23 @@ def refuse_end(integrator: Integrator, stages: Stages | None, laws: Sequence[Bou
     for bound_law in laws if stages is not None and not stages.end else ():
         if bound_law.linear is not None and bound_law.linear.at == "end":
             raise RefusedPair(integrator.name, bound_law.law.name, NO_END, integrator.name)
+
+
+def refuse_shifts(integrator: Integrator, stages: Stages | None, laws: Sequence[BoundLaw]) -> None:
+    """Refuse laws that shift the ends of their contacts with a multi-stage scheme.
+
+    Raises
+    ------
+    RefusedPair
+        For the first such law.
+    """
+    for bound_law in laws if stages is not None else ():
+        if bound_law.law.shifts:
+            reason = (
+                f"{bound_law.law.name} shifts the displacements that the forces of a step lead to, and "
+                f"{integrator.name} computes several forces in a step"
+            )
+            raise RefusedPair(integrator.name, bound_law.law.name, reason, bound_law.law.name)
 
 
 def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: Sequence[BoundLaw]) -> None:
@@ -139,6 +173,18 @@ def constant_accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Flo
     a[:] = system[0]
 
 
+def no_internal_forces(system: Any, stage: int, u: Floats, f: Floats) -> None:
+    """Set `f` to zero: the internal forces of points that nothing holds together."""
+    f[:] = 0.0
+
+
+def uses_internal(integrator: Integrator) -> bool:
+    """Return whether the kernel of a multi-stage scheme asks for `percuss.internal`."""
+    maker = Specialiser({slots.internal: no_internal_forces}, jit=False)
+    maker.bind(kernel_of(integrator))
+    return maker.reached(no_internal_forces)
+
+
 def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
     """Check one step of two points in plain Python, one in free flight and one accelerated from rest.
 
@@ -154,7 +200,12 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
         stages_used.append(stage)
         constant_accelerations(system, stage, u, v, a)
 
-    step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
+    def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
+        stages_used.append(stage)
+        no_internal_forces(system, stage, u, f)
+
+    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
+    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
     constant = np.array([0.0, 1.0])
     u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(constant, (integrator.kept, 1))
     try:
@@ -191,7 +242,8 @@ def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> 
     PluginError
         If the results differ.
     """
-    step = Specialiser({slots.accelerations: constant_accelerations}, jit=False).bind(kernel_of(integrator))
+    filled: dict[Any, Any] = {slots.accelerations: constant_accelerations, slots.internal: no_internal_forces}
+    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
     rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
 
     def step_results(size: float) -> list[Floats]:

@@ -92,16 +92,18 @@ class LeapFrogStepper:
     ) -> int:
         loop, model = self.loop, self.model
         done: int = kernels.loop.advance(
-            loop.groups, loop.masses, loop.boundary, loop.laws, loop.uniform, amplitudes, record, u, v, model.dim,
-            model.dt, first, count,
+            loop.groups, loop.masses, loop.boundary, loop.laws, loop.loads, loop.uniform, amplitudes, record, u, v,
+            model.dim, model.dt, first, count,
         )  # fmt: skip
         return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return displacement and velocity after one step without loads, (2, nodes * dim)."""
+        """Return displacement and velocity after one step without loads given in time, (2, nodes * dim)."""
         if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
             arrays = np.empty_like(state)
-            self._single = arrays, arrays[0], arrays[1], self._zeros(1)
+            amplitudes = self._zeros(1)
+            amplitudes.force[:, [follower.column for follower in self.model.followers]] = 1.0
+            self._single = arrays, arrays[0], arrays[1], amplitudes
         after, u, v, no_loads = self._single
         after[:] = state
         self._advance(kernels, no_loads, record, 1, 1, u, v)
@@ -118,7 +120,10 @@ class LeapFrogStepper:
             weights = np.array([body.mass.sum() for body in model.bodies.values()])
             total += weights @ amplitudes.body_acceleration.sum(axis=0).reshape(-1, model.dim)
             self._impulse += model.dt * total
-        return self._impulse.copy()
+        impulse = self._impulse.copy()
+        for follower, record in zip(model.followers, self.loop.boundary.followers, strict=True):
+            impulse += record.impulse * follower.direction
+        return impulse
 
 
 def _zeros_from_line(count: int) -> Floats:

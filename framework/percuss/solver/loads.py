@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from percuss.methods.blame import breach
+from percuss.methods.interfaces import FollowingLoad
 from percuss.methods.plugin_calls import answer
-from percuss.solver.entities import BodyForce, Constraint, NodalForce
+from percuss.solver.entities import BodyForce, Constraint, Follower, NodalForce
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from percuss.case.case import Case, LoadSpec
     from percuss.errors import Problem
@@ -25,11 +26,12 @@ class SupportsAndLoads(NamedTuple):
 
     constraints: tuple[Constraint, ...]
     nodal_forces: tuple[NodalForce, ...]
+    followers: tuple[Follower, ...]
     body_forces: tuple[BodyForce, ...]
 
 
 def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Problem]) -> SupportsAndLoads:
-    """Return the supports and loads of a case; drives that do not fit together are added to `problems`."""
+    """Return the supports and loads of a case; those that do not fit together are added to `problems`."""
     constraints: list[Constraint] = []
     nodal_forces: list[NodalForce] = []
     body_forces: list[BodyForce] = []
@@ -48,6 +50,8 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
                 message = f"expected an end free along the direction of the drive, found {obstacle} there"
                 advice = "An end is fixed or driven, once at a time and along perpendicular directions."
                 problems.append(case.problem(("loads", spec.name), message, advice))
+            elif isinstance(spec.load, FollowingLoad):
+                continue
             elif region:
                 node = body.node(region)
                 share = body.mass[node - body.start] if spec.acts_as == "acceleration" else 1.0
@@ -55,7 +59,45 @@ def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Pr
             else:
                 share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
                 body_forces.append(BodyForce(body.number, share * direction, spec))
-    return SupportsAndLoads(tuple(constraints), tuple(nodal_forces), tuple(body_forces))
+    return SupportsAndLoads(
+        tuple(constraints),
+        tuple(nodal_forces),
+        tuple(_followers(case, bodies, constraints, problems)),
+        tuple(body_forces),
+    )
+
+
+def _followers(
+    case: Case, bodies: Mapping[str, Body], constraints: Sequence[Constraint], problems: list[Problem]
+) -> Iterator[Follower]:
+    """Return the loads that follow the motion of an end; those that cannot are added to `problems`."""
+    owners: dict[int, str] = {}
+    for column, spec in enumerate(case.loads.values(), start=1):
+        if not isinstance(spec.load, FollowingLoad):
+            continue
+        targets = _targets(spec, bodies)
+        if spec.acts_as != "force":
+            message = f"expected a force, as {spec.load.name} follows the motion of an end, found as: {spec.acts_as}"
+            problems.append(case.problem(("loads", spec.name), message, "Leave out `as`."))
+        elif len(targets) != 1 or not targets[0][1]:
+            found = "none" if not spec.on else ", ".join(map(str, spec.on))
+            message = f"expected one end to act on, as {spec.load.name} follows its motion, found {found}"
+            advice = f"Give one end, as `on: {targets[0][0].name}.left`, and each further end a load of its own."
+            problems.append(case.problem(("loads", spec.name), message, advice))
+        else:
+            (body, region), direction = targets[0], _direction(spec, targets[0][0])
+            node = body.node(region)
+            held = Constraint(node, direction, spec, column)
+            obstacle = _obstacle_to(held, constraints) or (f"the load '{owners[node]}'" if node in owners else "")
+            if obstacle:
+                message = f"expected an end that can follow, found {obstacle} there"
+                advice = "An end that follows is free along the load, and has one such load; add their forces in one."
+                problems.append(case.problem(("loads", spec.name), message, advice))
+            owners.setdefault(node, spec.name)
+            numbers = answer(spec.load, "numbers", body.loaded_end(node))
+            for motion in ((0.0, 0.0, 0.0), (1e-3, 1e-6, -1e-3)):
+                answer(spec.load, "follow", numbers, *motion)
+            yield Follower(node, direction, spec, column, type(spec.load).follow, tuple(map(float, numbers)))
 
 
 def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str]]:

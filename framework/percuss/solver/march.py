@@ -7,6 +7,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,17 +16,20 @@ import numpy as np
 from percuss.compiling import compile_seconds
 from percuss.errors import PercussError
 from percuss.heartbeat import beat
-from percuss.interrupt import interruptible
 from percuss.methods.plugin_calls import answer
 from percuss.solver import diagnosis, recording
 from percuss.solver.build import Kernels, LoopParts, bind, bind_plain, keep
-from percuss.solver.compiled import bulk, custom_laws, leapfrog_loop
+from percuss.solver.cells import cell_arrays, has_cells
+from percuss.solver.compiled import bulk, custom_laws, following_loads, leapfrog_loop
 from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
+from percuss.solver.compiled.following_loads import FOLLOWER
 from percuss.solver.compiler.specialise import compile_error
-from percuss.solver.contact_rows import carry_over, point_records
+from percuss.solver.contact_rows import carry_over, end_records, point_records
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
+from percuss.solver.record_arrays import copied_records, empty_records, record_array
 from percuss.solver.starting_state import initial_velocity
+from percuss.solver.state_variables import StateVariables
 from percuss.solver.stepper import Loop, Stepper
 from percuss.solver.stop import Kind, Stop
 from percuss.solver.uniform_bars import uniform_bars
@@ -54,7 +59,11 @@ class Outcome:
     points: Any  # percuss.solver.compiled.contact_equation.POINT, summed over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     energy_before: float  # kinetic and elastic energy at -dt/2
-    totals: Any  # percuss.solver.compiled.leapfrog_loop.TOTAL, one record, before the trial step
+    kinetic_before: float  # kinetic energy at -dt/2
+    sums_internal_work: bool  # whether the internal work of the bodies is recorded
+    dissipates: bool  # whether a material says what it dissipates
+    viscous: bool  # whether the scheme has a viscosity
+    totals: SimpleNamespace  # `March.totals`, before the trial step
     load_impulse: Floats
     kernels: Kernels
     seconds: dict[str, float]
@@ -83,7 +92,7 @@ class March:
         started = time.perf_counter()
         self.model = model
         self.dim = model.dim
-        self._beginning: list[Any] = []
+        self._beginning: list[bytes] = []
         self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
         self._begin()
@@ -95,7 +104,7 @@ class March:
         """Keep the state before the first step, so that `again` can return to it."""
         stretches = sum(1 for _ in self.model.segments())
         # With the second stretch come other arrays, so that the first one has to be made again.
-        self._beginning = [array.copy() for array in self.changing_arrays()] if stretches == 1 else []
+        self._beginning = self._saved_state() if stretches == 1 else []
 
     def again(self) -> March:
         """Return a march from the beginning of the same run, which overwrites state and records of this one."""
@@ -105,8 +114,7 @@ class March:
             march._begin()
             return march
         march.reactions = np.zeros(len(self.model.constraints))
-        for array, value in zip(march.changing_arrays(), self._beginning, strict=True):
-            array[:] = value
+        march._restore_state(self._beginning)
         return march
 
     def _arrays(self) -> None:
@@ -114,23 +122,38 @@ class March:
         model, dim = self.model, self.dim
         self.probes = recording.probe_nodes(model)
         contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-        acted_nodes = [constraint.node for constraint in model.constraints] + [
-            nodal_force.node for nodal_force in model.nodal_forces
+        acted_nodes = [
+            *(constraint.node for constraint in model.constraints),
+            *(nodal_force.node for nodal_force in model.nodal_forces),
+            *(follower.node for follower in model.followers),
         ]
         self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
+        # Of linear bodies without viscosity it is the change of the staggered strain energy, of a multi-stage scheme it
+        # has no such form.
+        summed = (model.why_not_linear or model.viscosity) and not model.multistage
+        self.internal_work = np.zeros(1 if summed else 0)
         mass = np.repeat(model.mass, dim)
-        self.bulk = bulk.Bulk(mass, 1.0 / mass, np.zeros((bulk.BLOCK + 2) * dim))
-        self.groups, kinds = self._groups()
+        work_space = (bulk.BLOCK + 2) * dim
+        ahead = np.zeros(work_space if model.viscosity else 0)
+        inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+        self.bulk = bulk.Bulk(mass, inverse, np.zeros(work_space), model.viscosity * model.dt, ahead)
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
+        self.state_variables = StateVariables.of(model, self.kernel_laws)
+        shifted = len(self.boundary_nodes) * dim if model.shifts else 0
+        self.shifts, self.shifts_before = np.zeros(shifted), np.zeros(shifted)
+        self.nested_loads = following_loads.nest(model.followers)
+        self.groups, kinds = self._groups()
         self.parts = LoopParts(
             kinds,
             self.groups,
             self.kernel_laws,
+            model.followers,
             None if model.stages is None else model.case.method.integrator,
             dim,
         )
-        self.record, self.time = recording.empty_record(model, self.probes, self.place)
+        recorded_states = self.state_variables.of_elements(model, recording.recorded_elements(model))
+        self.record, self.time = recording.empty_record(model, self.probes, self.place, recorded_states)
 
     def _begin(self) -> None:
         """Make the arrays of the state before the first step."""
@@ -140,7 +163,9 @@ class March:
             LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
         )
         self.u, self.v = self.stepper.u, self.stepper.v
-        self._saved: list[Any] = []
+        variables = self.state_variables
+        for array in (variables.before, variables.after, self.internal_work, self.shifts, self.shifts_before):
+            array[:] = 0.0
         body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
         dofs = [
             (node * dim + axis, model.mass[node], body_number[node] * dim + axis, 0, 0, 0, 0)
@@ -149,7 +174,17 @@ class March:
         ]
         self.boundary = self._boundary_at(0.5 * model.dt, record_array(dofs, leapfrog_loop.BOUNDARY_DOF))
         self.uniform = uniform_bars(model, self.boundary_nodes)
+        if self.boundary.ends_without_mass.size > 0:
+            self._balance_at_rest()
         self._renew_stepper(0.5 * model.dt)
+
+    def _balance_at_rest(self) -> None:
+        """Put ends without mass into static balance with what a law presses or pulls before the first step."""
+        dofs, speed = self.boundary.boundary_dofs, self.v.copy()
+        leapfrog_loop.save_state(dofs, self.u, self.v)
+        dofs["new_v"] = 0.0
+        leapfrog_loop.balance_ends_without_mass(self.boundary, self.u, self.v, self.model.dt)
+        self.v[:] = speed
 
     def _momenta(self) -> Floats:
         mass = self.model.mass[:, None]
@@ -165,14 +200,20 @@ class March:
         """Group the bodies by element and material class and bind their elements; return groups and classes."""
         from percuss.methods.interfaces import BodyMesh
 
-        kinds: dict[tuple[type, type], list[Any]] = {}
+        kinds: dict[tuple[type, type, Any], list[Any]] = {}
         for body in self.model.bodies.values():
-            kinds.setdefault((type(body.spec.element), type(body.spec.material)), []).append(body)
+            element = body.spec.element
+            options = element if has_cells(element) else None  # bodies of cells share what follows from the options
+            kinds.setdefault((type(element), type(body.spec.material), options), []).append(body)
         groups = []
         for bodies in kinds.values():
-            bound = [answer(body.spec.element, "bind", BodyMesh(body.mesh, body.spec.area)) for body in bodies]
-            arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
-            counts = [body.stiffness.size for body in bodies]
+            element, meshes = bodies[0].spec.element, [BodyMesh(body.mesh, body.spec.area) for body in bodies]
+            if has_cells(element):
+                arrays: Any = cell_arrays(element, meshes)
+            else:
+                bound = [answer(body.spec.element, "bind", mesh) for body, mesh in zip(bodies, meshes, strict=True)]
+                arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
+            counts = [body.volumes.size for body in bodies]
             groups.append(
                 bulk.Group(
                     arrays,
@@ -181,9 +222,11 @@ class March:
                     np.array([body.start for body in bodies], dtype=np.int64),
                     np.array([body.stop for body in bodies], dtype=np.int64),
                     np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
+                    *self.state_variables.of_bodies(bodies),
+                    self.internal_work,
                 )
             )
-        return groups, list(kinds)
+        return groups, [(element, material) for element, material, _ in kinds]
 
     def _boundary_at(self, midpoint: float, boundary_dofs: Any) -> leapfrog_loop.Boundary:
         """Return the boundary for the constraints and laws that are active at a time; all its sums start at zero."""
@@ -196,12 +239,14 @@ class March:
         self.active_constraints = [index for index, _ in active]
         sides = model.sides(midpoint)
         sides = [sides[point] for point in self.order]
-        law_records = self.law_records.copy()
-        law_records["always"][np.isin(self.order, model.inactive_points(midpoint))] = NEVER
+        law_records = self.law_records
+        if inactive := model.inactive_points(midpoint):
+            law_records = law_records.copy()
+            law_records["always"][np.isin(self.order, inactive)] = NEVER
         points, entries, others = point_records(
             law_records, [model.contact_pairs[point].gap for point in self.order], sides, self.place
         )
-        self.nested_laws = custom_laws.nest(self.kernel_laws, points, others)
+        self.nested_laws = custom_laws.nest(self.kernel_laws, points, others, *self.state_variables.of_laws())
         constraints = [
             (self.place[constraint.node], i * dim, model.mass[constraint.node], constraint.column, 0.0)
             for i, (_, constraint) in enumerate(active)
@@ -217,21 +262,45 @@ class March:
             (self.place[nodal_force.node], i * dim, 1.0 / model.mass[nodal_force.node], nodal_force.column)
             for i, nodal_force in enumerate(model.nodal_forces, start=len(active))
         ]
-        axes = [constraint.direction for _, constraint in active] + [
-            nodal_force.force for nodal_force in model.nodal_forces
+        followers = [
+            (
+                self.place[follower.node],
+                i * dim,
+                1.0 / model.mass[follower.node],
+                follower.column,
+                follower.switched_on,
+                follower.load.stop,
+                *([0.0] * 6),
+            )
+            for i, follower in enumerate(model.followers, start=len(active) + len(model.nodal_forces))
+        ]
+        axes = [
+            *(constraint.direction for _, constraint in active),
+            *(nodal_force.force for nodal_force in model.nodal_forces),
+            *(follower.direction for follower in model.followers),
         ]
         return leapfrog_loop.Boundary(
             boundary_dofs,
             points,
             entries,
             others,
+            end_records(sides, self.place),
             record_array(constraints, leapfrog_loop.CONSTRAINT),
             record_array(shares, leapfrog_loop.SHARE),
             record_array(nodal_forces, leapfrog_loop.NODAL_FORCE),
+            record_array(followers, FOLLOWER),
             np.array(axes, dtype=float).ravel(),
-            np.zeros(1, dtype=leapfrog_loop.TOTAL).view(np.recarray),
+            empty_records(1, leapfrog_loop.TOTAL),
             np.zeros(len(model.bodies) * dim if model.body_forces else 0),
             self._momenta() if model.body_forces else np.zeros(0),
+            self.state_variables.before,
+            self.state_variables.after,
+            self.state_variables.stored,
+            self.state_variables.dissipated,
+            self.state_variables.stored_by_laws,
+            self.internal_work,
+            self.shifts,
+            self.shifts_before,
         )
 
     def switch(self, midpoint: float) -> None:
@@ -240,24 +309,38 @@ class March:
         self._add_reactions()
         after = self._boundary_at(midpoint, before.boundary_dofs)
         carry_over(before.points, after.points)
+        after.followers["impulse"] = before.followers["impulse"]
         self.boundary = after._replace(totals=before.totals)
         self._renew_stepper(midpoint)
 
     def _renew_stepper(self, midpoint: float) -> None:
         self.stepper.set_loop(
-            Loop(self._nested_groups(), self.bulk, self.boundary, self.nested_laws, self.uniform, midpoint)
+            Loop(
+                self._nested_groups(),
+                self.bulk,
+                self.boundary,
+                self.nested_laws,
+                self.nested_loads,
+                self.uniform,
+                midpoint,
+            )
         )
 
     def _add_reactions(self) -> None:
         """Add the reactions summed by the loop to those of the constraints of the model, and reset the former."""
-        for index, record in zip(self.active_constraints, self.boundary.constraints, strict=True):
-            self.reactions[index] += record.reaction
-        self.boundary.constraints["reaction"] = 0.0
+        summed = self.boundary.constraints["reaction"]
+        self.reactions[self.active_constraints] += summed
+        summed[:] = 0.0
 
     # -- time integration --------------------------------------------------------------------------------
 
     def run(
-        self, progress: Progress | None = None, *, marginal: bool = False, interrupt_after: int | None = None
+        self,
+        progress: Progress | None = None,
+        *,
+        marginal: bool = False,
+        interrupted: threading.Event | None = None,
+        interrupt_after: int | None = None,
     ) -> Outcome:
         """Integrate to the end of the run, or until it is stopped.
 
@@ -268,6 +351,8 @@ class March:
         marginal
             Whether the time step is the critical one, at which the motion of highest frequency of a bar may grow
             linearly with time.
+        interrupted
+            Event that ends the run after the next chunk of steps when it is set (`percuss.interrupt.interruptible`).
         interrupt_after
             Number of steps after which the run ends as if it were interrupted, as an earlier run was; None for none.
         """
@@ -278,22 +363,20 @@ class March:
         self.seconds["compile"] = settled - started
         outcome = self._empty_outcome()
         self._marginal = marginal
-        total = self.boundary.totals[0]
-        total.energy_before = self._kinetic(self.v)
-        total.began_with = max(self.initial_energy(), total.energy_before)
-        total.growth, total.floor = (
-            CONTACT_WORK_GROWTH,
-            self.noise() if self.model.case.time.on_unstable == "stop" else np.inf,
-        )
+        totals, energy_before = self.boundary.totals, self._kinetic(self.v)
+        totals["energy_before"], totals["began_with"] = energy_before, max(self.initial_energy, energy_before)
+        totals["growth"] = CONTACT_WORK_GROWTH
+        totals["floor"] = self.noise if self.model.case.time.on_unstable == "stop" else np.inf
+        outcome.kinetic_before = energy_before
         # Plain Python would warn of overflow and invalid values; the checks after each chunk report them.
-        with interruptible() as interrupted, np.errstate(all="ignore"):
-            self._march(outcome, progress, interrupted, interrupt_after)
+        with np.errstate(all="ignore"):
+            self._march(outcome, progress, interrupted or threading.Event(), interrupt_after)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
             outcome.final_displacement = self.u.copy()
-            outcome.points = self.boundary.points.copy()
-            outcome.totals = self.boundary.totals.copy()
-            outcome.energy_before = float(outcome.totals[0].energy_before)
+            outcome.points = copied_records(self.boundary.points)
+            outcome.totals = self.totals
+            outcome.energy_before = outcome.totals.energy_before
             if outcome.status != "unstable":
                 self._trial_step(outcome.done)
         every = self.record.every
@@ -329,7 +412,11 @@ class March:
             points=self.boundary.points,
             starting_velocity=self.v.copy(),
             energy_before=0.0,
-            totals=self.boundary.totals,
+            kinetic_before=0.0,
+            sums_internal_work=self.internal_work.size > 0,
+            dissipates=self.state_variables.dissipated.size > 0,
+            viscous=self.model.viscosity > 0,
+            totals=self.totals,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,
             seconds=self.seconds,
@@ -344,7 +431,7 @@ class March:
                 self.switch((first + 0.5) * model.dt)
             for start, count in self._chunks(first, min(last, model.steps)):
                 amplitudes = self.stepper.amplitudes(start, count)
-                saved = self._save_state()
+                saved = self._saved_state()
                 if self._advance_or_report(amplitudes, saved, start, count) < count or not self._is_sound():
                     outcome.status, (outcome.done, outcome.stop) = (
                         "unstable",
@@ -368,9 +455,9 @@ class March:
             if first == step > 0:
                 self.switch((first + 0.5) * self.model.dt)
             if first <= step < last:
-                self._advance_or_report(self.stepper.amplitudes(step, 1), self._save_state(), step, 1)
+                self._advance_or_report(self.stepper.amplitudes(step, 1), self._saved_state(), step, 1)
 
-    def _advance_or_report(self, amplitudes: Any, saved: list[Any], first: int, count: int) -> int:
+    def _advance_or_report(self, amplitudes: Any, saved: list[bytes], first: int, count: int) -> int:
         """Advance as `advance` does; report the error of a kernel with its law, file, line, step and time.
 
         Raises
@@ -386,7 +473,7 @@ class March:
             self._restore_state(saved)
             for s in range(count):
                 step_amplitudes = type(amplitudes)(*(part[s : s + 1] for part in amplitudes))
-                before = [array.copy() for array in self.changing_arrays()]
+                before = self._saved_state()
                 try:
                     self.advance(step_amplitudes, first + s, 1)
                 except Exception as error:  # noqa: BLE001  a kernel may raise anything
@@ -456,24 +543,32 @@ class March:
             yield start, count
             start += count
 
+    @cached_property
     def initial_energy(self) -> float:
-        """Return the kinetic energy at t = 0."""
+        """The kinetic energy at t = 0."""
         return self._kinetic(initial_velocity(self.model).ravel())
 
     def _kinetic(self, v: Floats) -> float:
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
         return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
 
+    @cached_property
     def noise(self) -> float:
-        """Return the energy below which everything is round-off: that of the strain `SILENT_STRAIN` in all elements."""
+        """The energy below which everything is round-off: that of the strain `SILENT_STRAIN` in all elements."""
         stiff = sum(float((body.stiffness * body.mesh.lengths**2).sum()) for body in self.model.bodies.values())
         return 0.5 * stiff * SILENT_STRAIN**2
+
+    @property
+    def totals(self) -> SimpleNamespace:
+        """The sums over all steps so far, `percuss.solver.compiled.leapfrog_loop.TOTAL`, as numbers by name."""
+        names = self.boundary.totals.dtype.names
+        return SimpleNamespace(**dict(zip(names, self.boundary.totals.item(), strict=True)))
 
     # -- checks ------------------------------------------------------------------------------------------
 
     def _is_sound(self) -> bool:
         """Return whether the state is finite and its kinetic energy plausible for the energy put in."""
-        total = self.boundary.totals[0]
+        total = self.totals
         energy_put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
         allowed = KINETIC_GROWTH * energy_put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
@@ -486,29 +581,28 @@ class March:
             *self.stepper.changing_arrays(),
             boundary.points,
             boundary.constraints,
+            boundary.followers,
             boundary.totals,
             boundary.before,
+            boundary.state_before,
+            boundary.internal_work,
+            boundary.shifts,
         ]
 
-    def _save_state(self) -> list[Any]:
-        """Return copies of the arrays that a step changes; the next call overwrites them."""
-        arrays = self.changing_arrays()
-        if not self._saved:
-            self._saved = [array.copy() for array in arrays]
-            return self._saved
-        for k, array in enumerate(arrays):
-            if self._saved[k].shape == array.shape:
-                np.copyto(self._saved[k], array)
-            else:  # the number of active constraints has changed
-                self._saved[k] = array.copy()
-        return self._saved
+    def _saved_state(self) -> list[bytes]:
+        """Return the contents of the arrays that a step changes, as bytes: NumPy copies records field by field."""
+        return [array.tobytes() for array in self.changing_arrays()]
 
-    def _locate_failure(self, amplitudes: Any, saved: list[Any], first: int, count: int) -> tuple[int, Stop]:
+    def _restore_state(self, saved: list[bytes]) -> None:
+        for array, content in zip(self.changing_arrays(), saved, strict=True):
+            np.frombuffer(array, np.uint8)[:] = np.frombuffer(content, np.uint8)
+
+    def _locate_failure(self, amplitudes: Any, saved: list[bytes], first: int, count: int) -> tuple[int, Stop]:
         """Repeat the chunk step by step up to the first step that fails a check; return its number and the stop."""
         self._restore_state(saved)
         for s in range(count):
             step_amplitudes = type(amplitudes)(*(part[s : s + 1] for part in amplitudes))
-            before = [array.copy() for array in self.changing_arrays()] if self.kernel_laws else []
+            before = self._saved_state() if self.kernel_laws else []
             solved = self.advance(step_amplitudes, first + s, 1) == 1
             if not solved or not self._is_sound():
                 break
@@ -520,7 +614,7 @@ class March:
 
     def _stop_after(self, step: int, *, solved: bool) -> Stop:
         """Return the reason for which the run stopped after a step, and the node at which it shows most."""
-        total = self.boundary.totals[0]
+        total = self.totals
         allowed = total.growth * (total.began_with + total.largest_work) + total.floor
         contact_work_exceeded = not total.contact_work <= allowed + leapfrog_loop.NOISE * total.step_energy
         points = self.boundary.points
@@ -548,9 +642,9 @@ class March:
             node, description = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
         return Stop(step, node, kind, description)
 
-    def _stop_without_multiplier(self, amplitudes: Any, before: list[Any], step: int) -> Stop | None:
+    def _stop_without_multiplier(self, amplitudes: Any, before: list[bytes], step: int) -> Stop | None:
         """Return the stop caused by a kernel that left a contact without a multiplier in this step, or None."""
-        after = [array.copy() for array in self.changing_arrays()]
+        after = self._saved_state()
         self._restore_state(before)
         failure = diagnosis.missing_multiplier(self, amplitudes, step)
         self._restore_state(after)
@@ -560,15 +654,6 @@ class March:
             contact_pair for contact_pair in self.model.contact_pairs if contact_pair.name == failure.contact
         )
         return Stop(step, contact_pair.nodes[0], "kernel", failure.description, failure.cause)
-
-    def _restore_state(self, values: list[Any]) -> None:
-        for array, value in zip(self.changing_arrays(), values, strict=True):
-            array[:] = value
-
-
-def record_array(rows: list[tuple[Any, ...]], kind: Any) -> Any:
-    """Return rows of values as a record array of the dtype `kind`."""
-    return np.array(rows, dtype=kind).view(np.recarray)
 
 
 def _read_only(array: Any) -> Any:

@@ -19,11 +19,13 @@ from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
 from percuss.solver.bound_law import BoundLaw, bind_law
 from percuss.solver.bulk_trial import try_kernels
+from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
-from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, NodalForce
-from percuss.solver.integrator_check import refuse_end, refuse_unseen, scheme
+from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
+from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
+from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
 from percuss.solver.loads import supports_and_loads
 from percuss.solver.stiffness_limits import stiffness_limits
 
@@ -82,7 +84,7 @@ class Model:
         Largest frequency of an element [1/time].
     contact_pairs
         The contact points, in the order of the case.
-    constraints, nodal_forces, body_forces
+    constraints, nodal_forces, followers, body_forces
         Supports, drives and loads.
     stages
         Stages of a multi-stage scheme; None for a leap-frog scheme.
@@ -110,6 +112,7 @@ class Model:
     contact_pairs: tuple[ContactPair, ...]
     constraints: tuple[Constraint, ...]
     nodal_forces: tuple[NodalForce, ...]
+    followers: tuple[Follower, ...]
     body_forces: tuple[BodyForce, ...]
     stages: Stages | None
     tables: tuple[LeapFrog, ...]
@@ -157,9 +160,22 @@ class Model:
         integrator = self.case.method.integrator
         stages, tables = scheme(integrator, self.dt)
         self._set(stages=stages, tables=tables)
+        if self.viscosity and self.why_not_linear:
+            message = f"expected linear bodies with the viscous {integrator.name}, found that {self.why_not_linear}"
+            advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
+            _raise([self.case.problem(("method", "integrator"), message, advice)])
         self._check_movable()
         self._set(laws=self._bound_laws(self.dt))
+        refuse_without_mass(
+            self.case,
+            self.bodies.values(),
+            self.laws,
+            self.points_without_mass,
+            multistage=self.multistage,
+            viscous=self.viscosity > 0.0,
+        )
         refuse_end(integrator, self.stages, self.laws)
+        refuse_shifts(integrator, self.stages, self.laws)
         refuse_unseen(integrator, self.tables, self.laws)
 
     def with_step(self, dt: float) -> Model:
@@ -187,7 +203,9 @@ class Model:
         return model
 
     def without_loads(self, dt: float, constraints: Sequence[Constraint], inactive: Sequence[int] = ()) -> Model:
-        """Return the model of one stretch: no loads, `constraints` as given, laws bound again for the time step `dt`.
+        """Return the model of one stretch, with laws bound again for the time step `dt`.
+
+        It has no loads but those that follow the motion of an end, and `constraints` as given.
 
         Parameters
         ----------
@@ -254,13 +272,23 @@ class Model:
         return self.stages is not None
 
     @property
+    def shifts(self) -> bool:
+        """Whether a contact law shifts the ends of its contacts."""
+        return any(bound_law.law.shifts for bound_law in self.laws)
+
+    @property
+    def viscosity(self) -> float:
+        """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
+        return 0.0 if self.multistage else self.tables[0].viscosity
+
+    @property
     def why_not_linear(self) -> str:
         """The reason why internal forces are not proportional to displacements; empty where all bodies are linear."""
         return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
 
     @property
     def courant(self) -> float:
-        """Courant number of the element with the smallest h/c."""
+        """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.omega
 
     def node(self, address: Address) -> int:
@@ -351,7 +379,16 @@ class Model:
         return largest, sums / largest
 
     def _stiffness_limits(self, dt: float) -> Floats:
-        return stiffness_limits(self.bodies.values(), self.contact_pairs, self.constraints, dt)
+        return stiffness_limits(self.bodies.values(), self.contact_pairs, self._moved_nodes, dt)
+
+    @cached_property
+    def _moved_nodes(self) -> list[list[int]]:
+        """Nodes of each contact point that its force moves at some time of the run: not always fixed or driven."""
+        moved: list[set[int]] = [set() for _ in self.contact_pairs]
+        for start, _ in self.segments(laws=False):
+            for nodes, sides in zip(moved, self.sides((start + 0.5) * self.dt), strict=True):
+                nodes.update(side.node for side in sides if _moves(side, self.mass))
+        return [sorted(nodes) for nodes in moved]
 
     def sides(self, midpoint: float) -> list[list[Side]]:
         """Return the sides of every contact point, one at a wall, for the supports and drives active at `midpoint`."""
@@ -386,16 +423,31 @@ class Model:
                 free = normal.copy()
                 for direction in directions.get(node, ()):
                     free -= (direction @ free) * direction
-                pair_sides.append(Side(node, normal, free / self.mass[node]))
+                pair_sides.append(self._side(node, normal, free))
             sides.append(pair_sides)
         return sides
+
+    def _side(self, node: int, normal: Floats, free: Floats) -> Side:
+        """Return a side of a contact point, with `free` the part of its normal along which no constraint holds it."""
+        if self.mass[node] > 0.0:
+            return Side(node, normal, free / self.mass[node])
+        body = self.body_of(node)
+        stiffness = float(body.stiffness[body.end_element(node)])
+        return Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])
+
+    @cached_property
+    def points_without_mass(self) -> Any:
+        """Whether each contact point has a side without mass, (P,)."""
+        massless = [self.mass[list(contact_pair.nodes)].min() == 0.0 for contact_pair in self.contact_pairs]
+        return np.array(massless, dtype=bool)
 
     def _check_movable(self) -> None:
         problems: list[Problem] = []
         for start, _ in self.segments(laws=False):
             diagonal = self.delassus_rows((start + 0.5) * self.dt)[0]
             for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
-                if delassus * min(self.mass[node] for node in contact_pair.nodes) < 1e-12:
+                lightest = min(self.mass[node] for node in contact_pair.nodes)
+                if lightest > 0.0 and delassus * lightest < 1e-12:
                     message = "expected a contact that can move, found every side fixed or driven"
                     advice = "Free one of the ends, or drop the contact."
                     problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
@@ -437,7 +489,11 @@ class Model:
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
         table = table or self.tables[-1]
         order = [point for bound_law in self.laws for point in bound_law.where]
-        parts = [law_records(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
+        massless = self.points_without_mass
+        parts = [
+            law_records(bound_law, table, delassus[list(bound_law.where)], massless[list(bound_law.where)], self.dt)
+            for bound_law in self.laws
+        ]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
         if self.stages is not None:
             records["stores"] = NOTHING
@@ -480,26 +536,36 @@ class Model:
         return parameters
 
 
+def _moves(side: Side, mass: Floats) -> bool:
+    """Return whether a contact force moves a side of its point."""
+    # Round-off may be left of the direction of a drive that is oblique to the axes.
+    return side.beside is not None or bool(side.normal @ side.response * mass[side.node] > 1e-12)
+
+
 def _bodies_of(case: Case) -> dict[str, Body]:
     bodies: dict[str, Body] = {}
     start = 0
+    in_contact = ends_at_contacts(case)
     for number, (name, spec) in enumerate(case.bodies.items()):
         mesh = size_limits.mesh_of_body(case, spec)
         view = BodyMesh(mesh, spec.area)
         velocity = np.asarray(spec.velocity, dtype=float)
         try_kernels(spec.element, spec.material, view)
+        mass, may_lack_mass = nodal_masses(case, spec, mesh, in_contact.get(name, frozenset()))
         bodies[name] = Body(
             name=name,
             number=number,
             spec=spec,
             mesh=mesh,
             start=start,
-            mass=answer(case.method.mass, "nodal", spec.material.rho * spec.area * mesh.lengths),
+            mass=mass,
             stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus),
             frequency=answer(
                 spec.element, "highest_frequency", view, math.sqrt(spec.material.modulus / spec.material.rho)
             ),
+            volumes=volumes_of(spec.element, view),
             velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
+            may_lack_mass=may_lack_mass,
         )
         start = bodies[name].stop
     return bodies

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.solver.compiled.multistage_loop import BODY_FORCE, StageAmplitudes, System
-from percuss.solver.integrator_check import ends_of
+from percuss.solver.integrator_check import ends_of, velocities_of
 from percuss.solver.loads import amplitude
+from percuss.solver.record_arrays import record_array
 from percuss.solver.starting_state import initial_velocity
 
 if TYPE_CHECKING:
@@ -20,6 +21,15 @@ if TYPE_CHECKING:
     from percuss.solver.compiled.leapfrog_loop import Record
     from percuss.solver.model import Model
     from percuss.solver.stepper import Loop
+
+
+def _aside(groups: Any) -> Any:
+    """Return nested groups whose state variables, where they have any, are written to arrays that nobody reads."""
+    if hasattr(groups, "after"):
+        return groups._replace(after=np.zeros_like(groups.after)) if groups.after.size else groups
+    first, rest = groups
+    aside = _aside(first), _aside(rest)
+    return groups if aside[0] is first and aside[1] is rest else aside
 
 
 class State(NamedTuple):
@@ -75,7 +85,7 @@ class MultistageStepper:
             )
             for k, body_force in enumerate(model.body_forces)
         ]
-        self.body_forces = np.array(rows, dtype=BODY_FORCE).view(np.recarray)
+        self.body_forces = record_array(rows, BODY_FORCE)
         self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
         self._no_loads = self._zeros(0)
         self._single: tuple[State, StageAmplitudes] | None = None
@@ -94,9 +104,10 @@ class MultistageStepper:
         """Use the arrays of the next stretch of the run."""
         stages, columns = self.stages, self.columns
         self.system = System(
-            loop.groups, loop.masses, loop.boundary, loop.laws, self.body_forces, self.axes,
+            loop.groups, _aside(loop.groups), loop.masses, loop.boundary, loop.laws, loop.loads,
+            self.body_forces, self.axes,
             np.array([constraint.active(loop.midpoint) for constraint in self.model.constraints], dtype=np.int64),
-            self.responses, self.ends, np.array(stages.times, dtype=float), self.model.dim,
+            self.responses, self.ends, velocities_of(stages), np.array(stages.times, dtype=float), self.model.dim,
             np.zeros((len(stages.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.amplitude_sums,
             np.array([0.0, self.model.dt, 1.0]),
         )  # fmt: skip
@@ -143,9 +154,11 @@ class MultistageStepper:
         return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return the nodal state after one step without loads, (levels, nodes * dim)."""
+        """Return the nodal state after one step without loads given in time, (levels, nodes * dim)."""
         if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
-            self._single = State(*(np.zeros_like(array) for array in self.state)), self._zeros(1)
+            amplitudes = self._zeros(1)
+            amplitudes.force[..., [follower.column for follower in self.model.followers]] = 1.0
+            self._single = State(*(np.zeros_like(array) for array in self.state)), amplitudes
         full_state, no_loads = self._single
         for array in full_state:
             array.fill(0.0)
@@ -159,6 +172,8 @@ class MultistageStepper:
         model, total = self.model, np.zeros(self.model.dim)
         for nodal_force in model.nodal_forces:
             total += self.amplitude_sums[nodal_force.column] * nodal_force.force
+        for follower in model.followers:
+            total += self.amplitude_sums[follower.column] * follower.direction
         bodies = list(model.bodies.values())
         for body_force, record in zip(model.body_forces, self.body_forces, strict=True):
             total += self.amplitude_sums[record.column] * bodies[body_force.body].mass.sum() * body_force.acceleration

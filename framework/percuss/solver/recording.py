@@ -59,16 +59,24 @@ def record_shapes(model: Model) -> Shapes:
     motion = len(probe_nodes(model)) * model.dim
     columns = {
         **dict.fromkeys(("multiplier", "gap", "end_force"), len(model.contact_pairs)),
+        "contact_state": sum(contact_pair.law.state for contact_pair in model.contact_pairs),
         **dict.fromkeys(("displacement", "velocity"), motion),
-        "energy": 5,
+        "energy": 7,
     }
     if not record.fields:
         return Shapes(rows, columns, 0, (0, 0))
     field_every = max(1, steps // record.fields)
-    return Shapes(rows, columns, field_every, (steps // field_every + 1, 2 * field_elements(model).size * model.dim))
+    states = sum(
+        numbers.size * model.bodies[name].volumes.shape[1] * model.bodies[name].spec.material.state
+        for name, numbers in recorded_elements(model).items()
+    )
+    columns_of_field = sum(nodes.size for nodes in field_nodes(model)) * model.dim + states
+    return Shapes(rows, columns, field_every, (steps // field_every + 1, columns_of_field))
 
 
-def empty_record(model: Model, probes: Sequence[int], place: Mapping[int, int]) -> tuple[leapfrog_loop.Record, Floats]:
+def empty_record(
+    model: Model, probes: Sequence[int], place: Mapping[int, int], field_variable: Integers
+) -> tuple[leapfrog_loop.Record, Floats]:
     """Return the record arrays of a run, filled with nan, and the time of each of their rows.
 
     Parameters
@@ -79,36 +87,46 @@ def empty_record(model: Model, probes: Sequence[int], place: Mapping[int, int]) 
         The `probe_nodes` of the model.
     place
         Map from each boundary node to the index of its first boundary degree of freedom.
+    field_variable
+        Indices of the state variables of the recorded elements.
     """
     dim, every, steps = model.dim, model.case.record.every, model.steps
     n = np.arange(0, steps + 1, every)
     if steps % every:
         n = np.append(n, steps)
     shapes = record_shapes(model)
-    elements = field_elements(model) if shapes.field_every else np.zeros(0, dtype=np.int64)
-    ends = np.stack([elements, elements + 1], axis=1).ravel()
+    of_bodies = field_nodes(model) if shapes.field_every else []
+    ends = np.concatenate([np.zeros(0, dtype=np.int64), *(nodes.ravel() for nodes in of_bodies)])
+    snapshots = shapes.field[0]
+    variables = field_variable if shapes.field_every else np.zeros(0, dtype=np.int64)
     record = leapfrog_loop.Record(
         every=every,
         last=steps,
         **{name: np.full((shapes.rows, columns), np.nan) for name, columns in shapes.columns.items()},
         probe=np.array([place[p] + d for p in probes for d in range(dim)], dtype=np.int64),
         field_every=shapes.field_every,
-        field=np.full(shapes.field, np.nan),
+        field=np.full((snapshots, ends.size * dim), np.nan),
         field_dof=(ends[:, None] * dim + np.arange(dim)).ravel(),
+        field_state=np.full((snapshots, variables.size), np.nan),
+        field_variable=variables,
     )
     return record, np.asarray(n * model.dt, dtype=np.float64)
 
 
-def field_elements(model: Model) -> Integers:
-    """Return the first node of each element whose stress is recorded for the space-time picture.
+def recorded_elements(model: Model) -> dict[str, Integers]:
+    """Return the numbers, within each body, of the elements whose stress is recorded for the space-time picture.
 
     At most 400 elements of each body are taken, evenly spaced.
     """
-    first_nodes = [
-        body.start + np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round())
-        for body in model.bodies.values()
-    ]
-    return np.concatenate(first_nodes).astype(np.int64)
+    return {
+        name: np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round()).astype(np.int64)
+        for name, body in model.bodies.items()
+    }
+
+
+def field_nodes(model: Model) -> list[Integers]:
+    """Return the nodes of the elements whose stress is recorded, (elements, nodes of an element) for each body."""
+    return [model.bodies[name].element_nodes(numbers) for name, numbers in recorded_elements(model).items()]
 
 
 def recordable(model: Model) -> Model:

@@ -13,6 +13,7 @@ import numpy as np
 
 from percuss.errors import InputError, TooLargeError
 from percuss.methods.plugin_calls import answer
+from percuss.solver.cells import has_cells, mesh_of_element
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -78,10 +79,10 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         count = answer(spec.shape, "element_count", case.refine)
         if count is None:
             count = answer(spec.shape, "mesh", start, 1).lengths.size * case.refine if case.refine > 1 else 0
-        size = float(BYTES_PER_NODE) * count * start.size
+        nodes = answer(spec.element, "reference_nodes").size - 1 if has_cells(spec.element) else 1  # for each element
+        size = float(BYTES_PER_NODE) * count * nodes * start.size
         if fits_in_memory(size):
-            mesh: Mesh = answer(spec.shape, "mesh", start, case.refine)
-            return mesh
+            return mesh_of_element(spec.element, answer(spec.shape, "mesh", start, case.refine))
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
     except MemoryError:
         pass
@@ -104,21 +105,22 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
         h = body.mesh.lengths
         quantities: dict[str, Any] = {
             "an element length": h,
-            "a mass of a node": body.mass,
+            "a mass of a node": np.where(body.may_lack_mass & (body.mass == 0.0), LARGEST_NUMBER, body.mass),
             "a stiffness EA/h": body.stiffness,
             "a frequency 2c/h": body.frequency,
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }
         for quantity, values in quantities.items():
-            outside = np.flatnonzero(~((values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)))
-            if outside.size:
-                value = float(values[outside[0]])
+            inside = (values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)
+            if not inside.all():
+                first = int(np.argmin(inside))
+                value = float(values[first])
                 message, advice = (
                     f"expected {quantity} between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {value:.6g}",
                     UNITS,
                 )
                 if not value > 0 and _sizes_within_limits(body):
-                    message, advice = _not_positive_message(case, body, quantity, int(outside[0]), value)
+                    message, advice = _not_positive_message(case, body, quantity, first, value)
                 problems.append(case.problem(("bodies", name), message, advice))
                 break
     if problems:

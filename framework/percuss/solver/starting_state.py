@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.methods.plugin_calls import answer
 from percuss.solver.loads import amplitude
 
 if TYPE_CHECKING:
@@ -33,6 +34,12 @@ def starting_velocity(model: Model) -> Floats:
         velocity[nodal_force.node] -= (
             _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force / model.mass[nodal_force.node]
         )
+    for follower in model.followers:
+        speed = float(velocity[follower.node] @ follower.direction)
+        motion = max(-follower.switched_on, 0.0), 0.0, speed
+        force = answer(follower.load.load, "follow", follower.numbers, *motion)
+        duration = _impulse_before_start(follower.load, model.dt)
+        velocity[follower.node] -= duration * force * follower.direction / model.mass[follower.node]
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]

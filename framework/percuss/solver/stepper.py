@@ -19,6 +19,7 @@ class Loop(NamedTuple):
     masses: Bulk
     boundary: Boundary
     laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
+    loads: Any  # loads that follow the motion, as returned by `percuss.solver.compiled.following_loads.nest`
     uniform: UniformBars
     midpoint: float  # time within the first step of the stretch
 
@@ -60,7 +61,7 @@ class Stepper(Protocol):
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return the nodal state after one step without loads, (levels, nodes * dim)."""
+        """Return the nodal state after one step without loads given in time, (levels, nodes * dim)."""
 
     def load_impulse(self, amplitudes: Any) -> Floats:
         """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""

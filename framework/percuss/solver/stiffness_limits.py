@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from percuss.methods.interfaces import Floats
-    from percuss.solver.entities import Body, Constraint, ContactPair
+    from percuss.solver.entities import Body, ContactPair
 
 # Limits are computed for at most this Courant number of a body: above it central difference leaves
 # almost no stiffness for a penalty without mass.
@@ -19,7 +19,7 @@ LARGEST_COURANT = 0.99
 
 
 def stiffness_limits(
-    bodies: Iterable[Body], contact_pairs: Sequence[ContactPair], constraints: Sequence[Constraint], dt: float
+    bodies: Iterable[Body], contact_pairs: Sequence[ContactPair], moved: Sequence[Collection[int]], dt: float
 ) -> Floats:
     """Return `ContactPoints.stiffness_limit` of all contact points for a time step `dt`, (P,) [force/length].
 
@@ -27,24 +27,31 @@ def stiffness_limits(
     ``r_a u_a^2 + r_b u_b^2``; both r follow from the inverse of B at the end nodes (`end_reserves`). A closed
     contact of stiffness eps_s subtracts ``eps_s (u_a - u_b)^2``, which is not larger than that if
     ``eps_s (1/r_a + 1/r_b) <= 1``. Contacts that share an end share its r equally.
+
+    Parameters
+    ----------
+    bodies, contact_pairs
+        Bodies and contact points of a model.
+    moved
+        Nodes of each contact point that its force moves at some time of the run; the others are fixed or driven.
+    dt
+        Time step.
     """
     uses = Counter(node for contact_pair in contact_pairs for node in contact_pair.nodes)
-    supported = {constraint.node for constraint in constraints if constraint.load is None}
     reserve: dict[int, float] = {}
     of_alike: dict[Any, list[float]] = {}  # bodies of the same mass and stiffness are looked at once
     for body in bodies:
         ends = [node for node in (body.start, body.stop - 1) if node in uses]
         if ends:
             step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
-            alike = step, tuple(node - body.start for node in ends), body.mass.tobytes(), body.stiffness.tobytes()
+            matrix = (body.stiffness,) if not body.mesh.cells else body.axial_band
+            arrays = [array.tobytes() for array in (body.mass, *matrix)]
+            alike = (step, *(node - body.start for node in ends), *arrays)
             if alike not in of_alike:
                 of_alike[alike] = list(end_reserves(body, step, ends).values())
             reserve.update(zip(ends, of_alike[alike], strict=True))
     with np.errstate(divide="ignore"):
-        softness = [
-            sum(uses[node] / np.float64(reserve[node]) for node in contact_pair.nodes if node not in supported)
-            for contact_pair in contact_pairs
-        ]
+        softness = [sum(uses[node] / np.float64(reserve[node]) for node in nodes) for nodes in moved]
         return 1.0 / np.array(softness, dtype=float)
 
 
@@ -52,7 +59,8 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     """Return the largest contact stiffness r at each end for which central difference is stable [force/length].
 
     For every displacement u of the body ``u^T ((4/dt^2) M - K) u >= sum of r u_end^2`` over the given ends. Where the
-    step is unstable for the body by itself, r is 0.
+    step is unstable for the body by itself, r is 0. At an end without mass r is infinite: behind its end element a
+    contact is never stiffer than that, and the reserve of the other end allows for a rigid one.
 
     Parameters
     ----------
@@ -63,21 +71,39 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     ends
         The end nodes in contact, one or both.
     """
+    banded = np.zeros((2, body.mass.size))
+    if body.mesh.cells:
+        diagonal, off = body.axial_band
+        banded = np.concatenate([(4.0 / dt**2 * body.mass - diagonal)[None], -off])
+    else:
+        banded[0, 1:] = body.stiffness
+        banded[1] = 4.0 / dt**2 * body.mass
+        banded[1, :-1] -= body.stiffness
+        banded[1, 1:] -= body.stiffness
+    lower = bool(body.mesh.cells)
+    without_mass = body.ends_without_mass
+    if without_mass:  # of two-node elements
+        first, last = int(body.start in without_mass), int(body.stop - 1 in without_mass)
+        reserves = dict.fromkeys(without_mass, np.inf)
+        rest = [node for node in ends if node not in without_mass]
+        if rest:
+            places = [node - body.start - first for node in rest]
+            reserves |= _reserves(banded[:, first : banded.shape[1] - last], places, rest, lower=lower)
+        return {node: reserves[node] for node in ends}
+    return _reserves(banded, [node - body.start for node in ends], ends, lower=lower)
+
+
+def _reserves(banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool) -> dict[int, float]:
+    """Return `end_reserves` at the nodes `ends`, which are the rows `places` of a banded matrix."""
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
-    banded = np.zeros((2, body.mass.size))
-    banded[0, 1:] = body.stiffness
-    banded[1] = 4.0 / dt**2 * body.mass
-    banded[1, :-1] -= body.stiffness
-    banded[1, 1:] -= body.stiffness
     try:
-        factor = cholesky_banded(banded, check_finite=False)
+        factor = cholesky_banded(banded, lower=lower, check_finite=False)
     except LinAlgError:  # with nodal masses other than lumped ones the free body may be unstable at this step
         return dict.fromkeys(ends, 0.0)
-    places = np.array(ends) - body.start
-    unit = np.zeros((body.mass.size, len(ends)))
+    unit = np.zeros((banded.shape[1], len(ends)))
     unit[places, np.arange(len(ends))] = 1.0
-    stiffness = np.linalg.inv(cho_solve_banded((factor, False), unit)[places])
+    stiffness = np.linalg.inv(cho_solve_banded((factor, lower), unit)[list(places)])
     diagonal = np.diag(stiffness)
     if len(ends) == 2:
         # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so

@@ -11,6 +11,7 @@ from percuss.methods.blame import is_third_party
 from percuss.methods.interfaces import BodyMesh, Mesh
 from percuss.solver.bodies import ElementProbe
 from percuss.solver.compiled.uniform_bars import UNIFORM_BAR, UniformBars
+from percuss.solver.record_arrays import record_array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +44,9 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
     if (
         model.dim == 1
         and not model.multistage
+        and not model.viscosity
         and not model.body_forces
+        and not model.shifts
         and ends.issuperset(boundary_nodes)
         and all(map(_is_uniform, bodies))
         and all(map(_acts_as_spring, kinds.values()))
@@ -56,7 +59,7 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
         if min(body.mass.size for body in bodies) >= SHORT_BAR:
             steps = STEPS
     return UniformBars(
-        np.array(bars, dtype=UNIFORM_BAR).view(np.recarray),
+        record_array(bars, UNIFORM_BAR),
         steps,
         TILE,
         np.zeros((len(bars), steps)),
@@ -66,9 +69,16 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
 
 
 def _is_uniform(body: Body) -> bool:
-    """Return whether a body is linear, with elements of the same stiffness and inner nodes of the same mass."""
+    """Return whether a body is linear, with two-node elements of one stiffness and inner nodes of one mass."""
+    if body.mesh.cells:
+        return False
     stiffness, inner_mass = body.stiffness, body.mass[1:-1]
-    return not (body.why_not_linear or np.any(stiffness != stiffness[0]) or np.any(inner_mass != inner_mass[:1]))
+    return not (
+        body.why_not_linear
+        or body.ends_without_mass
+        or np.any(stiffness != stiffness[0])
+        or np.any(inner_mass != inner_mass[:1])
+    )
 
 
 def _acts_as_spring(body: Body) -> bool:

@@ -6,10 +6,10 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.arguments import expect_names
+from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import expect_case
 from percuss.case.quantities import METRICS
-from percuss.errors import InputError, PercussError, Problem, suggestion
+from percuss.errors import PercussError
 from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
@@ -60,15 +60,7 @@ def compare(
     expect_case("percuss.compare", case, many=True, vary=vary)
     expect_names("percuss.compare", "integrators", integrators)
     expect_names("percuss.compare", "contacts", contacts)
-    options = [("integrator", "integrators", integrators), ("contact", "contacts", contacts)]
-    problems = [
-        Problem(f"--{option}", "", f"unknown {option} '{name}'", suggestion(name, case.registry.names(family)))
-        for option, family, names in options
-        for name in names
-        if name not in case.registry.names(family)
-    ]
-    if problems:
-        raise InputError(problems)
+    expect_methods(case.registry, integrators, contacts)
     if contacts:
         case = case.with_one_law()
     methods = {name: name for name in integrators}, {name: name for name in contacts}

@@ -189,7 +189,7 @@ class StudySection(Section):
             Ge(1),
             Le(1000),
             Unit("1"),
-            Doc("how often each march is made, the least time counts; null: 5, fewer once two agree to 5 %"),
+            Doc("how often each march is made, the least time counts; null: up to 5, until two alike agree to 5 %"),
         ]
         | None
     ) = None

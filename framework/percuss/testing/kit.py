@@ -157,8 +157,21 @@ def expected(kit_check: Check, subject: Subject, partner: str) -> str:
     return reason
 
 
+def _fails_with(kit_check: Check, subject: Subject, partner: str) -> str:
+    """Return the integrators with which a law, the partner of another integrator, declares to fail a check."""
+    if not partner or subject.family != "integrators":
+        return ""
+    declared = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
+    start = named(kit_check, "")
+    return " and ".join(name.removeprefix(f"{start} with ") for name in declared if name.startswith(f"{start} with "))
+
+
 def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
     """Run a check on a subject and return its outcome."""
+    fails_with = _fails_with(kit_check, subject, partner)
+    if fails_with and not expected(kit_check, subject, partner):
+        message = f"{partner} fails it with {fails_with} too: nothing follows for {subject.name}"
+        return Outcome(kit_check, partner, "not applicable", message)
     subject = dataclasses.replace(subject, check=kit_check.name, loaded=[])
     outcome = _performed(kit_check, subject, partner)
     return dataclasses.replace(outcome, case=subject.last_case()) if outcome.status == "failed" else outcome

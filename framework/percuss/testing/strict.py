@@ -63,6 +63,8 @@ class StrictSystem:
         self._middle = 0.5 * self.dt  # middle of the current step, which decides whether a law acts in an interval
         self.scheme = integrator.bind(self.dt)
         self.bound = read_only(law.bind(self.points, self.dt))
+        self._state_before = self._state_after = np.zeros((len(self.points.names), law.state))
+        self._shift = np.zeros(len(self.points.names) if law.shifts else 0)
 
     def _assemble(self, case: Mapping[str, Any]) -> None:
         """Set stiffness matrix, lumped mass, loads, initial velocity and held degrees of freedom of the bodies."""
@@ -154,15 +156,18 @@ class StrictSystem:
         v = self.velocity - 0.5 * dt * self.response * self.force
         for n in range(self.steps + 1):
             self._middle = (n + 0.5) * dt
-            bulk = self.response * (self.force - self.stiffness @ u)
+            bulk = self.response * (self.force - self.stiffness @ (u + table.viscosity * dt * v))
             gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
             predicted_rate = rate + dt * acceleration
             multiplier = self.multipliers(
                 table, (gap, gap + dt * predicted_rate), (rate, predicted_rate), acceleration, n * dt
             )
             yield multiplier, gap, u
+            self._state_before = self._state_after
             v = v + dt * (bulk + self.response * (self.normal @ multiplier))
             u = u + dt * v
+            if self._shift.size:
+                u = u + self.response * (self.normal @ self._shift)
 
     def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
         """Yield contact forces, gaps and displacements of each step of a multi-stage scheme.
@@ -193,7 +198,12 @@ class StrictSystem:
             # a scheme treats all entries of a state alike, so that the velocity of these entries becomes the impulse
             a[size:] = multiplier
 
-        step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
+        def internal(_: Any, stage: int, u: Floats, f: Floats) -> None:  # noqa: ARG001  signature of the slot
+            f[:size] = self.response * (self.stiffness @ u[:size])
+            f[size:] = 0.0
+
+        filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
+        step = Specialiser(filled, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
         u, v = np.zeros(size + points), np.append(self.velocity, np.zeros(points))
         kept = np.zeros((type(self.integrator).kept, u.size))
         for row in kept:
@@ -203,6 +213,7 @@ class StrictSystem:
             self._middle = (n + 0.5) * dt
             before = u[:size].copy()
             step(stages.numbers, None, u, v, kept, dt)
+            self._state_before = self._state_after
             yield v[size:] / dt, self.initial_gap + self.normal.T @ before, before
 
     def multipliers(
@@ -221,7 +232,8 @@ class StrictSystem:
         responses = table.end.response
         trial = Trial(
             locked[0], locked[1], locked[2], locked[3], _locked(np.diag(self.delassus)), self.dt, time,
-            responses[0], responses[1], *self._neighbours(),
+            responses[0], responses[1], *self._neighbours(), _locked(self._state_before), self._state_before.copy(),
+            np.zeros_like(self._shift),
         )  # fmt: skip
         kernel: Any = getattr(type(self.law), "multipliers", None)
         if kernel is None:
@@ -229,6 +241,7 @@ class StrictSystem:
         getattr(kernel, "py_func", kernel)(self.bound, trial, multiplier)
         if np.isnan(multiplier).any():
             raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
+        self._state_after, self._shift = trial.after, trial.shift
         return multiplier
 
     def _neighbours(self) -> tuple[Any, Any, Any, Any]:

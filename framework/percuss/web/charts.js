@@ -86,11 +86,34 @@ function followZoom(chart, logs) {
 
 // ---------------------------------------------------------------------------------------------- drawing
 
-function show(id, option, { height = null } = {}) {
+let near = 300; // pixels: a chart is painted once it is no farther from what is seen of the page
+const unpainted = new Map(); // what each chart is to show next
+const watcher = new IntersectionObserver(
+  (entries) => entries.filter(({ isIntersecting }) => isIntersecting).forEach(({ target }) => paint(target.id)),
+  { rootMargin: `${near}px` },
+);
+for (const holder of document.querySelectorAll(".chart")) watcher.observe(holder);
+
+function isNear(holder) {
+  const { top, bottom } = holder.getBoundingClientRect();
+  return top <= innerHeight + near && bottom >= -near;
+}
+
+/** Give a chart what it is to show: it is painted at once only where it is seen, as that takes most of the time. */
+function show(id, option, { height = null, then = null } = {}) {
+  const holder = $(id);
+  if (height !== null) holder.style.height = `${height}px`;
+  unpainted.set(id, { option, height, then });
+  if (printing || isNear(holder)) paint(id);
+}
+
+function paint(id) {
+  if (!unpainted.has(id)) return;
+  const { option, height, then } = unpainted.get(id);
+  unpainted.delete(id);
   const holder = $(id);
   const renderer = printing ? "svg" : "canvas";
   const old = charts[id];
-  if (height !== null) holder.style.height = `${height}px`;
   if (old && old.renderer !== renderer) old.chart.dispose();
   if (!old || old.renderer !== renderer) {
     const size = printing ? { width: PAPER_WIDTH } : {};
@@ -104,7 +127,7 @@ function show(id, option, { height = null } = {}) {
   chart.resize(printing ? { width: PAPER_WIDTH, height: height ?? undefined } : { height: height ?? undefined });
   const textStyle = { color: looks().ink, fontFamily: getComputedStyle(document.body).fontFamily };
   chart.setOption({ animation: false, backgroundColor: "transparent", textStyle, ...option }, { notMerge: true });
-  return chart;
+  if (then) then(chart);
 }
 
 const coarse = matchMedia("(pointer: coarse)").matches;
@@ -224,15 +247,16 @@ function drawWork() {
   const { panels, across, tall } = gridOfPanels("work", drawn.length);
   const option = drawn.length === 1 ? { grid: { ...grid, top: alone ? grid.top : 40 } } : { grid: panels };
   const tip = ({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]], [x.label, x.values[row]]);
-  const chart = show("work", {
+  show("work", {
     ...option, toolbox: { ...tools("work-precision", drawn.length === 1) }, tooltip: tooltip(tip),
     title: alone ? [] : drawn.map((_, n) => titleOf(column.case.levels[cases[n]], drawn.length === 1 ? { left: grid.left, top: 10, width: 400 } : { ...panels[n], top: panels[n].top - 4 })),
     series: drawn.flatMap(({ series }, n) => series.map((item) => ({ ...item, xAxisIndex: n, yAxisIndex: n }))),
     xAxis: drawn.map(({ all }, n) => ({ ...axis(x.label, extentOf(all.map((item) => item[0])), { log: log[0], gap: 30 }), gridIndex: n })),
     yAxis: drawn.map(({ all }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(all.map((item) => item[1])), { log: log[1], gap: 48 }), gridIndex: n })),
-  }, { height: drawn.length === 1 ? 380 : tall });
-  if (drawn.length === 1) followZoom(chart, { xAxis: log[0], yAxis: log[1] });
-  else chart.off("datazoom");
+  }, {
+    height: drawn.length === 1 ? 380 : tall,
+    then: (chart) => (drawn.length === 1 ? followZoom(chart, { xAxis: log[0], yAxis: log[1] }) : chart.off("datazoom")),
+  });
   const left = cases.length > drawn.length ? `The first ${drawn.length} of ${cases.length} cases are drawn; choose one above. ` : "";
   const unranked = ranked ? "" : `No lines: less ${y.label} is not better. `;
   $("work-note").textContent = `${left}${unranked}${scopeOfBest()} ${atEdge(heights, log[1], y.edge)} ${words}`;
@@ -331,13 +355,12 @@ function drawVaried() {
     ...(levels[k] ? levelSeries(k, levels[k], spread, middle(k), `no ${shortName(x)}`, tipOfMedian(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
   ]);
   const ends = [...all.map((item) => item[1]), ...levels.filter(Boolean).flatMap((item) => [item[1], item[2], item[3]])];
-  const chart = show("vary", {
+  show("vary", {
     grid: words ? { ...grid, bottom: 76 } : grid, toolbox: tools("varied"), series,
     xAxis: axis(x.label, spread, { log: logX, labels, gap: words ? 54 : 30, horizontal: true, ticks }),
     yAxis: axis(y.label, extentOf(ends), { log: logY, gap: 48 }),
     tooltip: tooltip(({ data: point }) => point.tip || tipOfRun(point[2], [y.label, y.values[point[2]]])),
-  });
-  followZoom(chart, { xAxis: logX, yAxis: logY });
+  }, { then: (chart) => followZoom(chart, { xAxis: logX, yAxis: logY }) });
   const cases = new Set(made.map((row) => column.case.codes[row])).size;
   const notes = [
     scope(Boolean(stored), "Medians and bands"),

@@ -15,11 +15,16 @@ BetaS = (
     | None
 )
 
+EpsilonS = Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None
+
 MOST_BETA_S = 0.5
 MOST_THETA = 0.8
 MOST_OF_UNLIKE_SIDES = 0.5  # largest ``x - 4 y`` between unlike sides, see `choose_beta_s`
 DRAWN = "energy gained by 400 drawn rows of 2 to 4 unlike bars (tests/benchmarks/gain.py, seed 0), each until its \
 contacts closed ten times or for 64 transits: "
+
+
+WHY_MOST = "the most that auto gives"
 
 
 class Choice(NamedTuple):
@@ -59,7 +64,7 @@ def choose_beta_s(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: 
         by_closed = np.where(x > 4.0 * y, (closed + 4.0 * own) / (x - 4.0 * y), np.inf)
     bounds = np.stack([np.full(x.shape, MOST_BETA_S), by_theta, by_closed])
     reasons = (
-        "the most that auto gives",
+        WHY_MOST,
         f"so that theta <= {MOST_THETA:g}",
         "so that central difference keeps its step",
     )
@@ -78,3 +83,48 @@ def refuse_several(law: ContactLaw, names: tuple[str, ...], quantity: str) -> No
     given = [name for name in names if getattr(law, name) is not None]
     if len(given) > 1:
         raise ValueError(f"{' and '.join(given)} {'both' if len(given) == 2 else 'all'} give the {quantity}: keep one")
+
+
+def limited_stiffness(law: Any, points: ContactPoints, dt: float) -> Any:
+    """Return eps_s of a law by its options epsilon_s and beta_s, (P,) [force/length]; auto is `choose_beta_s`."""
+    if law.epsilon_s is not None:
+        return law.epsilon_s * points.weight
+    beta_s = choose_beta_s(points, dt).beta_s if law.beta_s in {None, "auto"} else law.beta_s
+    return beta_s * points.stiffness
+
+
+def limited_stiffness_described(law: Any, points: ContactPoints, dt: float) -> Mapping[str, str]:
+    """Return the description of the automatic stiffness of `limited_stiffness`, or nothing where one is given."""
+    automatic = law.epsilon_s is None and law.beta_s in {None, "auto"}
+    return described(choose_beta_s(points, dt)) if automatic else {}
+
+
+def stiffness_with_default(law: Any, points: ContactPoints, default: Any) -> Any:
+    """Return eps_s of a law by its options epsilon_s and beta_s, (P,) [force/length].
+
+    Where neither is given, or beta_s is auto, it follows from `default`, a beta_s.
+    """
+    if law.epsilon_s is not None:
+        return law.epsilon_s * points.weight
+    return (default if law.beta_s in {None, "auto"} else law.beta_s) * points.stiffness
+
+
+def any_stiffness(law: Any, points: ContactPoints) -> Any:
+    """Return eps_s of a law whose stiffness no step limits, (P,) [force/length]; auto is the most that auto gives."""
+    return stiffness_with_default(law, points, MOST_BETA_S)
+
+
+def any_stiffness_described(law: Any) -> Mapping[str, str]:
+    """Return the description of the automatic stiffness of `any_stiffness`, or nothing where one is given."""
+    automatic = law.epsilon_s is None and law.beta_s in {None, "auto"}
+    return {"beta_s": f"auto: {MOST_BETA_S:g}, {WHY_MOST}"} if automatic else {}
+
+
+def quarter_stiffness(law: Any, points: ContactPoints) -> Any:
+    """Return eps_s of a law by its options epsilon_s and beta_s, a quarter unless given, (P,) [force/length]."""
+    return stiffness_with_default(law, points, 0.25)
+
+
+def both_forms(stiffness: Any, points: ContactPoints) -> Mapping[str, Any]:
+    """Return eps_s and its dimensionless form beta_s, by name."""
+    return {"epsilon_s": stiffness, "beta_s": stiffness / points.stiffness}

@@ -64,7 +64,7 @@ class Bipenalty(ContactLaw):
     }
 
     beta_s: _auto.BetaS = None
-    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = None
+    epsilon_s: _auto.EpsilonS = None
     ratio: (
         Annotated[float, AllowInf(), Gt(0), Unit("1"), Doc("beta_s / (2 beta_m); .inf is the penalty method")]
         | Literal["matched", "free-step"]

@@ -50,7 +50,7 @@ class Penalty(ContactLaw):
     }
 
     beta_s: _auto.BetaS = None
-    epsilon_s: Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead of beta_s")] | None = None
+    epsilon_s: _auto.EpsilonS = None
     stiffness: Annotated[Literal["from-step"], Doc("scale / (s dt^2); instead of beta_s")] | None = None
     scale: Annotated[float, Gt(0), Unit("1"), Doc("of the stiffness from-step; 0.1 unless given")] | None = None
 
@@ -61,12 +61,9 @@ class Penalty(ContactLaw):
 
     def epsilon(self, points: ContactPoints, dt: float) -> Any:
         """Return eps_s at each contact point, (P,) [force/length]."""
-        if self.epsilon_s is not None:
-            return self.epsilon_s * points.weight
         if self.stiffness is not None:
             return (self.scale or SCALE) / (points.delassus * dt**2)
-        beta_s = _auto.choose_beta_s(points, dt).beta_s if self.beta_s in {None, "auto"} else self.beta_s
-        return beta_s * points.stiffness
+        return _auto.limited_stiffness(self, points, dt)
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
         """Return the linear law ``lambda / eps_s = -g``."""
@@ -74,13 +71,11 @@ class Penalty(ContactLaw):
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
         """Return the stiffness eps_s and its dimensionless form beta_s."""
-        stiffness = self.epsilon(points, dt)
-        return {"epsilon_s": stiffness, "beta_s": stiffness / points.stiffness}
+        return _auto.both_forms(self.epsilon(points, dt), points)
 
     def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:
         """Return the automatic beta_s with the reason for it, or the stiffness from the step, in words."""
         if self.stiffness is not None:
             scale = self.scale or SCALE
             return {"stiffness": f"from-step: {scale:g} / (s dt^2), theta = {scale:g}"}
-        automatic = self.epsilon_s is None and self.beta_s in {None, "auto"}
-        return _auto.described(_auto.choose_beta_s(points, dt)) if automatic else {}
+        return _auto.limited_stiffness_described(self, points, dt)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class BarElement(Element):
 
     @staticmethod
     def internal_force(
-        element: BarArrays, parameters: Floats, first: int, dim: int, displacement: Floats, force: Floats
+        element: BarArrays, material: Any, first: int, dim: int, displacement: Floats, force: Floats
     ) -> None:
         """Set `force` to the axial forces on the nodes."""
         m = displacement.size // dim - 1
@@ -61,13 +61,14 @@ class BarElement(Element):
             # each axial force is evaluated at both its nodes, because a loop without recurrence can be vectorised
             sign = element.direction[first, 0]
             area *= sign
-            force[0] = area * stress(parameters, sign * (displacement[1] - displacement[0]) * inverse[0])
+            force[0] = area * stress(material, first, sign * (displacement[1] - displacement[0]) * inverse[0])
             for i in range(1, m):
                 force[i] = area * (
-                    stress(parameters, sign * (displacement[i + 1] - displacement[i]) * inverse[i])
-                    - stress(parameters, sign * (displacement[i] - displacement[i - 1]) * inverse[i - 1])
+                    stress(material, first + i, sign * (displacement[i + 1] - displacement[i]) * inverse[i])
+                    - stress(material, first + i - 1, sign * (displacement[i] - displacement[i - 1]) * inverse[i - 1])
                 )
-            force[m] = -area * stress(parameters, sign * (displacement[m] - displacement[m - 1]) * inverse[m - 1])
+            stretch = sign * (displacement[m] - displacement[m - 1])
+            force[m] = -area * stress(material, first + m - 1, stretch * inverse[m - 1])
             return
         direction = element.direction[first]
         previous = 0.0
@@ -75,7 +76,7 @@ class BarElement(Element):
             stretch = 0.0
             for d in range(dim):
                 stretch += direction[d] * (displacement[(i + 1) * dim + d] - displacement[i * dim + d])
-            axial = area * stress(parameters, stretch * inverse[i])
+            axial = area * stress(material, first + i, stretch * inverse[i])
             for d in range(dim):
                 force[i * dim + d] = direction[d] * (axial - previous)
             previous = axial
@@ -85,7 +86,7 @@ class BarElement(Element):
     @staticmethod
     def energy(
         element: BarArrays,
-        parameters: Floats,
+        material: Any,
         first: int,
         dim: int,
         displacement: Floats,
@@ -102,7 +103,8 @@ class BarElement(Element):
             for i in range(m):
                 after = sign * (displacement[i + 1] - displacement[i])
                 before = after - dt * sign * (velocity[i + 1] - velocity[i])
-                total += energy_density(parameters, before * inverses[i], after * inverses[i]) / inverses[i]
+                density = energy_density(material, first + i, before * inverses[i], after * inverses[i])
+                total += density / inverses[i]
             return element.area[first] * total
         for i in range(m):
             after = 0.0
@@ -111,9 +113,6 @@ class BarElement(Element):
                 after += direction[d] * (displacement[(i + 1) * dim + d] - displacement[i * dim + d])
                 rate += direction[d] * (velocity[(i + 1) * dim + d] - velocity[i * dim + d])
             inverse = element.inverse_length[first + i]
-            total += (
-                element.area[first + i]
-                / inverse
-                * energy_density(parameters, (after - dt * rate) * inverse, after * inverse)
-            )
+            density = energy_density(material, first + i, (after - dt * rate) * inverse, after * inverse)
+            total += element.area[first + i] / inverse * density
         return total

@@ -3,56 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss import DataFile, Doc, Load, Unit
+from percuss import Load
+from percuss_methods.loads._points import Points
 
 if TYPE_CHECKING:
     from percuss import Floats
 
 
 @dataclass(frozen=True)
-class Table(Load):
+class Table(Points, Load):
     """A piecewise-linear amplitude through given points, with the first and the last value held outside them.
 
     Formula: ``A(t) = value_i + (value_{i+1} - value_i) (t - time_i) / (time_{i+1} - time_i)`` between ``time_i`` and
     ``time_{i+1}``.
 
-    The points come from the case (`time`, `value`) or from a CSV file of two columns, time and value, whose path is
-    relative to the case; a first line of words is skipped.
+    The points come from the case (`time`, `value`) or from a CSV or TSV file, whose path is relative to the case, such
+    as a measured record. A file of two columns has the times first; of a file of more, `columns` gives two, by their
+    names in the first line or by their numbers. All values are multiplied by `scale`.
     """
 
     name = "table"
     summary = "Piecewise linear through given points"
     examples = ({"time": (0.0, 0.1), "value": (0.0, 2.0)},)
-
-    time: Annotated[tuple[float, ...], Unit("time"), Doc("increasing times")] | None = None
-    value: Annotated[tuple[float, ...], Unit("amplitude"), Doc("one value a time")] | None = None
-    file: Annotated[DataFile, Doc("CSV file of two columns, time and value; instead of both")] | None = None
-
-    def __post_init__(self) -> None:
-        if (self.file is None) == (self.time is None and self.value is None):
-            raise ValueError("a table has either `time` and `value`, or `file`")
-        if self.file is None and (self.time is None or self.value is None):
-            raise ValueError("a table has both `time` and `value`")
-        points, values = self.points
-        if len(points) != len(values):
-            raise ValueError(f"`time` has {len(points)} numbers and `value` has {len(values)}: give one value a time")
-        if len(points) == 0:
-            raise ValueError("a table has at least one point")
-        if not (np.diff(points) > 0).all():
-            raise ValueError("`time` must increase from point to point")
-
-    @cached_property
-    def points(self) -> tuple[Floats, Floats]:
-        """Times and values of the points, cached because an exact solution uses them thousands of times."""
-        if self.file is not None:
-            columns = self.file.as_columns(2)
-            return columns[0], columns[1]
-        return np.asarray(self.time, dtype=float), np.asarray(self.value, dtype=float)
 
     def amplitude(self, time: Floats) -> Floats:
         """Return the interpolated value at each time."""

@@ -20,33 +20,13 @@ from percuss import (
 )
 
 
-@dataclass(frozen=True)
-class Nitsche(ContactLaw):
-    """Nitsche's method with theta = 0; the mean normal stress is read from the bulk acceleration of the gap.
-
-    Formula: ``lambda = [-gamma g - A {sigma}]_+``, ``A {sigma} = g''_bulk / s``.
-    """
-
-    name = "nitsche"
-    summary = "Nitsche, theta = 0"
-    references = ("Chouly, Renard: Explicit Verlet time-integration for a Nitsche-based approximation, AMSES 5 (2018)",)
-
-    gamma0: Annotated[float, Gt(0), Unit("1"), Doc("Nitsche parameter over EA/h of the softer side")] = 1.0
-
-    def bind(self, points, dt):
-        gamma = self.gamma0 * points.stiffness
-        return LinearLaw(
-            at="explicit", sigma=0.0, acceleration=1 / (gamma * points.delassus), active="all", sign=">= 0"
-        )
-
-
 class Bound(NamedTuple):
     gamma: np.ndarray
 
 
 @dataclass(frozen=True)
 class NitscheKernel(ContactLaw):
-    """The same by a kernel.
+    """The built-in `nitsche` by a kernel.
 
     Formula: ``lambda = [-gamma g - A {sigma}]_+``.
     """

@@ -1,7 +1,7 @@
 """A linear bar whose force on the second node is a hundredth too small: it takes momentum from nowhere."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Leaking(Element):
     summary = "Two-node bar"
     linear = True
     references = ("Hughes: The Finite Element Method, Dover 2000, ch. 1",)
-    contract_version = 2
+    contract_version = 3
 
     def bind(self, body: BodyMesh) -> LeakingArrays:
         """Return length, area and direction of each element."""
@@ -45,7 +45,7 @@ class Leaking(Element):
 
     @staticmethod
     def internal_force(
-        element: LeakingArrays, parameters: Floats, first: int, dim: int, displacement: Floats, force: Floats
+        element: LeakingArrays, material: Any, first: int, dim: int, displacement: Floats, force: Floats
     ) -> None:
         """Set `force` to the axial forces on the nodes; a kernel."""
         force[:] = 0.0
@@ -54,7 +54,7 @@ class Leaking(Element):
             stretch = 0.0
             for d in range(dim):
                 stretch += e[d] * (displacement[(i + 1) * dim + d] - displacement[i * dim + d])
-            axial = element.area[first + i] * stress(parameters, stretch / element.length[first + i])
+            axial = element.area[first + i] * stress(material, first + i, stretch / element.length[first + i])
             for d in range(dim):
                 force[i * dim + d] += axial * e[d]
                 force[(i + 1) * dim + d] -= 0.99 * axial * e[d]
@@ -62,7 +62,7 @@ class Leaking(Element):
     @staticmethod
     def energy(
         element: LeakingArrays,
-        parameters: Floats,
+        material: Any,
         first: int,
         dim: int,
         displacement: Floats,
@@ -77,7 +77,9 @@ class Leaking(Element):
             for d in range(dim):
                 after += e[d] * (displacement[(i + 1) * dim + d] - displacement[i * dim + d])
                 rate += e[d] * (velocity[(i + 1) * dim + d] - velocity[i * dim + d])
-            total += element.area[first + i] * h * energy_density(parameters, (after - dt * rate) / h, after / h)
+            total += (
+                element.area[first + i] * h * energy_density(material, first + i, (after - dt * rate) / h, after / h)
+            )
         return total
 
 

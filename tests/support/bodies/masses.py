@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-
 from percuss import Doc, Mass, Unit
 
 
@@ -21,8 +19,8 @@ class Moved(Mass):
 
     share: Annotated[float, Unit("1"), Doc("of the end mass that is moved")] = 1.0
 
-    def nodal(self, element_mass):
-        mass = np.convolve(element_mass, [0.5, 0.5])
+    def nodal(self, element_mass, lumping):
+        mass = lumping.at_nodes(element_mass)
         for end, inner in ((0, 1), (-1, -2)):
             moved = self.share * mass[end]
             mass[inner] += moved

@@ -11,10 +11,20 @@ module-level constants and call plain helper functions, and it keeps nothing bet
 from annotated_types import Ge, Gt, Le, Lt
 
 from percuss.methods.interfaces.base import NAME_PATTERN, AllowInf, Component, DataFile, Doc, Floats, Integers, Unit
-from percuss.methods.interfaces.body import BodyMesh, Element, Mass, Material, Mesh, Region, Shape
+from percuss.methods.interfaces.body import (
+    BodyMesh,
+    CellElement,
+    Element,
+    Lumping,
+    Mass,
+    Material,
+    Mesh,
+    Region,
+    Shape,
+)
 from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
 from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
-from percuss.methods.interfaces.load import Load
+from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd
 from percuss.methods.interfaces.measure import Measure
 from percuss.methods.interfaces.problem import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
 from percuss.methods.interfaces.solution import Exact, ExactContact, Solution
@@ -25,6 +35,7 @@ __all__ = [
     "AllowInf",
     "BodyEnd",
     "BodyMesh",
+    "CellElement",
     "Component",
     "ContactLaw",
     "ContactPoints",
@@ -36,6 +47,7 @@ __all__ = [
     "Exact",
     "ExactContact",
     "Floats",
+    "FollowingLoad",
     "Ge",
     "Gt",
     "Integers",
@@ -44,7 +56,9 @@ __all__ = [
     "LeapFrog",
     "LinearLaw",
     "Load",
+    "LoadedEnd",
     "Lt",
+    "Lumping",
     "Mass",
     "Material",
     "Measure",

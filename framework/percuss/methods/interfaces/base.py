@@ -55,7 +55,7 @@ class Doc:
 class DataFile:
     """A CSV file of numbers that a case names by a path relative to its own; read once, when the case is checked.
 
-    Two data files are equal if their paths and numbers are equal.
+    Two data files are equal if their paths, numbers and names of columns are equal.
 
     Attributes
     ----------
@@ -63,10 +63,16 @@ class DataFile:
         Path as written in the case.
     table : (columns, rows) array
         Numbers of the file; a first line in which no field begins like a number is skipped.
+    names
+        Fields of that first line, which name the columns; empty if the file has none.
+    lines
+        Line of the file on which each row stands, from 1.
     """
 
     path: str
     table: Floats
+    names: tuple[str, ...] = ()
+    lines: tuple[int, ...] = ()
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> dict[str, Any]:
@@ -81,7 +87,8 @@ class DataFile:
         # An array has no truth value, so the comparison that a dataclass generates would fail.
         if not isinstance(other, DataFile):
             return NotImplemented
-        return self.path == other.path and np.array_equal(self.table, other.table, equal_nan=True)
+        same = self.path == other.path and self.names == other.names
+        return same and np.array_equal(self.table, other.table, equal_nan=True)
 
     def __hash__(self) -> int:
         return hash((self.path, self.table.shape))
@@ -97,6 +104,32 @@ class DataFile:
         if self.table.shape[0] != count:
             raise ValueError(f"{self.path} has {self.table.shape[0]} columns, expected {count}")
         return self.table
+
+    def column(self, which: str | int) -> Floats:
+        """Return the (rows,) numbers of a column, given by its name in the first line or by its number from 1.
+
+        Raises
+        ------
+        ValueError
+            If the file has no such column, or several of that name.
+        """
+        count = self.table.shape[0]
+        if isinstance(which, int):
+            if not 1 <= which <= count:
+                raise ValueError(f"{self.path} has no column {which}: it has {count}, numbered from 1")
+            numbers: Floats = self.table[which - 1]
+            return numbers
+        if self.names.count(which) == 1:
+            return self.column(self.names.index(which) + 1)
+        if not self.names:
+            raise ValueError(f"{self.path} has no column '{which}': no line above its numbers names them; give numbers")
+        several = "several columns" if which in self.names else "no column"
+        named = ", ".join(f"'{name}'" for name in self.names)
+        raise ValueError(f"{self.path} has {several} '{which}': its first line names {named}")
+
+    def place(self, row: int) -> str:
+        """Return the file and the line of a row, numbered from 0, for messages: ``FILE:LINE``."""
+        return f"{self.path}:{self.lines[row]}"
 
 
 class Component(ABC):

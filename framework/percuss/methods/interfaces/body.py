@@ -5,24 +5,45 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
-from percuss.methods.interfaces.base import Component, Floats
+import numpy as np
+
+from percuss.methods.interfaces.base import Component, Floats, Integers
+
+NO_CELLS: Mapping[str, Integers] = MappingProxyType({})
 
 
 class Region(NamedTuple):
-    """A named part of a body's boundary: its nodes, and the unit vector that points out of the body at them."""
-
-    nodes: tuple[int, ...]
-    outward: Floats
-
-
-class Mesh(NamedTuple):
-    """The mesh of a body along a line: element i joins nodes i and i + 1.
+    """A named part of a body's boundary: its nodes, the unit vector that points out of the body at them, its facets.
 
     Attributes
     ----------
-    nodes : (n + 1, dim) array
+    nodes
+        Numbers of its nodes in the mesh.
+    outward : (dim,) array
+        Unit vector out of the body.
+    facets
+        Nodes of each facet, (facets, nodes of a facet), by kind of facet; kinds have the names of cells, and
+        ``vertex`` for a single node. Empty where every node is a facet of its own, as at the end of a line.
+    """
+
+    nodes: tuple[int, ...]
+    outward: Floats
+    facets: Mapping[str, Integers] = NO_CELLS
+
+
+class Mesh(NamedTuple):
+    """The mesh of a body: nodes, cells between them, and named regions of its boundary.
+
+    A shape makes a line of two-node cells, where cell i joins nodes i and i + 1, and leaves `cells` empty. Where the
+    element of the body has more nodes, percuss adds them between those of the shape, numbers all nodes along the line,
+    and writes down the cells.
+
+    Attributes
+    ----------
+    nodes : (nodes, dim) array
         Positions [length].
     lengths : (n,) array
         Element lengths [length].
@@ -30,12 +51,17 @@ class Mesh(NamedTuple):
         Unit vector along the line.
     regions
         Named ends; a case refers to places of a body only as ``BODY.REGION``.
+    cells
+        Node numbers of each cell, (cells, nodes of a cell), by kind of cell. Kinds have the names and the order of
+        nodes of VTK and meshio (``line``, ``line3``, ``line4``, ...: the ends first, then the nodes between them).
+        Empty for a line of two-node cells.
     """
 
     nodes: Floats
     lengths: Floats
     direction: Floats
     regions: Mapping[str, Region]
+    cells: Mapping[str, Integers] = NO_CELLS
 
 
 class Shape(Component, contract="shapes"):
@@ -85,8 +111,31 @@ class Material(Component, contract="materials"):
     at t_n and t_n+1; for a linear material it is half the product of the stress at one time and the strain at the
     other.
 
+    A material whose stress depends on the past declares ``state = k``, and its kernel is ``stress(parameters, strain,
+    before, after)``: it finds k state variables of the point in `before`, as the last step has left them, zeros in the
+    first step, and writes them to `after`, which begins as a copy of `before`. The framework owns them and carries them
+    over once a step. One of them is the energy that the material stores; no `energy_density` is needed::
+
+        state = 3
+        stored_in, dissipated_in = 1, 2
+
+        @staticmethod
+        def stress(parameters, strain, before, after):  # elastic, perfectly plastic
+            young, limit = parameters[0], parameters[1]
+            trial = young * (strain - before[0])
+            value = min(max(trial, -limit), limit)
+            after[0] = strain - value / young
+            after[1] = 0.5 * value**2 / young
+            after[2] = before[2] + value * (after[0] - before[0])
+            return value
+
     Attributes
     ----------
+    state
+        Number of state variables of each point at which an element evaluates the stress.
+    stored_in, dissipated_in
+        Numbers, from 0, of the state variables that are the energy stored per volume, and the energy dissipated so far
+        per volume [energy/length^3]; the latter is None if the material does not say.
     linear
         Whether the stress is `modulus` times the strain for any strain. A body is linear if its element and its
         material are both declared linear. Exact solutions, certificates, energy guarantees and the energy identity to
@@ -95,6 +144,9 @@ class Material(Component, contract="materials"):
     """
 
     linear: ClassVar[bool] = False
+    state: ClassVar[int] = 0
+    stored_in: ClassVar[int | None] = None
+    dissipated_in: ClassVar[int | None] = None
 
     @property
     @abstractmethod
@@ -116,9 +168,12 @@ class Material(Component, contract="materials"):
         """Return the stress at `strain` [force/length^2]; a kernel."""
 
     @staticmethod
-    @abstractmethod
     def energy_density(parameters: Floats, before: float, after: float) -> float:
-        """Return the staggered strain-energy density of two consecutive strains [energy/length^3]; a kernel."""
+        """Return the staggered strain-energy density of two consecutive strains [energy/length^3]; a kernel.
+
+        A material with state variables needs none.
+        """
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -143,10 +198,12 @@ class Element(Component, contract="elements"):
     Both kernels work on consecutive elements; `first` is the number of the first of them in the bound arrays.
     Displacement, velocity and force are flat arrays, node by node, with `dim` components per node.
 
-    ``internal_force(element, parameters, first, dim, displacement, force)`` *sets* `force` to the forces of the
-    stretched elements on their nodes. ``energy(element, parameters, first, dim, displacement, velocity, dt)`` returns
-    their staggered strain energy, where `displacement` is at n + 1 and ``displacement - dt * velocity`` at n. Both call
-    the material by the slots `percuss.stress` and `percuss.energy_density`, with the strain measure of the element.
+    ``internal_force(element, material, first, dim, displacement, force)`` *sets* `force` to the forces of the stretched
+    elements on their nodes. ``energy(element, material, first, dim, displacement, velocity, dt)`` returns their
+    staggered strain energy, where `displacement` is at n + 1 and ``displacement - dt * velocity`` at n. Both call the
+    material by the slots ``percuss.stress(material, point, strain)`` and ``percuss.energy_density(material, point,
+    before, after)``, with the strain measure of the element. `material` is only passed on; `point` is the number of the
+    element in the bound arrays, ``first + i``.
 
     The element stress in a result is the mean of the values that `stress` returned while `internal_force` computed the
     force of that element alone. It is therefore the stress behind the force for any strain measure.
@@ -158,9 +215,12 @@ class Element(Component, contract="elements"):
         constant: the force is then proportional to the displacement if the material is linear too. A body is linear if
         its element and its material are both declared linear (see `Material`). The conformance kit compares the
         declaration with the kernels.
+    cell
+        Kind of its cells. An element of any other kind than ``line`` is a `CellElement`.
     """
 
     linear: ClassVar[bool] = False
+    cell: ClassVar[str] = "line"
 
     @abstractmethod
     def bind(self, body: BodyMesh) -> Any:
@@ -176,16 +236,14 @@ class Element(Component, contract="elements"):
 
     @staticmethod
     @abstractmethod
-    def internal_force(
-        element: Any, parameters: Floats, first: int, dim: int, displacement: Floats, force: Floats
-    ) -> None:
+    def internal_force(element: Any, material: Any, first: int, dim: int, displacement: Floats, force: Floats) -> None:
         """Set `force` to the internal force of the elements on their nodes; a kernel."""
 
     @staticmethod
     @abstractmethod
     def energy(
         element: Any,
-        parameters: Floats,
+        material: Any,
         first: int,
         dim: int,
         displacement: Floats,
@@ -195,9 +253,155 @@ class Element(Component, contract="elements"):
         """Return the staggered strain energy of the elements; a kernel."""
 
 
-class Mass(Component, contract="masses"):
-    """A rule that turns element masses into nodal masses; the mass matrix is always diagonal."""
+class CellElement(Element, contract="elements"):
+    """An element of any number of nodes, whose kernel sees one cell at a time.
+
+    percuss makes the nodes, gathers coordinates and displacements of each cell, calls the kernel, and adds the forces
+    that it sets to those of the neighbours. The kernel ``force(rule, material, first, section, coordinates,
+    displacement, force)`` *sets* `force` to the forces of the strained cell on its nodes. It calls the material once
+    for each of its quadrature points by the slot ``percuss.stress(material, first + q, strain)``, with q from 0. The
+    state variables of a material belong to these points.
+
+    The strain energy of a cell is the sum over its points of their `volumes` times the energy density of the material
+    at the strain with which the kernel calls `stress`. The element stress in a result is the mean of the stresses of
+    its points, weighted with their volumes.
+
+    Attributes
+    ----------
+    cell
+        Kind of its cells, such as ``line3``: a class attribute, or a property where it depends on the options.
+    linear
+        As of `Element`.
+    """
 
     @abstractmethod
-    def nodal(self, element_mass: Floats) -> Floats:
-        """Return the (n + 1,) nodal masses [mass] for the (n,) element masses of a line mesh."""
+    def rule(self) -> Any:
+        """Return the arrays that the kernel reads of every cell: a NamedTuple that follows from the options."""
+
+    @abstractmethod
+    def reference_nodes(self) -> Floats:
+        """Return the positions of the nodes along a cell, (nodes,): 0 and 1 of the ends, then those between them."""
+
+    @abstractmethod
+    def mass_shares(self) -> Floats:
+        """Return the share of each node in the mass of its cell, (nodes,), in the order of `reference_nodes`."""
+
+    @abstractmethod
+    def volumes(self, body: BodyMesh) -> Floats:
+        """Return the volume of each quadrature point of each cell, (elements, points) [length^3]."""
+
+    @staticmethod
+    @abstractmethod
+    def force(
+        rule: Any,
+        material: Any,
+        first: int,
+        section: float,
+        coordinates: Floats,
+        displacement: Floats,
+        force: Floats,
+    ) -> None:
+        """Set `force` to the forces of one cell on its nodes; a kernel.
+
+        Parameters
+        ----------
+        rule
+            What `rule` returned.
+        material
+            Passed on to the slot `percuss.stress`.
+        first
+            Number of the first quadrature point of the cell.
+        section
+            Area of the cross-section [length^2].
+        coordinates, displacement, force : (nodes, dim) arrays
+            Of the nodes of the cell, in the order of `reference_nodes`.
+        """
+
+    def bind(self, body: BodyMesh) -> Any:
+        """Return nothing: `rule`, `volumes` and the mesh are all that percuss reads of a cell."""
+
+    @staticmethod
+    def internal_force(element: Any, material: Any, first: int, dim: int, displacement: Floats, force: Floats) -> None:
+        """Leave the sum over the cells to percuss."""
+        raise NotImplementedError
+
+    @staticmethod
+    def energy(
+        element: Any,
+        material: Any,
+        first: int,
+        dim: int,
+        displacement: Floats,
+        velocity: Floats,
+        dt: float,
+    ) -> float:
+        """Leave the sum over the cells to percuss."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class Lumping:
+    """The way in which the elements of a body share their mass among their nodes.
+
+    Attributes
+    ----------
+    shares : (nodes of a cell,) array
+        Share of each node of a cell in its mass; 1/2 and 1/2 for a two-node element.
+    cells : (n, nodes of a cell) array
+        Nodes of each element.
+    nodes
+        Number of nodes.
+    """
+
+    shares: Floats
+    cells: Integers
+    nodes: int
+
+    @classmethod
+    def of_line(cls, count: int) -> Lumping:
+        """Return that of a line of two-node elements."""
+        first = np.arange(count)
+        return cls(np.array([0.5, 0.5]), np.stack([first, first + 1], axis=1), count + 1)
+
+    def at_nodes(self, element_mass: Floats) -> Floats:
+        """Return the (nodes,) masses that the (n,) masses of the elements leave at the nodes [mass]."""
+        nodal = np.zeros(self.nodes)
+        for share, nodes in zip(self.shares, self.cells.T, strict=True):
+            nodal += np.bincount(nodes, share * element_mass, minlength=self.nodes)
+        return nodal
+
+
+class Mass(Component, contract="masses"):
+    """A rule that turns element masses into nodal masses; the mass matrix is always diagonal.
+
+    An end in contact may have no mass: such a rule overrides `nodal_in_contact`, and percuss keeps that end in static
+    balance with its contact, in the same equation as all other contacts (`percuss.ContactPoints.delassus`).
+    """
+
+    @abstractmethod
+    def nodal(self, element_mass: Floats, lumping: Lumping) -> Floats:
+        """Return the (nodes,) nodal masses [mass].
+
+        Parameters
+        ----------
+        element_mass : (n,) array
+            Masses of the elements of a body.
+        lumping
+            How its elements share their mass among their nodes: ``lumping.at_nodes(element_mass)`` is row-sum lumping.
+        """
+
+    def nodal_in_contact(self, element_mass: Floats, lumping: Lumping, first: bool, last: bool) -> Floats:  # noqa: ARG002
+        """Return the (nodes,) nodal masses of a body of which one end or both are in contact; by default `nodal`.
+
+        It is asked of lines of two-node elements alone; with more nodes a mass that overrides it is refused.
+
+        Parameters
+        ----------
+        element_mass, lumping
+            As of `nodal`.
+        first, last
+            Whether the first and the last node are in contact, and nothing else acts there: no support, no drive and
+            no load. At least one of them is. The mass of such a node, and of no other, may be 0; the node beside it
+            then has mass.
+        """
+        return self.nodal(element_mass, lumping)

@@ -19,6 +19,9 @@ from percuss.methods.interfaces.integrator import Integrator
 class ContactPoints:
     """The data of its contact points that a contact law can use; arrays are read-only, with one value per point.
 
+    EA/h, 2c/h and rho A h / 2 are those of a two-node bar. Of an element of more nodes rho A h / 2 stands for its mass
+    m at the end node, 2c/h for its highest frequency omega, and EA/h for ``m omega^2 / 2``.
+
     Attributes
     ----------
     names : tuple of str
@@ -33,7 +36,9 @@ class ContactPoints:
         Whether both sides have the same EA/h and 2c/h; true at a rigid wall.
     delassus : (P,) array
         s, the diagonal entry of S = N^T M^-1 N for the point [1/mass]; its largest value in the run if a support or a
-        drive holds an end for a part of the run.
+        drive holds an end for a part of the run. A multiplier changes the gap at the end of a leap-frog step by
+        ``dt^2 s``. Of a side without mass it is the end element that yields: s is then the sum of ``1 / (k dt^2)`` over
+        such sides, k the stiffness of the end element.
     coupling : (P,) array
         Sum of the absolute values in the point's row of S, divided by s [1]; 1 for a point that shares no end with
         another point.
@@ -59,7 +64,7 @@ class ContactPoints:
 
         It holds for any set of closed contacts, as long as no contact is stiffer than its own limit, and for the time
         step for which the points were made. If that step exceeds 0.99 of the Courant limit of a body, the limit is
-        computed for 0.99.
+        computed for 0.99. It is infinite if all sides that move have no mass: their end elements are softer.
         """
         return self.limits()
 
@@ -102,6 +107,8 @@ class LinearLaw(NamedTuple):
 class Trial(NamedTuple):
     """The state that the kernel of a contact law receives, for all its points in one step; (P,) arrays, read-only.
 
+    Only `after` and `shift` are for the kernel to write.
+
     The state is the same for all leap-frog integrators; they differ only in the state that linear laws receive. `gap`
     belongs to the displacement at which the forces of the step are evaluated (u_{n+1} in papers that update it before
     the balance is solved), `predicted_gap` to the bodies one step later without contact. Gaps of touching bodies are
@@ -132,6 +139,13 @@ class Trial(NamedTuple):
         Gap acceleration caused in this step by contacts of other laws at the same ends, with their latest computed
         forces: the kernel is called again until the forces of all laws agree. Zero for a law that does not declare
         `ContactLaw.uses_coupling`.
+    before, after
+        State variables of each point, (P, k) for a law with ``state = k``: `before` as the last step has left them,
+        zeros in the first step, and `after` for the kernel to write, which begins as a copy of `before`.
+    shift
+        For a law that declares `ContactLaw.shifts` the shift of each point, (P,) for the kernel to write, which begins
+        as zeros [mass*length]; (0,) for any other law. After the step, displacements change by ``M^-1 N shift`` and
+        velocities do not: a shift of 1/s changes the gap by 1.
     """
 
     gap: Floats
@@ -147,6 +161,9 @@ class Trial(NamedTuple):
     neighbour: Integers
     coupling: Floats
     pushed_by_others: Floats
+    before: Floats
+    after: Floats
+    shift: Floats
 
 
 class ContactLaw(Component, contract="contacts"):
@@ -157,6 +174,39 @@ class ContactLaw(Component, contract="contacts"):
     positive, from the `Trial`; there is no closed-form stability certificate for it. Before each call all multipliers
     are nan; a multiplier that the kernel leaves unset ends the run with an error that names the contact. The other
     arguments of the kernel are read-only, and nothing may be kept from one call to the next.
+
+    A law whose force depends on the past, as on the greatest overlap so far, declares ``state = k``: its kernel finds k
+    state variables of each point in `Trial.before` and writes them to `Trial.after`. The framework owns them. They
+    begin as zeros, are carried over once a step, whatever the number of calls of the kernel in it, and are recorded as
+    ``contact_state``::
+
+        state = 1
+
+        @staticmethod
+        def multipliers(bound, trial, multiplier):  # stiff while loading, stiffer while unloading
+            for p in range(multiplier.size):
+                overlap = max(-trial.gap[p], 0.0)
+                greatest = max(trial.before[p, 0], overlap)
+                trial.after[p, 0] = greatest
+                force = bound.unloading[p] * overlap - (bound.unloading[p] - bound.loading[p]) * greatest
+                multiplier[p] = max(force, 0.0)
+
+    A law that corrects the positions of bodies beside their velocities declares ``shifts = True``: its kernel writes
+    `Trial.shift` too. The force of a point changes velocities, and by them the displacements of the step; the shift
+    changes the displacements alone. With both, a kernel can set the gap and the gap rate at the end of a step
+    independently. The work that a shift does on the bodies is part of the contact work, so that the energy ledger
+    closes::
+
+        shifts = True
+
+        @staticmethod
+        def multipliers(bound, trial, multiplier):  # gap and gap rate zero at the end of a step that would overlap
+            for p in range(multiplier.size):
+                multiplier[p] = 0.0
+                if trial.predicted_gap[p] < 0.0:
+                    multiplier[p] = max(-trial.predicted_rate[p], 0.0) / (trial.rate_response * trial.delassus[p])
+                    gap = trial.predicted_gap[p] + trial.gap_response * trial.delassus[p] * multiplier[p]
+                    trial.shift[p] = -gap / trial.delassus[p]
 
     If contacts share an end, the force of one contact changes the motion of the other. Linear laws are solved together.
     A kernel receives the state of each point as if no other contact force acted in the step, unless it declares
@@ -183,6 +233,14 @@ class ContactLaw(Component, contract="contacts"):
         `percuss check` and the notes of the run report it.
     measured
         Measured energy behaviour, in words, by name of the integrator, for combinations without an energy guarantee.
+    state
+        Number of state variables of each contact point.
+    stored_in, dissipated_in
+        Numbers, from 0, of the state variables that are the energy that the contact stores, and the energy that it has
+        dissipated so far [energy]; None if there are none. They are recorded beside the contact work.
+    shifts
+        Whether the kernel writes `Trial.shift`. A multi-stage scheme refuses such a law: it has no one displacement
+        that belongs to the forces of a step.
     guarantees
         Properties that hold for all options and integrators: ``"never pulls"``, ``"no penetration"`` (at the end of
         each step), ``"keeps the free step"`` (contact does not lower the critical time step). The conformance kit
@@ -206,6 +264,10 @@ class ContactLaw(Component, contract="contacts"):
     """
 
     uses_coupling: ClassVar[bool] = False
+    state: ClassVar[int] = 0
+    stored_in: ClassVar[int | None] = None
+    dissipated_in: ClassVar[int | None] = None
+    shifts: ClassVar[bool] = False
     measured: ClassVar[Mapping[str, str]] = {}
     guarantees: ClassVar[tuple[str, ...]] = ()
     stiffening: ClassVar[tuple[str, ...]] = ()

@@ -38,10 +38,15 @@ class LeapFrog(NamedTuple):
         State for laws evaluated before the step is corrected.
     end
         State for laws evaluated at the end of the step.
+    viscosity
+        Stiffness-proportional viscosity of linear bodies: the time of the viscosity over the step. Internal forces are
+        then ``K (u_n + viscosity dt v_{n-1/2})``, with the velocity of half a step before. At least 0, and the same at
+        every step: the critical step is that of the bodies over ``sqrt(1 + 2 viscosity)``.
     """
 
     explicit: ContactState
     end: ContactState
+    viscosity: float = 0.0
 
 
 class Stages(NamedTuple):
@@ -61,11 +66,17 @@ class Stages(NamedTuple):
         else, such as an acceleration kept from an earlier stage, include it in the argument v, which only contact uses.
         Choose the displacement that the scheme reaches at the next stage, and the mean velocity until then:
         ``s_a = r_a / r_v``. If empty, laws evaluated at the end of the step are refused.
+    velocity
+        Coefficient c of each stage, at least 0: loads that follow the motion of an end act at the velocity ``v + c a``,
+        where v is the argument of `percuss.accelerations` and a is its result without contact, which their own force
+        changes. Choose the velocity at the time of the stage, ``c = dt / 2`` for velocity Verlet: with a velocity of an
+        earlier time such loads make a scheme first order. If empty, they act at v.
     """
 
     times: tuple[float, ...]
     numbers: tuple[float, ...] = ()
     end: tuple[tuple[float, float, float], ...] = ()
+    velocity: tuple[float, ...] = ()
 
 
 class Integrator(Component, contract="integrators"):
@@ -85,6 +96,14 @@ class Integrator(Component, contract="integrators"):
             u += dt * v
             accelerations(system, 0, u, v, kept[0])
             v += 0.5 * dt * kept[0]
+
+    ``percuss.internal(system, stage, u, f)``, imported by name too, sets the array `f`, another one than u, to the
+    internal forces over the masses, ``M^-1 f_int(u)``, for schemes that need them alone, such as those that use the
+    gradient of the force. u may be any array of that size: of linear bodies ``internal(system, 0, a, f)`` is
+    ``M^-1 K a``. Loads and contacts take no part, and supports and drives hold their ends at no acceleration, so that f
+    is minus what `percuss.accelerations` would set without loads and contacts, reactions included: in sums of both,
+    reactions, impulses and the balance of momentum remain right. State variables of materials are those at the begin
+    of the step, and what `percuss.accelerations` has made of them remains. No stage has another internal force.
 
     A kernel may allocate arrays. It must treat all entries of u, v and kept alike: behind the degrees of freedom of the
     nodes lie entries whose accelerations are the multipliers, the reactions and the amplitudes of the loads. From the

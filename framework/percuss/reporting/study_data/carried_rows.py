@@ -10,6 +10,7 @@ import numpy as np
 
 from percuss.reporting.study_data.roles import ColumnRoles, ranking
 from percuss.reporting.study_data.values import methods, numbers, texts
+from percuss.studies.pareto import front_of
 
 MOST_ROWS = 5000  # A browser draws and sorts this many rows without a pause; the best runs are added to them.
 
@@ -79,16 +80,6 @@ def _by_case_and_method(table: Any, mask: Any) -> Iterator[Any]:
     for part in np.split(rows[order], np.flatnonzero(np.diff(groups[order])) + 1):
         if part.size:
             yield part
-
-
-def front_of(cost: Any, error: Any) -> Any:
-    """Return the row numbers of the Pareto front of error against cost, by rising cost, of runs that have both."""
-    rows = np.flatnonzero(np.isfinite(cost) & np.isfinite(error))
-    rows = rows[np.lexsort((error[rows], cost[rows]))]
-    best = np.minimum.accumulate(error[rows]) if rows.size else error[rows]
-    kept = np.ones(rows.size, dtype=bool)
-    kept[1:] = error[rows][1:] < best[:-1]
-    return rows[kept]
 
 
 def front(cost: Any, error: Any) -> Any:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.methods.slots import energy, internal_force, unbound
 from percuss.solver.compiled.marks import called
+from percuss.solver.compiled.materials import MaterialPoints
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -27,6 +28,9 @@ class Group(NamedTuple):
     start: Integers  # (bodies,) first node
     stop: Integers  # (bodies,) the number after the last node
     first: Integers  # (bodies,) index of the first element in the arrays of `element`
+    before: Floats  # (elements, state variables) as the last step has left them
+    after: Floats  # (elements, state variables) as the present step leaves them
+    work: Floats  # (1,) sum of the internal work of the steps, or (0,) where it is not summed up
 
 
 class Bulk(NamedTuple):
@@ -35,6 +39,8 @@ class Bulk(NamedTuple):
     mass: Floats  # (nodes * dim,)
     inverse_mass: Floats  # (nodes * dim,)
     force: Floats  # ((BLOCK + 2) * dim,) work space
+    viscous_time: float  # time by which internal forces look ahead along the velocity of half a step before
+    ahead: Floats  # ((BLOCK + 2) * dim,) work space for that, or (0,) without viscosity
 
 
 def advance_bars(
@@ -57,7 +63,7 @@ def advance_bars(
     for b in range(group.body.size):
         lo = group.start[b]
         stop = group.stop[b]
-        parameters = group.parameters[b]
+        material = MaterialPoints(group.parameters[b], group.before, group.after)
         offset = group.first[b] - lo
         body = group.body[b]
         force[0] = 0.0
@@ -66,9 +72,11 @@ def advance_bars(
             count = hi - lo - 1 if hi == stop else hi - lo
             carried = force[0]
             if count > 0:
-                internal_force(group.element, parameters, offset + lo, 1, u[lo : lo + count + 1], force[: count + 1])
+                set_force(group, material, bulk, offset + lo, 1, u[lo : lo + count + 1], v[lo : lo + count + 1])
                 force[0] += carried
+            add_internal_work(group.work, force[: hi - lo], v[lo:hi], dt)
             update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], body_acceleration[body], dt)
+            add_internal_work(group.work, force[: hi - lo], v[lo:hi], dt)
             if count > 0:
                 force[0] = force[count]
             if momentum.size > 0:
@@ -100,7 +108,7 @@ def advance_bodies(
     for b in range(group.body.size):
         lo = group.start[b]
         stop = group.stop[b]
-        parameters = group.parameters[b]
+        material = MaterialPoints(group.parameters[b], group.before, group.after)
         offset = group.first[b] - lo
         body = group.body[b] * dim
         for d in range(dim):
@@ -111,21 +119,17 @@ def advance_bodies(
             if count > 0:
                 for d in range(dim):
                     force[storage + dim + d] = force[d]
-                internal_force(
-                    group.element,
-                    parameters,
-                    offset + lo,
-                    dim,
-                    u[lo * dim : (lo + count + 1) * dim],
-                    force[: (count + 1) * dim],
-                )
+                first, after = lo * dim, (lo + count + 1) * dim
+                set_force(group, material, bulk, offset + lo, dim, u[first:after], v[first:after])
                 for d in range(dim):
                     force[d] += force[storage + dim + d]
+            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], dt)
             for i in range(hi - lo):
                 for d in range(dim):
                     j = (lo + i) * dim + d
                     v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + body_acceleration[body + d])
                     u[j] += dt * v[j]
+            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], dt)
             if count > 0:
                 for d in range(dim):
                     force[d] = force[count * dim + d]
@@ -133,6 +137,36 @@ def advance_bodies(
                 for d in range(dim):
                     momentum[body + d] += momentum_along(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
             lo = hi
+
+
+def set_force(group: Group, material: Any, bulk: Bulk, first: int, dim: int, u: Floats, v: Floats) -> None:
+    """Set the first entries of `bulk.force` to the internal force of elements from `first` on, of a few nodes.
+
+    With viscosity it is the force of the displacement that lies ahead by its time, along the velocity.
+    """
+    strained = u
+    if bulk.ahead.size > 0:
+        strained = bulk.ahead[: u.size]
+        for i in range(u.size):
+            strained[i] = u[i] + bulk.viscous_time * v[i]
+    internal_force(group.element, material, first, dim, strained, bulk.force[: u.size])
+
+
+def add_internal_work(work: Floats, force: Floats, v: Floats, dt: float) -> None:
+    """Add half of a step's internal work, by forces on consecutive nodes; it is called before and after the update."""
+    if work.size > 0:
+        work[0] -= 0.5 * dt * power(force, v)
+
+
+def power(force: Floats, v: Floats) -> float:
+    """Return the power of forces on consecutive nodes."""
+    total = 0.0
+    for i in range(force.size):
+        total += force[i] * v[i]
+    return total
+
+
+power.reduction = True  # type: ignore[attr-defined]
 
 
 def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
@@ -164,7 +198,8 @@ def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> fl
     for b in range(group.body.size):
         lo = group.start[b] * dim
         hi = group.stop[b] * dim
-        total += energy(group.element, group.parameters[b], group.first[b], dim, u[lo:hi], v[lo:hi], dt)
+        material = MaterialPoints(group.parameters[b], group.before, group.after)
+        total += energy(group.element, material, group.first[b], dim, u[lo:hi], v[lo:hi], dt)
     return total
 
 

@@ -23,6 +23,10 @@ SWEEPS = 10_000
 NOTHING, BY_END, BY_CURRENT = 0, 1, 2
 NEVER = -1  # value of `always` for a law outside its intervals of time, which is active at no gap
 
+# Where the multiplier of a point comes from. WITH_MASS: from its linear law, and moves ends that have mass. BY_KERNEL:
+# from the kernel of its law. WITHOUT_MASS: from its linear law, and holds an end without mass in static balance.
+WITH_MASS, BY_KERNEL, WITHOUT_MASS = 0, 1, 2
+
 
 # Each contact point has one record: the coefficients of its law, its state in the step, and sums over the run.
 LAW = np.dtype(
@@ -38,7 +42,7 @@ LAW = np.dtype(
         ("sees_acceleration", "i8"),  # 1 if the law uses the bulk acceleration of the gap
         ("always", "i8"),  # 1 if the law is active at any gap, 0 if only at a negative one, or NEVER
         ("never_pulls", "i8"),  # 1 if the multiplier must not be negative
-        ("own", "i8"),  # 1 if the multiplier comes from the kernel of the law
+        ("source", "i8"),  # where the multiplier comes from: WITH_MASS, BY_KERNEL or WITHOUT_MASS
         ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END or BY_CURRENT
         ("surplus", "f8"),  # w minus its value for the gap at the end of the step
     ]
@@ -61,7 +65,9 @@ POINT = np.dtype(
         ("rate", "f8"),  # at n - 1/2
         ("predicted_rate", "f8"),  # after the bulk update
         ("multiplier", "f8"),
+        ("coming", "f8"),  # multiplier of the next step, which ends without mass know already
         ("found_before", "f8"),  # multiplier of the sweep before, if kernels and contact equation are solved in turn
+        ("shift", "f8"),  # of the displacements after the step, by a law that declares it
         ("pushed_by_others", "f8"),  # gap acceleration by the multipliers of other laws, for kernels that use it
         ("stored", "f8"),  # stored energy at n - 1/2, after the step that at n + 1/2
         ("active", "i8"),  # 1 if the contact had a force or stored energy in the step before
@@ -79,19 +85,24 @@ OTHER = np.dtype([("point", "i8"), ("value", "f8")])  # off-diagonal entries of 
 
 
 def solve(points: Any, others: Any, dt: float) -> bool:
-    """Find the multipliers of all points with a linear law; return whether the solution converged.
+    """Find the multipliers of all points with a linear law at ends with mass; return whether the solution converged.
 
     The multipliers of laws with a kernel are given and act on the other points as external forces.
     """
+    return solve_points(points, others, dt, WITH_MASS)
+
+
+def solve_points(points: Any, others: Any, dt: float, source: int) -> bool:
+    """Find the multipliers of all points of a source, WITH_MASS or WITHOUT_MASS, as `solve` does."""
     for i in range(points.size):
         p = points[i]
-        if p.own == 0:
+        if p.source == source:
             p.multiplier = 0.0
             if is_active(p):
                 value = right_side(p, dt) / (p.sigma + p.response * p.delassus)
                 if value > 0.0 or p.never_pulls == 0:
                     p.multiplier = value
-    return others.size == 0 or sweep(points, others, dt)
+    return others.size == 0 or sweep(points, others, dt, source)
 
 
 def stored_energy(p: Any, rate: float, dt: float) -> float:
@@ -119,6 +130,8 @@ def rounding_energy(p: Any, rate: float, reach: float, dt: float) -> float:
     noise = abs(p.multiplier) + ROUNDING * reach * p.kappa
     if p.stores == BY_CURRENT:
         noise += (p.weight_gap * dt + p.weight_acceleration / dt) / p.sigma * (abs(p.rate) + abs(rate))
+    if p.source == WITHOUT_MASS:  # the end element turns the error of a displacement into one of its force
+        noise += (abs(p.rate) + abs(rate)) / (dt * p.delassus)
     return reach * noise  # type: ignore[no-any-return]
 
 
@@ -141,14 +154,14 @@ def right_side(p: Any, dt: float) -> float:
     return gamma  # type: ignore[no-any-return]
 
 
-def sweep(points: Any, others: Any, dt: float) -> bool:
-    """Sweep over the coupled points until no multiplier changes any more; return whether they converged."""
+def sweep(points: Any, others: Any, dt: float, source: int) -> bool:
+    """Sweep over the coupled points of a source until no multiplier changes any more; return whether they converged."""
     for _ in range(SWEEPS):
         moved = 0.0
         largest = 0.0
         for i in range(points.size):
             p = points[i]
-            if p.own == 0 and p.other_start < p.other_stop and is_active(p):
+            if p.source == source and p.other_start < p.other_stop and is_active(p):
                 gamma = right_side(p, dt)
                 for k in range(p.other_start, p.other_stop):
                     gamma -= p.response * others[k].value * points[others[k].point].multiplier

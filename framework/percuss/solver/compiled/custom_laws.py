@@ -20,7 +20,7 @@ Response = tuple[float, float]
 
 
 class TrialViews(NamedTuple):
-    """The states of a law's contact points: read-only views of their records, which its kernel cannot write."""
+    """The states of a law's contact points: views of their records; its kernel can write the last two alone."""
 
     gap: Floats
     predicted_gap: Floats
@@ -31,6 +31,9 @@ class TrialViews(NamedTuple):
     neighbour: Integers
     coupling: Floats
     pushed_by_others: Floats
+    before: Floats
+    after: Floats
+    shift: Floats
 
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
@@ -58,9 +61,16 @@ def apply_law(law: Any, points: Any, others: Any, dt: float, time: float, respon
     # A multiplier that the kernel does not set remains nan and stops the run.
     for i in range(multiplier.size):
         multiplier[i] = np.nan
+        if views.shift.size > 0:
+            views.shift[i] = 0.0
+    # What the kernel does not write of the state remains as it was.
+    for i in range(views.before.shape[0]):
+        for k in range(views.before.shape[1]):
+            views.after[i, k] = views.before[i, k]
     trial = Trial(
         views.gap, views.predicted_gap, views.rate, views.predicted_rate, views.delassus, dt, time, response[0],
         response[1], views.first_neighbour, views.neighbour, views.coupling, views.pushed_by_others,
+        views.before, views.after, views.shift,
     )  # fmt: skip
     multipliers(law[0], trial, multiplier)
     remaining_laws(law[4], points, others, dt, time, response, stop)
@@ -78,7 +88,7 @@ def first_law(law: Any, points: Any, others: Any, dt: float, time: float, respon
     """Apply the first law with a kernel (slot); do nothing where there is none."""
 
 
-def nest(laws: Sequence[BoundLaw], points: Any, others: Any) -> Any:
+def nest(laws: Sequence[BoundLaw], points: Any, others: Any, state_before: Floats, state_after: Floats) -> Any:
     """Return the nested tuple from which the loop calls the kernels of laws.
 
     Parameters
@@ -89,6 +99,8 @@ def nest(laws: Sequence[BoundLaw], points: Any, others: Any) -> Any:
         All contact points of the loop.
     others : OTHER
         The off-diagonal entries of S.
+    state_before, state_after
+        State variables of the laws, one law after the other, point by point.
 
     Returns
     -------
@@ -100,13 +112,21 @@ def nest(laws: Sequence[BoundLaw], points: Any, others: Any) -> Any:
     first = stop - sum(len(bound_law.where) for bound_law in laws)
     nested: Any = (0,)
     in_turn = 0
+    end = state_before.size
     for bound_law in reversed(laws):
         first_point = stop - len(bound_law.where)
         coupled = bool(bound_law.law.uses_coupling)
+        start = end - len(bound_law.where) * bound_law.law.state
+        before, after = (
+            array[start:end].reshape(len(bound_law.where), bound_law.law.state) for array in (state_before, state_after)
+        )
         views, pushed = _trial_views(points, others, first_point, stop, coupled)
+        before.flags.writeable = False
+        shift = points["shift"][first_point : stop if bound_law.law.shifts else first_point]
+        views = views._replace(before=before, after=after, shift=shift)
         in_turn = max(in_turn, pushed)
         nested = (bound_law.kernel_data, views, points["multiplier"][first_point:stop], pushed, nested)
-        stop = first_point
+        stop, end = first_point, start
     return (in_turn, first, nested)
 
 
@@ -125,7 +145,7 @@ def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool)
                 pushed = 1
         starts.append(len(neighbours))
     views: dict[str, Any] = {
-        name: points[name][first:stop] for name in TrialViews._fields if name in (POINT.names or ())
+        name: points[name][first:stop] for name in TrialViews._fields if name in (POINT.names or ()) and name != "shift"
     }
     rows: dict[str, Any] = {
         "first_neighbour": np.array(starts, dtype=np.int64),
@@ -134,7 +154,8 @@ def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool)
     }
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
-    return TrialViews(**views, **rows), pushed
+    nothing = np.zeros((stop - first, 0))
+    return TrialViews(**views, **rows, before=nothing, after=nothing, shift=np.zeros(0)), pushed
 
 
 def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = False) -> Callable[..., None]:
@@ -142,13 +163,8 @@ def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = F
 
     Each law is given by its kernel and the layout of what this kernel reads.
     """
-    remaining: Any = None
-    for kernel, about in reversed(laws):
-        slots: dict[Any, Any] = {multipliers: kernel} | ({remaining_laws: remaining} if remaining is not None else {})
-        specialiser = maker.with_slots(slots, about=about)
-        specialiser.checked = True
-        remaining = specialiser.bind(apply_law)
-    return maker.with_slots({first_law: remaining} if remaining is not None else {}).bind(apply_laws, entry=entry)
+    first = maker.chain(apply_law, multipliers, remaining_laws, laws)
+    return maker.with_slots({first_law: first} if first is not None else {}).bind(apply_laws, entry=entry)
 
 
 def compile_failure(bound_law: BoundLaw) -> Exception | None:
@@ -157,7 +173,8 @@ def compile_failure(bound_law: BoundLaw) -> Exception | None:
     points[:] = np.ones((), dtype=POINT)
     points["other_start"] = points["other_stop"] = 0
     others = np.recarray(0, dtype=OTHER)
-    nested = nest([bound_law], points, others)
+    size = len(bound_law.where) * bound_law.law.state
+    nested = nest([bound_law], points, others, np.zeros(size), np.zeros(size))
     try:
         law = bound_law.kernel, layout(bound_law.kernel_data)
         bind(Specialiser(counting=True), [law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))

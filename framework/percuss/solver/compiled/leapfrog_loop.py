@@ -13,7 +13,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.solver.compiled.bulk import Bulk, kinetic
-from percuss.solver.compiled.contact_equation import BY_CURRENT, NOTHING, rounding_energy, solve, stored_energy
+from percuss.solver.compiled.contact_equation import (
+    BY_CURRENT,
+    NOTHING,
+    WITHOUT_MASS,
+    rounding_energy,
+    solve,
+    stored_energy,
+)
+from percuss.solver.compiled.ends_without_mass import (
+    compress_elements,
+    find_coming_multipliers,
+    follow_bodies,
+    push_ends_with_mass,
+    recall_multipliers,
+)
 from percuss.solver.compiled.marks import called
 from percuss.solver.compiled.uniform_bars import UniformBars, advance_ends, advance_inside, advance_whole, energies
 
@@ -81,13 +95,25 @@ class Boundary(NamedTuple):
     points: Any  # percuss.solver.compiled.contact_equation.POINT
     entries: Any  # percuss.solver.compiled.contact_equation.ENTRY
     others: Any  # percuss.solver.compiled.contact_equation.OTHER
+    ends_without_mass: Any  # percuss.solver.compiled.ends_without_mass.END_WITHOUT_MASS
     constraints: Any  # CONSTRAINT
     shares: Any  # SHARE
     nodal_forces: Any  # NODAL_FORCE
-    axes: Floats  # directions of the constraints, then the nodal forces at amplitude 1
+    followers: Any  # percuss.solver.compiled.following_loads.FOLLOWER
+    axes: Floats  # directions of the constraints, then the nodal forces at amplitude 1, then directions of followers
     totals: Any  # TOTAL, a single record
     momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies
     before: Floats  # (bodies * dim,) of each body at n - 1/2, or empty
+    state_before: Floats  # state variables of contact laws, then of materials, as the last step has left them
+    state_after: Floats  # the same, as the present step leaves them
+    stored: Floats  # for each state variable the volume in which it is stored energy, else 0; empty if none is
+    dissipated: Floats  # the same for dissipated energy
+    stored_by_laws: (
+        Floats  # for each state variable 1 if it is energy that a contact law stores, else 0; empty if none is
+    )
+    internal_work: Floats  # (1,) sum of the internal work of the steps, or (0,) where it is not summed up
+    shifts: Floats  # shift of each boundary degree of freedom after the present step, or (0,) where no law shifts
+    shifts_before: Floats  # the same after the step before
 
 
 class LoadAmplitudes(NamedTuple):
@@ -106,13 +132,17 @@ class Record(NamedTuple):
     multiplier: Floats  # (R, P)
     gap: Floats  # (R, P)
     end_force: Floats  # (R, P)
+    contact_state: Floats  # (R, state variables of contact laws) after the step
     displacement: Floats  # (R, probes * dim)
     velocity: Floats  # (R, probes * dim)
     probe: Integers  # (probes * dim,) indices of boundary degrees of freedom
-    energy: Floats  # (R, 5) kinetic, elastic, external work, contact work, stored contact energy, at n + 1/2
+    energy: Floats  # (R, 7) kinetic, elastic, external work, contact work, stored contact energy, internal work and
+    # dissipated energy, at n + 1/2
     field_every: int  # steps between two snapshots, 0 for none
     field: Floats  # (F, recorded nodes * dim) displacement
     field_dof: Integers  # (recorded nodes * dim,)
+    field_state: Floats  # (F, state variables of the materials of recorded elements)
+    field_variable: Integers  # indices of these state variables
 
 
 def bulk(
@@ -136,6 +166,10 @@ def elastic(groups: Any, u: Floats, v: Floats, dim: int, dt: float) -> float:
 
 def kernel_laws(laws: Any, points: Any, others: Any, dt: float, time: float, response: tuple[float, float]) -> None:
     """Set the multipliers of laws with a kernel (slot); do nothing where there is none."""
+
+
+def following_forces(loads: Any, followers: Any, time: float) -> None:
+    """Set the forces of loads that follow the motion of an end (slot); do nothing where there is none."""
 
 
 def find_multipliers(
@@ -188,6 +222,7 @@ def advance(
     masses: Bulk,
     boundary: Boundary,
     laws: Any,
+    loads: Any,
     uniform: UniformBars,
     amplitudes: LoadAmplitudes,
     record: Record,
@@ -207,7 +242,7 @@ def advance(
     while s < count:
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
-            snapshot(record, u, n)
+            snapshot(record, boundary, u, n)
         if n == 0:
             add_initial_strain_energy(groups, boundary.totals[0], u, v, dim, dt)
         # A record needs the state after its step, a snapshot that before its step: bars are not ahead of the ends then.
@@ -220,14 +255,19 @@ def advance(
             k = 0
             while sound and k < steps:
                 inside = k if steps > 1 else NOT_AHEAD
-                sound = make_step(groups, masses, boundary, laws, uniform, amplitudes, u, v, dim, dt, first, s, inside)
+                sound = make_step(
+                    groups, masses, boundary, laws, loads, uniform, amplitudes, u, v, dim, dt, first, s, inside
+                )
                 s += 1
                 k += 1
         if s == stop and is_recorded(record, first + s - 1):
             if uniform.bars.size > 0:
                 kinetic_energy, strain_energy = energies(uniform, u, v, dt)
             else:
-                kinetic_energy, strain_energy = kinetic(masses.mass, v), elastic(groups, u, v, dim, dt)
+                kinetic_energy = kinetic(masses.mass, v)
+                add_shifts_to_velocity(boundary, v, dt)
+                strain_energy = elastic(groups, u, v, dim, dt)
+                take_shifts_from_velocity(boundary, v)
             write_record(kinetic_energy, strain_energy, boundary, record, u, dt, first + s - 1)
         if not sound:
             return s - 1
@@ -254,6 +294,7 @@ def make_step(
     masses: Bulk,
     boundary: Boundary,
     laws: Any,
+    loads: Any,
     uniform: UniformBars,
     amplitudes: LoadAmplitudes,
     u: Floats,
@@ -285,18 +326,32 @@ def make_step(
         q.new_v = q.bulk_v
     # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
     apply_nodal_forces(boundary, amplitudes, s, dim, dt)
+    apply_followers(boundary, loads, amplitudes, s, (first + s) * dt, dim, dt)
     work = impose_velocity(boundary, amplitudes, s, dim, dt)
     # Contact: the multipliers follow from the current or the predicted state. They change the velocities except along
     # prescribed directions, where the constraints take the contact forces as reactions.
     sound = True
     if points.size > 0:
+        if boundary.ends_without_mass.size > 0:
+            # Their forces of this step are known; what they move of the ends with mass that they meet comes first.
+            recall_multipliers(points)
+            push_ends_with_mass(points, boundary.entries, boundary_dofs, dt)
         find_contact_states(points, boundary.entries, boundary_dofs, dt)
         sound = find_multipliers(laws, points, boundary.others, dt, (first + s) * dt, (dt * dt, dt), dt)
         apply_multipliers(points, boundary.entries, boundary_dofs, dt)
+        find_shifts(boundary)
     work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
     work += work_of_loads(boundary, amplitudes, s, dim, dt)
     # The corrected velocities replace those of the bulk update, and the displacements follow from them.
     write_back(boundary_dofs, u, v, dt)
+    if boundary.ends_without_mass.size > 0:
+        sound = balance_ends_without_mass(boundary, u, v, dt) and sound
+    if boundary.internal_work.size > 0:
+        add_work_on_corrections(boundary, amplitudes, s, dt)
+    if boundary.shifts.size > 0:
+        work += add_work_of_shifts(boundary, amplitudes, s, dim, dt)
+        apply_shifts(boundary, u)
+    keep_state_variables(boundary)
     return add_up_work(boundary, work, first + s, dt) and sound
 
 
@@ -314,7 +369,7 @@ def add_up_work(boundary: Boundary, work: float, n: int, dt: float) -> bool:
     total = boundary.totals[0]
     total.external_work += work
     total.largest_work = max(total.largest_work, abs(total.external_work))
-    update_contact_energy(boundary.points, boundary.entries, boundary.boundary_dofs, boundary.totals, n, dt)
+    update_contact_energy(boundary, n, dt)
     limit = total.growth * (total.began_with + total.largest_work) + total.floor + NOISE * total.step_energy
     return total.contact_work <= limit  # type: ignore[no-any-return]
 
@@ -335,6 +390,90 @@ def write_back(boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
         u[q.dof] = q.old_u + dt * q.new_v
 
 
+def add_work_on_corrections(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dt: float) -> None:
+    """Add the internal work on the corrections of the boundary velocities, which the bulk update did not know."""
+    for i in range(boundary.boundary_dofs.size):
+        q = boundary.boundary_dofs[i]
+        force = q.mass * ((q.bulk_v - q.old_v) / dt - amplitudes.body_acceleration[s, q.body])
+        boundary.internal_work[0] -= 0.5 * dt * force * (q.new_v - q.bulk_v)
+
+
+def find_shifts(boundary: Boundary) -> None:
+    """Set the shifts of the boundary degrees of freedom from those of the points, and keep those of the last step."""
+    for i in range(boundary.shifts.size):
+        boundary.shifts_before[i] = boundary.shifts[i]
+        boundary.shifts[i] = 0.0
+    if boundary.shifts.size > 0:
+        for i in range(boundary.points.size):
+            p = boundary.points[i]
+            for k in range(p.start, p.stop):
+                boundary.shifts[boundary.entries[k].place] += boundary.entries[k].response * p.shift
+
+
+def apply_shifts(boundary: Boundary, u: Floats) -> None:
+    """Add the shifts to the displacements u_{n+1}."""
+    for i in range(boundary.shifts.size):
+        u[boundary.boundary_dofs[i].dof] += boundary.shifts[i]
+
+
+def add_work_of_shifts(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+    """Add the work of shifts to the contact work, and the internal work on them; return that of loads on them.
+
+    The strain energy between u_n and the shifted u_{n+1} is ``u_n K u_{n+1} / 2``. A shift changes it by half its
+    product with the internal force at u_n, and the step that follows changes it by half the product with that at
+    u_{n+1} beyond the work of the velocities. Each step therefore counts its own shift and that of the step before.
+    """
+    work = 0.0
+    on_bodies = 0.0
+    for i in range(boundary.shifts.size):
+        q = boundary.boundary_dofs[i]
+        moved = boundary.shifts_before[i] + boundary.shifts[i]
+        body_force = q.mass * amplitudes.body_acceleration[s, q.body]
+        internal_force = body_force - q.mass * (q.bulk_v - q.old_v) / dt
+        on_bodies += internal_force * moved
+        work += body_force * moved
+    for i in range(boundary.nodal_forces.size):
+        nodal_force = boundary.nodal_forces[i]
+        for d in range(dim):
+            moved = boundary.shifts_before[nodal_force.place + d] + boundary.shifts[nodal_force.place + d]
+            work += amplitudes.force[s, nodal_force.column] * boundary.axes[nodal_force.axis + d] * moved
+    for i in range(boundary.followers.size):
+        follower = boundary.followers[i]
+        for d in range(dim):
+            moved = boundary.shifts_before[follower.place + d] + boundary.shifts[follower.place + d]
+            work += follower.force * boundary.axes[follower.axis + d] * moved
+    boundary.totals[0].contact_work += 0.5 * (on_bodies - work)
+    if boundary.internal_work.size > 0:
+        boundary.internal_work[0] += 0.5 * on_bodies
+    return 0.5 * work
+
+
+def add_shifts_to_velocity(boundary: Boundary, v: Floats, dt: float) -> None:
+    """Make the velocities those that take u_n to the shifted u_{n+1}, between which the strain energy is taken."""
+    for i in range(boundary.shifts.size):
+        v[boundary.boundary_dofs[i].dof] += boundary.shifts[i] / dt
+
+
+def take_shifts_from_velocity(boundary: Boundary, v: Floats) -> None:
+    """Make the velocities what they were, to the last bit."""
+    for i in range(boundary.shifts.size):
+        v[boundary.boundary_dofs[i].dof] = boundary.boundary_dofs[i].new_v
+
+
+def sum_of_products(weights: Floats, values: Floats) -> float:
+    """Return the sum of the products of weights and values."""
+    total = 0.0
+    for i in range(weights.size):
+        total += weights[i] * values[i]
+    return total
+
+
+def keep_state_variables(boundary: Boundary) -> None:
+    """Carry the state variables of contact laws and materials over to the next step."""
+    for i in range(boundary.state_before.size):
+        boundary.state_before[i] = boundary.state_after[i]
+
+
 def apply_nodal_forces(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> None:
     """Add the velocity change by forces on single nodes."""
     for i in range(boundary.nodal_forces.size):
@@ -342,6 +481,34 @@ def apply_nodal_forces(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, d
         scale = dt * nodal_force.inverse_mass * amplitudes.force[s, nodal_force.column]
         for d in range(dim):
             boundary.boundary_dofs[nodal_force.place + d].new_v += scale * boundary.axes[nodal_force.axis + d]
+
+
+def apply_followers(
+    boundary: Boundary, loads: Any, amplitudes: LoadAmplitudes, s: int, time: float, dim: int, dt: float
+) -> None:
+    """Add the velocity change by the forces that follow the motion of an end."""
+    followers, boundary_dofs, axes = boundary.followers, boundary.boundary_dofs, boundary.axes
+    if followers.size == 0:
+        return
+    for i in range(followers.size):
+        follower = followers[i]
+        displacement = 0.0
+        velocity = 0.0
+        for d in range(dim):
+            q = boundary_dofs[follower.place + d]
+            displacement += axes[follower.axis + d] * q.old_u
+            velocity += axes[follower.axis + d] * 0.5 * (q.old_v + q.new_v)
+        follower.displacement = displacement
+        follower.velocity = velocity
+        follower.response = 0.5 * dt * follower.inverse_mass
+        follower.share = amplitudes.force[s, follower.column]
+    following_forces(loads, followers, time)
+    for i in range(followers.size):
+        follower = followers[i]
+        follower.impulse += dt * follower.force
+        scale = dt * follower.inverse_mass * follower.force
+        for d in range(dim):
+            boundary_dofs[follower.place + d].new_v += scale * axes[follower.axis + d]
 
 
 def impose_velocity(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
@@ -387,6 +554,11 @@ def work_of_loads(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: i
     """Return the work of forces on single nodes and on whole bodies, and update the momenta of the bodies."""
     boundary_dofs, momentum = boundary.boundary_dofs, boundary.momentum
     work = work_of_nodal_forces(boundary.nodal_forces, boundary_dofs, boundary.axes, amplitudes.force, s, dim, dt)
+    for i in range(boundary.followers.size):
+        follower = boundary.followers[i]
+        for d in range(dim):
+            q = boundary_dofs[follower.place + d]
+            work += 0.5 * dt * follower.force * boundary.axes[follower.axis + d] * (q.old_v + q.new_v)
     if momentum.size == 0:
         return work
     # The bulk update has summed the momenta; the corrections of the boundary velocities are added.
@@ -434,18 +606,33 @@ def find_contact_states(points: Any, entries: Any, boundary_dofs: Any, dt: float
         p.predicted_rate = predicted_rate
 
 
+def balance_ends_without_mass(boundary: Boundary, u: Floats, v: Floats, dt: float) -> bool:
+    """Move the ends without mass to their static balance after the step; return whether the solution converged."""
+    points, ends, boundary_dofs = boundary.points, boundary.ends_without_mass, boundary.boundary_dofs
+    follow_bodies(ends, boundary_dofs, u, dt)
+    find_contact_states(points, boundary.entries, boundary_dofs, dt)
+    sound = find_coming_multipliers(points, boundary.others, dt)
+    compress_elements(points, ends, boundary_dofs, u, v, dt)
+    return sound
+
+
 def apply_multipliers(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
     """Add the velocity change dt M^-1 N lambda by the contact forces."""
     for i in range(points.size):
         p = points[i]
-        if p.multiplier != 0.0:
+        if p.multiplier != 0.0 and p.source != WITHOUT_MASS:
             for k in range(p.start, p.stop):
                 boundary_dofs[entries[k].place].new_v += dt * entries[k].response * p.multiplier
 
 
-def update_contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals: Any, n: int, dt: float) -> None:
+def update_contact_energy(boundary: Boundary, n: int, dt: float) -> None:
     """Add up work, stored energy, impulses and overlaps of the contacts in a step, and track the energy growth."""
-    total = totals[0]
+    points, entries, boundary_dofs, total = (
+        boundary.points,
+        boundary.entries,
+        boundary.boundary_dofs,
+        boundary.totals[0],
+    )
     work = 0.0
     energy_sum = 0.0
     steady_change = 0.0
@@ -484,9 +671,10 @@ def update_contact_energy(points: Any, entries: Any, boundary_dofs: Any, totals:
         if p.gap < 0.0:
             p.overlap -= p.gap
             p.deepest = max(p.deepest, -p.gap)
-    if any_contact:
+    if any_contact or boundary.stored_by_laws.size > 0:
         total.contact_work += work
-        total.stored = energy_sum  # points that were left out store no energy
+        # Points that were left out store no energy, except in state variables.
+        total.stored = energy_sum + sum_of_products(boundary.stored_by_laws, boundary.state_after)
         total.round_off += abs(total.contact_work)
         track_growth(total, steady_change, n)
 
@@ -512,9 +700,11 @@ def track_growth(total: Any, steady_change: float, n: int) -> None:
 
 
 @called
-def snapshot(record: Record, u: Floats, n: int) -> None:
-    """Record the displacements from which the stress field is computed."""
+def snapshot(record: Record, boundary: Boundary, u: Floats, n: int) -> None:
+    """Record the displacements and state variables from which the stress field is computed."""
     r = n // record.field_every
+    for k in range(record.field_variable.size):
+        record.field_state[r, k] = boundary.state_before[record.field_variable[k]]
     for k in range(record.field_dof.size):
         record.field[r, k] = u[record.field_dof[k]]
 
@@ -539,12 +729,17 @@ def write_record(
         for k in range(p.start, p.stop):
             after += boundary.entries[k].normal * u[boundary_dofs[boundary.entries[k].place].dof]
         record.end_force[r, i] = p.end_stiffness * max(-after, 0.0)
+    for i in range(record.contact_state.shape[1]):
+        record.contact_state[r, i] = boundary.state_after[i]
     for k in range(record.probe.size):
         q = boundary_dofs[record.probe[k]]
         record.displacement[r, k] = q.old_u
         record.velocity[r, k] = 0.5 * (q.old_v + q.new_v) if lag > 0.0 else q.old_v
     record.energy[r, 0] = kinetic_energy
-    record.energy[r, 1] = strain_energy
+    record.energy[r, 1] = strain_energy + sum_of_products(boundary.stored, boundary.state_after)
     record.energy[r, 2] = boundary.totals[0].external_work
     record.energy[r, 3] = boundary.totals[0].contact_work
     record.energy[r, 4] = boundary.totals[0].stored
+    if boundary.internal_work.size > 0:
+        record.energy[r, 5] = boundary.internal_work[0]
+    record.energy[r, 6] = sum_of_products(boundary.dissipated, boundary.state_after)

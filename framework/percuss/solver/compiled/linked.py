@@ -14,6 +14,7 @@ import numpy as np
 from percuss.methods.slots import unbound
 from percuss.solver.compiled.bulk import Bulk
 from percuss.solver.compiled.contact_equation import OTHER, POINT
+from percuss.solver.compiled.following_loads import FOLLOWER
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -35,11 +36,19 @@ class LinkedLaws(NamedTuple):
     apply: int
 
 
+class LinkedLoads(NamedTuple):
+    """The loads that follow the motion of an end; all addresses are 0 where there is none."""
+
+    data: int
+    apply: int
+
+
 class LinkedSystem(NamedTuple):
-    """The system of a multi-stage scheme, and the function for the accelerations in a stage."""
+    """The system of a multi-stage scheme, and the functions for the accelerations and internal forces in a stage."""
 
     data: int
     accelerate: int
+    internal: int  # 0 if the scheme does not ask for them
 
 
 class LinkedStep(NamedTuple):
@@ -50,16 +59,19 @@ class LinkedStep(NamedTuple):
 
 
 _LINE = np.zeros(1)
-_MASSES = Bulk(_LINE, _LINE, _LINE)
+_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE)
 _POINTS = np.zeros(0, dtype=POINT).view(np.recarray)
 _OTHERS = np.zeros(0, dtype=OTHER).view(np.recarray)
+_FOLLOWERS = np.zeros(0, dtype=FOLLOWER).view(np.recarray)
 # For each kind of kernel an example of what it returns, and of its arguments behind the data.
 EXAMPLES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "bulk update": (None, (_MASSES, _LINE, _LINE, _LINE, _LINE, 1, 1.0)),
     "internal forces": (None, (_LINE, _LINE, 1)),
     "strain energy": (1.0, (_LINE, _LINE, 1, 1.0)),
     "contact laws": (None, (_POINTS, _OTHERS, 1.0, 1.0, (1.0, 1.0))),
+    "following loads": (None, (_FOLLOWERS, 1.0)),
     "accelerations of a stage": (None, (1, _LINE, _LINE, _LINE)),
+    "internal forces of a stage": (None, (1, _LINE, _LINE)),
     "step of a scheme": (None, (_LINE, _LINE, _LINE[None], 1.0)),
     # Python calls these, with the block that holds their arguments alone.
     "leap-frog loop": (1, ()),
@@ -131,9 +143,20 @@ def kernel_laws(
         call("contact laws", laws.apply, laws.data, (points, others, dt, time, response))
 
 
+def following_forces(loads: LinkedLoads, followers: Any, time: float) -> None:
+    """Set the forces of loads that follow the motion of an end."""
+    if loads.apply != 0:
+        call("following loads", loads.apply, loads.data, (followers, time))
+
+
 def accelerations(system: LinkedSystem, stage: int, u: Floats, v: Floats, a: Floats) -> None:
     """Set `a` to the accelerations in a stage."""
     call("accelerations of a stage", system.accelerate, system.data, (stage, u, v, a))
+
+
+def internal(system: LinkedSystem, stage: int, u: Floats, f: Floats) -> None:
+    """Set `f` to the internal forces in a stage, over the masses."""
+    call("internal forces of a stage", system.internal, system.data, (stage, u, f))
 
 
 def take_step(numbers: LinkedStep, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:

@@ -25,13 +25,16 @@ from percuss.solver.compiled.leapfrog_loop import (
     elastic,
     find_contact_states,
     find_multipliers,
+    following_forces,
     is_recorded,
+    keep_state_variables,
     save_state,
     snapshot,
     work_of_nodal_forces,
     write_record,
 )
 from percuss.solver.compiled.marks import called
+from percuss.solver.compiled.materials import MaterialPoints
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -42,17 +45,20 @@ BODY_FORCE = np.dtype([("start", "i8"), ("stop", "i8"), ("axis", "i8"), ("column
 
 
 class System(NamedTuple):
-    """The arguments of `accelerations`; the last five arrays are written in every step."""
+    """The arguments of `accelerations` and `internal`; the last five arrays are written in every step."""
 
     groups: Any
+    groups_aside: Any  # the same bodies, but what their materials remember of `internal` is written aside
     masses: Bulk
     boundary: Boundary  # with all constraints of the model, active or not
     laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
+    loads: Any  # loads that follow the motion, as returned by `percuss.solver.compiled.following_loads.nest`
     body_forces: Any  # BODY_FORCE
     body_force_axes: Floats  # accelerations of the bodies at amplitude 1
     active_constraints: Integers  # (constraints,) 1 if the constraint is active, else 0
     responses: Floats  # (stages, points) w of each point
     ends: Floats  # (stages, 3) r_v, r_a, s_a, as in `percuss.methods.interfaces.Stages`
+    velocities: Floats  # (stages,) c, as in `percuss.methods.interfaces.Stages`
     times: Floats  # (stages,) fractions of the step
     dim: int
     amplitude: Floats  # (stages, columns) amplitude of each load at the times of the stages
@@ -84,7 +90,8 @@ def force_group(group: Group, u: Floats, force: Floats, dim: int) -> None:
     for b in range(group.body.size):
         lo = group.start[b] * dim
         hi = group.stop[b] * dim
-        internal_force(group.element, group.parameters[b], group.first[b], dim, u[lo:hi], force[lo:hi])
+        material = MaterialPoints(group.parameters[b], group.before, group.after)
+        internal_force(group.element, material, group.first[b], dim, u[lo:hi], force[lo:hi])
 
 
 @called
@@ -117,6 +124,8 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
             a[boundary_dofs[nodal_force.place + d].dof] += (
                 amplitude[nodal_force.column] * nodal_force.inverse_mass * boundary.axes[nodal_force.axis + d]
             )
+    if boundary.followers.size > 0:
+        accelerate_followers(system, stage, u, v, a)
     # A constraint replaces the acceleration along it by the mean acceleration of the prescribed velocity in the step.
     first = nodal + points.size  # index of the first constraint
     for i in range(boundary.constraints.size):
@@ -132,11 +141,60 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
         solve_contact(system, stage, u, v, a, nodal)
     for i in range(amplitude.size):
         a[first + boundary.constraints.size + i] = amplitude[i]
+    for i in range(boundary.followers.size):
+        follower = boundary.followers[i]
+        a[first + boundary.constraints.size + follower.column] = follower.force
+
+
+@called
+def internal_accelerations(system: System, stage: int, u: Floats, f: Floats) -> None:
+    """Set `f` to ``M^-1 f_int(u)``, with supports and drives held at no acceleration, followed by their reactions.
+
+    What it sets is minus what `accelerate` would set without contacts, loads and changes of prescribed velocities, in
+    every entry: reactions and impulses remain right in any sum of both. Contact does no work here.
+    """
+    boundary, inverse_mass, dim = system.boundary, system.masses.inverse_mass, system.dim
+    nodal = inverse_mass.size
+    first = nodal + boundary.points.size  # index of the first constraint
+    forces(system.groups_aside, u, f, dim)
+    for i in range(nodal):
+        f[i] *= -inverse_mass[i]  # the kernels of elements return the force on the nodes, which is -f_int
+    for i in range(nodal, f.size):
+        f[i] = 0.0
+    for i in range(boundary.constraints.size):
+        constraint = boundary.constraints[i]
+        if system.active_constraints[i] == 1:
+            current = component_along(constraint, boundary.boundary_dofs, boundary.axes, f, dim)
+            f[first + i] = -constraint.mass * current
+            add_along(constraint, boundary.boundary_dofs, boundary.axes, f, -current, dim)
+
+
+@called
+def accelerate_followers(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the accelerations by the forces that follow the motion of an end.
+
+    They act at the velocity ``v + c a`` of the stage, to which each of them adds ``c / m`` of its own force.
+    """
+    ahead = system.velocities[stage]
+    followers, boundary_dofs, axes = system.boundary.followers, system.boundary.boundary_dofs, system.boundary.axes
+    for i in range(followers.size):
+        follower = followers[i]
+        follower.displacement = component_along(follower, boundary_dofs, axes, u, system.dim)
+        follower.velocity = component_along(follower, boundary_dofs, axes, v, system.dim)
+        follower.response = 0.0
+        if ahead > 0.0:
+            follower.velocity += ahead * component_along(follower, boundary_dofs, axes, a, system.dim)
+            follower.response = ahead * follower.inverse_mass
+        follower.share = system.amplitude[stage, follower.column]
+    following_forces(system.loads, followers, system.clock[0] + system.times[stage] * system.clock[1])
+    for i in range(followers.size):
+        follower = followers[i]
+        add_along(follower, boundary_dofs, axes, a, follower.inverse_mass * follower.force, system.dim)
 
 
 @called
 def component_along(constraint: Any, boundary_dofs: Any, axes: Floats, values: Floats, dim: int) -> float:
-    """Return the component of a nodal quantity along a constraint."""
+    """Return the component of a nodal quantity along a constraint, or a load that follows the motion."""
     total = 0.0
     for d in range(dim):
         total += axes[constraint.axis + d] * values[boundary_dofs[constraint.place + d].dof]
@@ -145,7 +203,7 @@ def component_along(constraint: Any, boundary_dofs: Any, axes: Floats, values: F
 
 @called
 def add_along(constraint: Any, boundary_dofs: Any, axes: Floats, values: Floats, increment: float, dim: int) -> None:
-    """Add an increment along a constraint to a nodal quantity."""
+    """Add an increment along a constraint, or a load that follows the motion, to a nodal quantity."""
     for d in range(dim):
         values[boundary_dofs[constraint.place + d].dof] += increment * axes[constraint.axis + d]
 
@@ -216,7 +274,7 @@ def advance(
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
-            snapshot(record, u, n)
+            snapshot(record, boundary, u, n)
         if n == 0:
             add_initial_strain_energy(system.groups, totals[0], u, v, system.dim, 0.0)
         save_state(boundary_dofs, u, v)
@@ -224,6 +282,7 @@ def advance(
         impose_velocities(system, u, v, dt, False)
         take_step(numbers, system, u, v, kept, dt)
         impose_velocities(system, u, v, dt, True)
+        keep_state_variables(boundary)
         # Work and energies of the step follow from its impulses, as if constant forces, impulse over dt, had acted.
         for i in range(boundary_dofs.size):
             boundary_dofs[i].new_v = v[boundary_dofs[i].dof]
@@ -238,6 +297,10 @@ def advance(
         if boundary.nodal_forces.size > 0:
             work += work_of_nodal_forces(
                 boundary.nodal_forces, boundary_dofs, boundary.axes, system.effective, 0, system.dim, dt
+            )
+        if boundary.followers.size > 0:
+            work += work_of_nodal_forces(
+                boundary.followers, boundary_dofs, boundary.axes, system.effective, 0, system.dim, dt
             )
         work += work_of_body_forces(system, v, dt)
         sound = add_up_work(boundary, work, n, dt)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from percuss.compiling import compiler
-from percuss.solver.compiled.linked import LinkedBodies, LinkedLaws, LinkedStep, LinkedSystem
+from percuss.solver.compiled.linked import LinkedBodies, LinkedLaws, LinkedLoads, LinkedStep, LinkedSystem
 from percuss.solver.compiler import machine_code
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.machine_code import CannotLink
@@ -197,8 +197,9 @@ class _Call(NamedTuple):
         """Return whether these arguments have the same structure as those of the last call."""
         try:
             return len(arguments) == len(self.arguments) and all(
-                new is old or structure(new) == structure(old)
+                structure(new) == structure(old)
                 for new, old in zip(arguments, self.arguments, strict=True)
+                if new is not old
             )
         except CannotLink:  # which is told when they are linked
             return False
@@ -234,11 +235,16 @@ class LinkedLoop:
         loop._last, loop._calls = {}, {}
         return loop
 
-    def advance(self, groups: Any, masses: Any, boundary: Any, laws: Any, uniform: Any, *others: Any) -> int:
+    def advance(
+        self, groups: Any, masses: Any, boundary: Any, laws: Any, loads: Any, uniform: Any, *others: Any
+    ) -> int:
         """Make steps; arguments and result are those of `percuss.solver.compiled.leapfrog_loop.advance`."""
         link_bodies = self._uniform_bodies if uniform.bars.size > 0 else self._bodies
         bodies, contacts = self._once("bodies", groups, link_bodies), self._once("laws", laws, self._laws)
-        return self._call("leap-frog loop", (bodies.links, masses, boundary, contacts.links, uniform, *others))
+        following = self._once("loads", loads, self._loads)
+        return self._call(
+            "leap-frog loop", (bodies.links, masses, boundary, contacts.links, following.links, uniform, *others)
+        )
 
     def _call(self, kind: str, arguments: tuple[Any, ...]) -> int:
         last = self._calls.get(kind)
@@ -274,6 +280,12 @@ class LinkedLoop:
             return _Links(laws, LinkedLaws(0, 0, 0))
         block, addresses = self._link(laws, "the contact laws", "contact laws")
         return _Links(laws, LinkedLaws(laws[0], block.address, *addresses), block)
+
+    def _loads(self, loads: Any) -> _Links:
+        if "following loads" not in self.entrances.tags:
+            return _Links(loads, LinkedLoads(0, 0))
+        block, addresses = self._link(loads, "the loads", "following loads")
+        return _Links(loads, LinkedLoads(block.address, *addresses), block)
 
     def _link(self, data: Any, of: str, *kinds: str) -> tuple[Block, list[int]]:
         """Return a block with the data of one or more kernels, and the addresses of these kernels."""
@@ -312,9 +324,13 @@ class LinkedStages(LinkedLoop):
 
     def _system(self, system: Any) -> _Links:
         bodies, laws = self._once("bodies", system.groups, self._bodies), self._once("laws", system.laws, self._laws)
-        linked = system._replace(groups=bodies.links, laws=laws.links)
-        block, addresses = self._link(linked, "the system", "accelerations of a stage")
-        return _Links(system, (linked, LinkedSystem(block.address, *addresses)), bodies, laws, block)
+        loads = self._once("loads", system.loads, self._loads)
+        aside = self._once("bodies aside", system.groups_aside, self._bodies)
+        linked = system._replace(groups=bodies.links, groups_aside=aside.links, laws=laws.links, loads=loads.links)
+        kinds = ("accelerations of a stage", "internal forces of a stage")
+        block, addresses = self._link(linked, "the system", *(kind for kind in kinds if kind in self.entrances.tags))
+        own = LinkedSystem(block.address, addresses[0], addresses[1] if len(addresses) == len(kinds) else 0)
+        return _Links(system, (linked, own), bodies, aside, laws, loads, block)
 
     def _step(self, system: _Links, numbers: Any) -> _Links:
         block, addresses = self._link((numbers, system.links[1]), "the step", "step of a scheme")

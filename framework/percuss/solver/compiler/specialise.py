@@ -111,10 +111,33 @@ class Specialiser:
         specialiser.checked = self.checked
         return specialiser
 
+    def chain(self, function: Kernel, slot: Kernel, remaining: Kernel, kernels: Sequence[tuple[Kernel, str]]) -> Any:
+        """Return `function` bound to each kernel, which calls the one bound to the next; None without kernels.
+
+        Parameters
+        ----------
+        function
+            Template whose `slot` takes a kernel and whose slot `remaining` takes the template bound to the next one.
+        slot, remaining
+            These slots.
+        kernels
+            Each kernel with the layout of what it reads.
+        """
+        first: Any = None
+        for kernel, about in reversed(kernels):
+            specialiser = self.with_slots({slot: kernel} | ({remaining: first} if first is not None else {}), about)
+            specialiser.checked = True
+            first = specialiser.bind(function)
+        return first
+
     def tag_of(self, kernel: Kernel) -> str:
         """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""
         tag = self.tags[id(kernel)]
         return "" if tag in self._unkept else tag
+
+    def reached(self, kernel: Kernel) -> bool:
+        """Return whether the code that this specialiser has bound reaches `kernel`."""
+        return id(kernel) in self._bound
 
     def bind(
         self,

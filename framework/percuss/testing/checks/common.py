@@ -24,7 +24,15 @@ from percuss.testing.draws import (
     round_off,
     with_examples,
 )
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, did_you_mean, names_of_checks
+from percuss.testing.subject import (
+    PARTNERS,
+    CheckFailed,
+    NotApplicable,
+    Subject,
+    check,
+    did_you_mean,
+    names_of_checks,
+)
 
 # families of methods that take part in the time steps
 METHODS = ("integrators", "contacts", "elements", "materials", "masses")
@@ -181,9 +189,16 @@ def check_options_bounded(subject: Subject) -> None:
 
 
 def _use(subject: Subject, instance: Any, options: Mapping[str, Any]) -> None:
-    """Use an instance once, in a run of three steps, or as a shape or load outside of a run."""
+    """Use an instance once, in a run of three steps, or as a shape or load outside of a run.
+
+    A method whose pair with the default partner is refused runs with the first partner that it may have.
+    """
     if subject.family in METHODS:
-        subject.run(subject.placed({**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}, options))
+        partners = subject.registry.names(PARTNERS[subject.family]) if subject.family in PARTNERS else ()
+        for partner in ("", *partners):
+            with contextlib.suppress(NotApplicable):
+                subject.run(subject.placed({**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}, options, partner))
+                return
     elif subject.family == "shapes":
         instance.mesh(np.zeros(instance.dimension() or 1), 1)
     elif subject.family == "loads":

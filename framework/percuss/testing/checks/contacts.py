@@ -8,13 +8,21 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import InputError, RunError, nearest
-from percuss.methods.interfaces import ContactPoints, LinearLaw, Trial
+from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import STEEL, bar_chains, for_all, round_off, with_examples
 from percuss.testing.strict import StrictSystem
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, was_not_started
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
+# A bar that strikes a wall once and leaves it.
+STRUCK_WALL: dict[str, Any] = {
+    "percuss": 1,
+    "bodies": {"a": {"bar": {"length": 1.0, "elements": 20}, "material": STEEL, "area": 1.0, "velocity": 0.5}},
+    "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
+    "record": {"probes": []},
+}
+REDUCTION = 0.6  # largest allowed ratio of the energies not accounted for with a time step and with one four times it
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")
 
 
@@ -51,17 +59,20 @@ def single_point(points: ContactPoints, index: int) -> ContactPoints:
     )
 
 
-def sample_trial(points: ContactPoints, dt: float) -> Trial:
-    """Return a state with read-only arrays in which some contact points are closed and others open."""
+def sample_trial(points: ContactPoints, dt: float, law: Any) -> Trial:
+    """Return a trial of a class of laws with some contact points closed and others open; state variables are zero."""
     k = np.arange(len(points.names))
     depth = 1e-3 * np.where(k % 2, -1.0, 1.0) * (1.0 + k)
     gaps, rates = (depth, depth - 1e-4), (np.cos(k), np.cos(k) - 0.3)
     for array in (*gaps, *rates):
         array.flags.writeable = False
     first, neighbour, coupling, pushed = chained(points, 0.0)
+    before = np.zeros((k.size, law.state))
+    before.flags.writeable = False
     return Trial(
-        gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt, first, neighbour, coupling, pushed
-    )
+        gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt, first, neighbour, coupling,
+        pushed, before, before.copy(), np.zeros(k.size if law.shifts else 0),
+    )  # fmt: skip
 
 
 def chained(points: ContactPoints, strength: float) -> tuple[Any, Any, Any, Any]:
@@ -86,8 +97,10 @@ def trial_of_point(trial: Trial, index: int, point: ContactPoints) -> Trial:
     first, neighbour, coupling, pushed = chained(point, 0.0)
     values = {name: getattr(trial, name)[index : index + 1] for name in Trial._fields[:5]}
     return trial._replace(
-        **values, first_neighbour=first, neighbour=neighbour, coupling=coupling, pushed_by_others=pushed
-    )
+        **values, first_neighbour=first, neighbour=neighbour, coupling=coupling, pushed_by_others=pushed,
+        before=trial.before[index : index + 1], after=trial.after[index : index + 1].copy(),
+        shift=np.zeros_like(trial.shift[index : index + 1]),
+    )  # fmt: skip
 
 
 def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, dt: float) -> Any:
@@ -111,7 +124,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
             points, dt = sample_points(count), 1e-3
             bound = _bound(subject, options, points, dt)
             bound_alone = [_bound(subject, options, single_point(points, p), dt) for p in range(count)]
-            trial = sample_trial(points, dt)
+            trial = sample_trial(points, dt, subject.component)
             together = _law_values(subject, bound, trial)
             alone = [
                 _law_values(subject, bound_point, trial_of_point(trial, p, single_point(points, p)))
@@ -150,7 +163,7 @@ def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
         raise
     if np.isnan(multiplier).any():
         raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
-    return {"multiplier": multiplier}
+    return {"multiplier": multiplier} | ({"shift": trial.shift.copy()} if trial.shift.size else {})
 
 
 @check("contacts")
@@ -166,8 +179,8 @@ def check_inputs_untouched(subject: Subject) -> None:
         bound = _bound(subject, options, points, dt)
         if isinstance(bound, LinearLaw):
             continue
-        trial = sample_trial(points, dt)
-        before = [np.array(value, copy=True) for value in (*bound, *trial)]
+        trial = sample_trial(points, dt, subject.component)
+        before = [np.array(value, copy=True) for value in (*bound, *trial[:-2])]
         _law_values(subject, bound, trial)
         writeable = Trial(*(np.array(value) if isinstance(value, np.ndarray) else value for value in trial))  # type: ignore[arg-type]
         kernel: Any = Specialiser(counting=True).bind(subject.component.multipliers, entry=True)  # type: ignore[attr-defined]
@@ -175,7 +188,7 @@ def check_inputs_untouched(subject: Subject) -> None:
             kernel(bound, writeable, np.zeros(3))
         except compile_error():  # such a kernel runs in plain Python, where it was tried above
             writeable = trial
-        for old, new in zip(before, (*bound, *writeable), strict=True):
+        for old, new in zip(before, (*bound, *writeable[:-2]), strict=True):
             if not np.array_equal(old, np.asarray(new), equal_nan=True):
                 raise CheckFailed(f"`multipliers` changes what it was handed: {new} was {old}")
 
@@ -195,7 +208,7 @@ def check_coupling(subject: Subject) -> None:
             raise CheckFailed(
                 "it declares `uses_coupling`, and is linear: such laws are solved together, whatever it says"
             )
-        uncoupled = sample_trial(points, dt)
+        uncoupled = sample_trial(points, dt, subject.component)
         deep = np.full(5, -1e-3)
         deep.flags.writeable = False
         uncoupled = uncoupled._replace(gap=deep, predicted_gap=deep, rate=deep, predicted_rate=deep)
@@ -212,6 +225,43 @@ def check_coupling(subject: Subject) -> None:
                     f"it declares `uses_coupling`, and its multipliers are the same with and without {source} at the "
                     "same ends"
                 )
+
+
+def _is_leap_frog(subject: Subject, integrator: str) -> bool:
+    """Return whether an integrator is a leap-frog scheme with the first of its examples."""
+    cls: Any = subject.registry.components["integrators", integrator]
+    return isinstance(cls(**cls.examples[0]).bind(1.0), LeapFrog)
+
+
+@check("contacts")
+def check_stored_and_dissipated(subject: Subject) -> None:
+    """What a law says its contact stores and has dissipated adds up to the work that the contact takes from the bodies.
+
+    The difference vanishes with the time step, and the energy that was dissipated never decreases.
+    """
+    law: Any = subject.component
+    if law.stored_in is None or law.dissipated_in is None:
+        raise NotApplicable("it does not say both what its contacts store and what they dissipate")
+    integrator = next(name for name in subject.registry.names("integrators") if _is_leap_frog(subject, name))
+    for options in subject.examples:
+        errors = []
+        for courant in (0.4, 0.1):
+            case = {**STRUCK_WALL, "time": {"end": 0.04, "courant": courant}}
+            try:
+                result = subject.run(subject.placed(case, options, integrator))
+            except InputError as refusal:
+                raise NotApplicable(str(refusal)) from None
+            arrays, largest = result.arrays, result.summary["energy"]["max"]
+            dissipated = arrays["contact_dissipation"]
+            if np.diff(dissipated).min(initial=0.0) < -1e-12 * largest:
+                raise CheckFailed(f"the energy that it has dissipated decreases, with options {options}")
+            missing = arrays["contact_work"] + arrays["contact_energy"] + dissipated
+            errors.append(float(np.abs(missing[-1])) / largest)
+        if not errors[1] <= max(REDUCTION * errors[0], 1e-4):
+            raise CheckFailed(
+                f"of the largest energy {errors[0]:.3g} is neither stored, dissipated nor given back at a Courant "
+                f"number of 0.4, and {errors[1]:.3g} at 0.1, with options {options}"
+            )
 
 
 @check("contacts")
@@ -261,14 +311,7 @@ def check_pushes_apart(subject: Subject) -> None:
 
     Multipliers are positive in compression, so that a law of the opposite sign pulls the bodies into each other.
     """
-    bar = {"bar": {"length": 1.0, "elements": 20}, "material": STEEL, "area": 1.0, "velocity": 0.5}
-    case = {
-        "percuss": 1,
-        "bodies": {"a": bar},
-        "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
-        "time": {"end": 0.009, "courant": 0.5},
-        "record": {"probes": ["a.right"]},
-    }
+    case = {**STRUCK_WALL, "time": {"end": 0.009, "courant": 0.5}}
     for options in subject.examples:
         for partner in subject.registry.names("integrators"):
             try:

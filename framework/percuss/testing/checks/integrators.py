@@ -169,7 +169,8 @@ def check_stages(subject: Subject) -> None:
     Two steps are made with random data. In free flight at velocity v, a stage at time c asks for accelerations at the
     displacement u + c dt v; with another c the loads would be taken at another instant. Where `end` is (r_v, r_a, s_a),
     the next stage asks for accelerations at u + r_v v + r_a a, for any u, v and a of this stage, and s_a = r_a / r_v;
-    otherwise a law evaluated at the end of the step is evaluated at another state.
+    otherwise a law evaluated at the end of the step is evaluated at another state. Where `velocity` is c, a stage at
+    time t asks under a constant acceleration a for accelerations at a velocity v with v + c a = v_n + t dt a.
     """
     for options in subject.examples:
         integrator, dt = subject.make(options), 0.37
@@ -179,6 +180,8 @@ def check_stages(subject: Subject) -> None:
         _check_stage_times(integrator, stages, dt)
         if stages.end:
             _check_stage_end(integrator, stages, dt)
+        if stages.velocity:
+            _check_stage_velocity(integrator, stages, dt)
 
 
 ENTRIES = 6  # size of the state with which a step is made
@@ -207,7 +210,11 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
         a[:] = 0.0 if free else random.standard_normal(u.size)
         calls.append((stage, u.copy(), v.copy(), a.copy()))
 
-    step = Specialiser({slots.accelerations: accelerations}, jit=False).bind(kernel_of(integrator))
+    def internal(system: Any, stage: int, u: Any, f: Any) -> None:  # noqa: ARG001  signature of the slot
+        f[:] = 0.0 if free else random.standard_normal(u.size)
+
+    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
+    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
     u, v = random.standard_normal((2, ENTRIES))
     kept = random.standard_normal((type(integrator).kept, ENTRIES)) * (0.0 if free else 1.0)
     begins, counts = [], []
@@ -230,6 +237,33 @@ def _check_stage_times(integrator: Integrator, stages: Stages, dt: float) -> Non
             raise CheckFailed(
                 f"`times` says that stage {stage} is at {stages.times[stage]:.9g} of the step, and in free flight it "
                 f"is handed the displacement of {time:.9g}"
+            )
+
+
+def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Raise `CheckFailed` unless `velocity` completes the velocity of each stage under a constant acceleration."""
+    from percuss.methods import slots
+    from percuss.solver.compiler.specialise import Specialiser
+    from percuss.solver.integrator_check import kernel_of, no_internal_forces
+
+    constant, start = np.array([0.7, -1.3]), np.array([0.2, 0.4])
+    velocities: list[tuple[int, Any]] = []
+
+    def accelerations(system: Any, stage: int, u: Any, v: Any, a: Any) -> None:  # noqa: ARG001  signature of the slot
+        a[:] = constant
+        velocities.append((stage, v.copy()))
+
+    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: no_internal_forces}
+    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    step(stages.numbers, None, np.zeros(2), start.copy(), np.tile(constant, (type(integrator).kept, 1)), dt)
+    for stage, v in velocities:
+        time = stages.times[stage] * dt
+        reached = v + stages.velocity[stage] * constant - start
+        if np.abs(reached - time * constant).max() > STAGED_TOLERANCE * dt:
+            raise CheckFailed(
+                f"`velocity` says of stage {stage} that v + {stages.velocity[stage]:.9g} a is the velocity at "
+                f"{stages.times[stage]:.9g} of the step; under a constant acceleration it is that at "
+                f"{float((reached / constant).mean()) / dt:.9g}"
             )
 
 

@@ -1,0 +1,92 @@
+"""The command ``percuss recommend``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from percuss.cli.common import (
+    AsJson,
+    CaseFile,
+    Outputs,
+    Plugins,
+    expect_drawable,
+    names_in,
+    print_json,
+    progress_bar,
+    reporting,
+)
+
+
+def recommend(
+    case: CaseFile,
+    error: Annotated[str, typer.Option("--error", metavar="BOUND", help="Largest error, as 1% or 0.01.")] = "",
+    energy: Annotated[
+        str, typer.Option("--energy", metavar="BOUND", help="Largest share of the energy taken or added by contacts.")
+    ] = "",
+    time: Annotated[str, typer.Option("--time", metavar="SECONDS", help="Longest time of the march of a run.")] = "",
+    measure: Annotated[
+        str, typer.Option("--measure", metavar="NAME", help="The error that is bounded.")
+    ] = "force_error_l1",
+    integrator: Annotated[
+        str, typer.Option("--integrator", metavar="A,B", help="Integrators to choose from; else all.")
+    ] = "",
+    contact: Annotated[
+        str, typer.Option("--contact", metavar="X,Y", help="Contact laws to choose from; else all.")
+    ] = "",
+    runs: Annotated[int, typer.Option("--runs", metavar="N", help="Largest number of runs.")] = 400,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same candidates.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="File of the runs; else CASE-recommend.sqlite.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core. 1: this one.")
+    ] = None,
+    plugin: Plugins = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Draw the error of all runs over their cost.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Search the cheapest methods, options, mesh and step that meet bounds; the same command goes on with a search."""
+    with reporting(as_json):
+        from percuss.studies.recommendation import bound_of
+        from percuss.studies.recommendation import recommend as search
+
+        if plot is not None:
+            expect_drawable(plot)
+        bounds = {name: bound_of(text, f"--{name}") for name, text in (("error", error), ("energy", energy))}
+        with progress_bar("runs") as progress:
+            found = search(
+                case,
+                **bounds,
+                seconds=bound_of(time, "--time"),
+                measure=measure,
+                integrators=names_in(integrator),
+                contacts=names_in(contact),
+                runs=runs,
+                seed=seed,
+                out=out,
+                workers=workers,
+                plugins=plugin or [],
+                progress=progress,
+            )
+        outputs = Outputs()
+        if plot is not None:
+            from percuss.reporting.recommendation_figure import plot_recommendation
+
+            outputs.write(plot_recommendation, found, plot)
+        if as_json:
+            print_json(found.as_dict())
+        else:
+            from percuss.reporting.tell_recommendation import tell_recommendation
+
+            tell_recommendation(found)
+        outputs.finish()
+        if not found.study.complete:
+            print("interrupted: the same command goes on from here", file=sys.stderr)
+        if found.best is None:
+            raise typer.Exit(1)

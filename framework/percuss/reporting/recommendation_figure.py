@@ -1,0 +1,79 @@
+"""Figure of a recommendation: the error of all runs over their cost, with the Pareto front and the bound."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from percuss.case.quantities import METRICS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from percuss.studies.recommendation import Recommendation, Tried
+
+MOST_PAIRS = 8  # that have a colour of their own, the best first
+
+
+def recommendation_figure(found: Recommendation) -> Figure:
+    """Return a figure of the error over the cost on logarithmic axes, with the Pareto front and the bound."""
+    from percuss.reporting.figures import drawing
+    from percuss.reporting.study_charts import line_style
+    from percuss.reporting.study_figures import marked_line
+    from percuss.reporting.tell_recommendation import bounds_in_words, methods_in_words
+
+    with drawing():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(12.8, 7.2), facecolor="white", layout="constrained")
+        figure.suptitle(found.study.title, x=0.02, ha="left", weight="bold", size=15, parse_math=False)
+        axes = figure.subplots()
+        heading = bounds_in_words(found.bounds)
+        if found.best is not None:
+            heading = f"{heading}; cheapest: {methods_in_words(found.best)}"
+        axes.set_title(heading, loc="left", size=11, parse_math=False)
+        by_pair: dict[tuple[str, str], list[Tried]] = {}
+        for one in sorted(_drawn(found, found.tried), key=lambda one: (one.excess, one.cost)):
+            by_pair.setdefault(one.candidate.pair, []).append(one)
+        for k, (pair, of_pair) in enumerate(by_pair.items()):
+            x, y = [one.cost for one in of_pair], [_height(found, one) for one in of_pair]
+            if k < MOST_PAIRS:
+                style = marked_line(line_style(k)) | {"linestyle": "none"}
+                axes.plot(x, y, markersize=5, label=" + ".join(pair), **style)
+            else:
+                label = "other pairs" if k == MOST_PAIRS else None
+                axes.plot(x, y, ".", color="0.75", markersize=4, zorder=1, label=label)
+        front = _drawn(found, found.front)
+        axes.plot([one.cost for one in front], [_height(found, one) for one in front], color="0.3", lw=1.2,
+                  drawstyle="steps-post", zorder=1.5, label="none is both cheaper and better")  # fmt: skip
+        bound = found.bounds.error if found.bounds.error is not None else found.bounds.energy
+        if bound is not None:
+            axes.axhline(bound, color="0.3", lw=1.0, dashes=(5, 3), label="bound")
+        for best in _drawn(found, [found.best] if found.best is not None else []):
+            axes.plot(best.cost, _height(found, best), "o", markersize=14, fillstyle="none", color="black",
+                      label="the cheapest that meets the bounds")  # fmt: skip
+        name = METRICS[found.bounds.measure].label if found.bounds.error is not None else "energy taken or added"
+        estimate = " (estimated)" if found.estimated else ""
+        axes.set(xscale="log", yscale="log", xlabel="cost: time of the march [s]", ylabel=f"{name}{estimate}")
+        figure.legend(loc="outside right upper", fontsize=9)
+        return figure
+
+
+def _height(found: Recommendation, one: Tried) -> float:
+    """Return the number of a run that is drawn upwards; nan if it is not known."""
+    value = one.error if found.bounds.error is not None else one.energy
+    return math.nan if value is None else value
+
+
+def _drawn(found: Recommendation, runs: Sequence[Tried]) -> list[Tried]:
+    """Return the runs that have a place on logarithmic axes."""
+    return [one for one in runs if 0 < _height(found, one) < math.inf and 0 < one.cost < math.inf]
+
+
+def plot_recommendation(found: Recommendation, path: str | os.PathLike[str]) -> None:
+    """Write `recommendation_figure` as a png, svg or pdf file, by suffix, completely or not at all."""
+    from percuss.reporting.figures import write
+
+    write(path, lambda: recommendation_figure(found))

@@ -1,0 +1,583 @@
+"""Elements of more than two nodes against dispersion relations, matrices of exact integrals, and two-node bars."""
+
+import copy
+
+import numpy as np
+import pytest
+from numpy.polynomial import Legendre, Polynomial
+
+import percuss
+from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
+from percuss.certificate.pencil import Pencil
+from percuss.certificate.verdict import certificate, settled
+from percuss.certificate.waves import waves
+from percuss.errors import PercussError
+from percuss.reporting.component import component_data
+from percuss.solver.bodies import stress_field
+from percuss.solver.model import Model
+from strategies import CORE, FIRST, LEAPFROG, REGISTRY, hunek, is_refused, largest, pair_id, run
+
+SPECTRAL = [{"name": "spectral-bar", "order": order} for order in (1, 2, 3, 4)]
+ELEMENTS = ["quadratic-bar", *SPECTRAL[1:]]
+STEEL = {"young": 100.0, "density": 0.01}  # waves run at 100
+
+
+def element_id(element):
+    return element if isinstance(element, str) else f"order-{element['order']}"
+
+
+def order_of(element):
+    return 2 if element == "quadratic-bar" else element["order"]
+
+
+def bar(element, elements=4, length=2.0, **more):
+    """Return a case of one bar of material c = 100, rho A = 0.01."""
+    body = {"bar": {"length": length, "elements": elements}, "element": element, "material": STEEL, "area": 1.0}
+    method = {"integrator": "central-difference", "contact": "penalty"}
+    return {
+        "percuss": 1,
+        "bodies": {"a": body | more},
+        "contacts": {},
+        "method": method,
+        "time": {"steps": 1, "courant": 1.0},
+        "record": {"probes": ["a.left"]},
+    }
+
+
+def model_of(case):
+    return Model(percuss.load(case))
+
+
+def frequencies(case):
+    """Return omega h / c squared of all modes, from the matrices of the certificate."""
+    matrix = Pencil(model_of(case)).bodies[0]
+    root = np.sqrt(matrix.mass)
+    h = case["bodies"]["a"]["bar"]["length"] / case["bodies"]["a"]["bar"]["elements"]
+    return np.linalg.eigvalsh(matrix.full() / root[:, None] / root) * (h / 100.0) ** 2
+
+
+def exact_matrices(order, lengths, gauss_lobatto=True):
+    """Return stiffness and lumped mass over E A and rho A of a line of elements, by exact integrals of polynomials.
+
+    Nodes stand along the line; the mass of node a is the integral of its shape function, its row sum.
+    """
+    inner = np.sort(Legendre.basis(order).deriv().roots()) if gauss_lobatto else np.linspace(-1, 1, order + 1)[1:-1]
+    nodes = np.array([-1.0, *inner, 1.0])
+    shapes = [
+        np.prod([Polynomial([-b, 1.0]) / (nodes[a] - b) for k, b in enumerate(nodes) if k != a])
+        for a in range(order + 1)
+    ]
+    size = order * len(lengths) + 1
+    stiffness, mass, place = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    for e, h in enumerate(lengths):
+        for a, one in enumerate(shapes):
+            whole = one.integ()
+            mass[order * e + a] += (whole(1.0) - whole(-1.0)) * h / 2
+            place[order * e + a] = sum(lengths[:e]) + 0.5 * h * (1.0 + nodes[a])
+            for b, other in enumerate(shapes):
+                product = (one.deriv() * other.deriv()).integ()
+                stiffness[order * e + a, order * e + b] += (product(1.0) - product(-1.0)) * 2 / h
+    return stiffness, mass, place
+
+
+# ------------------------------------------------------------------------------------------ mesh and matrices
+
+
+@pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
+def test_nodes_masses_and_stiffness_are_those_of_exact_integrals(element):
+    case = bar(element, elements=5)
+    case["bodies"]["a"]["bar"]["grading"] = 3.0
+    body = model_of(case).bodies["a"]
+    order = order_of(element)
+    stiffness, mass, place = exact_matrices(order, body.mesh.lengths)
+    assert body.mesh.lengths.size == 5
+    np.testing.assert_allclose(body.mesh.nodes[:, 0], place, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(body.mass, 0.01 * mass, rtol=1e-12)
+    found = Pencil(model_of(case)).bodies[0].full()
+    np.testing.assert_allclose(found, 100.0 * stiffness, rtol=1e-10, atol=1e-10 * 100.0 * stiffness.max())
+    (kind, cells), *others = body.mesh.cells.items()
+    assert not others
+    assert kind == ("line" if order == 1 else f"line{order + 1}")
+    assert cells.shape == (5, order + 1)
+    # VTK's order: the ends first
+    np.testing.assert_array_equal(cells[:, 0], order * np.arange(5))
+    np.testing.assert_array_equal(cells[:, 1], order * np.arange(1, 6))
+    assert body.mesh.regions["right"].nodes == (5 * order,)
+
+
+# ------------------------------------------------------------------------------------- dispersion, critical steps
+
+
+def test_modes_of_quadratic_bars_lie_on_both_branches_of_the_dispersion_relation():
+    count = 7
+    acoustic, optical = [], []
+    for j in range(count + 1):  # a free bar has the modes cos(k x), k h = j pi / n
+        s = np.sin(0.5 * j * np.pi / count) ** 2
+        roots = np.sort(np.roots([1.0, -(24.0 - 4.0 * s), 96.0 * s]))
+        acoustic.append(roots[0])
+        optical.append(roots[1])
+    # at k h = pi a free end is a crest, which the acoustic branch has in the middle of the elements
+    expected = [*acoustic[:-1], *optical]
+    np.testing.assert_allclose(frequencies(bar("quadratic-bar", count)), np.sort(expected), rtol=1e-9, atol=1e-9)
+
+
+def test_the_highest_frequencies_are_those_in_closed_form():
+    # of Gauss-Lobatto-Legendre elements: 4, 24, 42 + 6 sqrt(29), from the odd and even modes of one element
+    for element, largest_eigenvalue in zip(SPECTRAL, (4.0, 24.0, 42.0 + 6.0 * np.sqrt(29.0)), strict=False):
+        assert frequencies(bar(element, 3))[-1] == pytest.approx(largest_eigenvalue, rel=1e-9)
+
+
+@pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
+def test_courant_number_one_is_the_critical_step_of_the_exact_matrices(element):
+    case = bar(element, 6)
+    model = model_of(case)
+    stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
+    highest = np.sqrt(np.linalg.eigvals(1e4 * stiffness / mass[:, None]).real.max())
+    assert model.dt == pytest.approx(2.0 / highest, rel=1e-10)
+    assert Pencil(model).free_step() == pytest.approx(2.0 / highest, rel=1e-10)
+    if element in ("quadratic-bar", SPECTRAL[1]):
+        assert 100.0 * model.dt / (2.0 / 6.0) == pytest.approx(1.0 / np.sqrt(6.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
+def test_a_run_stays_bounded_at_the_critical_step_and_grows_beyond_it(element):
+    case = bar(element, 3)  # free, as a support takes the mode of the highest frequency away
+    case["loads"] = {"push": {"constant": 1.0, "on": "a.right"}}
+    for courant, stable in ((0.999, True), (1.01, False)):
+        changed = {**case, "time": {"steps": 3000, "courant": courant}}
+        verdict = certificate(model_of(changed))
+        assert verdict["stable"] == ("yes" if stable else "no")
+        try:
+            energy = run(changed, compiled=False).arrays["elastic_energy"]
+            grows = bool(largest(energy) > 10.0 * largest(energy[:100]))
+        except percuss.RunError:
+            grows = True
+        assert grows is not stable
+
+
+@pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
+def test_the_error_of_a_frequency_is_of_twice_the_order(element):
+    order = order_of(element)
+    mode = {1: 1, 2: 2, 3: 4, 4: 6}[order]  # high enough that round-off is far below the error
+    errors = []
+    for count in (8, 16):
+        found = np.sqrt(frequencies(bar(element, count))[mode])
+        exact = mode * np.pi / count
+        errors.append(abs(found - exact) / exact)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.15)
+
+
+# ------------------------------------------------------------------------------------------------------ runs
+
+
+def test_a_smooth_wave_converges_faster_with_a_higher_order():
+    """One period of a raised cosine, whose displacement has a jump in its third derivative, at equal numbers of nodes.
+
+    The order of every element is at most that of the jump, about 3; the step is so short that its error is far less.
+    """
+    errors = {}
+    for element in ("bar", "quadratic-bar", SPECTRAL[3]):
+        order = 1 if element == "bar" else order_of(element)
+        for nodes in (24, 96):
+            case = bar(element, nodes // order)
+            pulse = {"value": 0.5, "frequency": 1.0 / 0.012, "phase": -0.5 * np.pi, "mean": 0.5}
+            case["loads"] = {"pulse": {"harmonic": pulse, "on": "a.left", "until": 0.012}}
+            case["time"] = {"step": 0.018 / 4000, "steps": 4000}
+            case["record"]["every"] = 4000
+            errors[order, nodes] = run(case).summary["exact"]["displacement_error"]
+    observed = {order: np.log2(errors[order, 24] / errors[order, 96]) / 2 for order in (1, 2, 4)}
+    assert observed[1] == pytest.approx(2.0, abs=0.05)
+    assert observed[2] == pytest.approx(3.0, abs=0.3)
+    assert observed[4] > 2.8
+    assert errors[2, 96] < 0.05 * errors[1, 96]
+    assert errors[4, 96] < 0.5 * errors[2, 96]
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "velocity-verlet"])
+@pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
+def test_a_run_is_that_of_dense_matrices(element, integrator):
+    case = bar(element, 4, velocity=0.3)
+    case["bodies"]["a"]["bar"]["grading"] = 2.0
+    case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
+    case["method"]["integrator"] = integrator
+    case["time"] = {"steps": 50, "courant": 0.9}
+    model, result = model_of(case), run(case)
+    stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
+    force = np.zeros(mass.size)
+    force[-1] = 1.5
+    u, v, history = np.zeros(mass.size), np.full(mass.size, 0.3), []
+
+    def acceleration(u):
+        return (force - 100.0 * stiffness @ u) / (0.01 * mass)
+
+    for _ in range(51):
+        history.append(u[0])
+        half = v + 0.5 * model.dt * acceleration(u)
+        u = u + model.dt * half
+        v = half + 0.5 * model.dt * acceleration(u)
+    found = result.arrays["displacement"][:, 0, 0]
+    np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
+
+
+@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[2]], ids=element_id)
+def test_a_viscous_run_is_that_of_dense_matrices(element):
+    case = bar(element, 4, velocity=0.3)
+    case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
+    case["method"]["integrator"] = {"name": "viscous-central-difference", "viscosity": 0.3}
+    case["time"] = {"steps": 50, "courant": 0.7}
+    model, result = model_of(case), run(case)
+    stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
+    force = np.zeros(mass.size)
+    force[-1] = 1.5
+    u, v, history = np.zeros(mass.size), 0.3 - 0.5 * model.dt * force / (0.01 * mass), []
+    for _ in range(51):
+        history.append(u[0])
+        v = v + model.dt * (force - 100.0 * stiffness @ (u + 0.3 * model.dt * v)) / (0.01 * mass)
+        u = u + model.dt * v
+    found = result.arrays["displacement"][:, 0, 0]
+    np.testing.assert_allclose(found, history[: found.size], rtol=0, atol=1e-8 * largest(np.array(history)))
+    assert result.summary["energy"]["ledger_error"] < 1e-11
+    assert certificate(model)["stable"] == "yes"
+
+
+@pytest.mark.parametrize("direction", [(1.0,), (3.0, 4.0), (1.0, -2.0, 2.0)], ids=lambda v: f"{len(v)}d")
+def test_direction_changes_nothing(direction):
+    case = bar("quadratic-bar", 4, velocity=0.3)
+    case["loads"] = {"push": {"constant": 1.5, "on": "a.right"}}
+    case["time"] = {"steps": 40, "courant": 0.9}
+    straight = run(case).arrays["displacement"][:, 0, 0]
+    turned = copy.deepcopy(case)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    turned["bodies"]["a"]["bar"]["direction"] = list(direction)
+    turned["bodies"]["a"]["at"] = [0.0] * len(direction)
+    along = run(turned, compiled=False).arrays["displacement"][:, 0] @ unit
+    np.testing.assert_allclose(along, straight, rtol=0, atol=1e-12 * largest(straight))
+
+
+def impact(element, law, integrator="central-difference", n=6, **more):
+    """Return the two bars of Hunek with an element."""
+    case = hunek(n, integrator=integrator, contact=law, **more)
+    for body in case["bodies"].values():
+        body["element"] = element
+    return case
+
+
+@pytest.mark.parametrize("law", FIRST, ids=lambda law: law["name"])
+def test_order_one_is_the_two_node_bar(law):
+    integrator = next(name for name in CORE if not is_refused(name, law))
+    histories = [run(impact(element, law, integrator)).arrays for element in ("bar", SPECTRAL[0])]
+    for name in ("contact_force", "gap", "displacement", "elastic_energy"):
+        two_nodes, cells = (arrays[name] for arrays in histories)
+        size = max(largest(two_nodes), 1e-6)  # of the lengths and forces here; a tied gap is round-off
+        np.testing.assert_allclose(cells, two_nodes, rtol=0, atol=1e-9 * size, err_msg=name)
+
+
+PAIRS = [
+    (integrator, law) for integrator in CORE for law in FIRST if not is_refused(integrator, law)
+]  # of the first options of every law
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=pair_id)
+@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[2]], ids=element_id)
+def test_impacts_keep_momentum_and_close_the_ledger(element, pair):
+    integrator, law = pair
+    result = run(impact(element, law, integrator))
+    assert result.status == "done"
+    assert result.summary["momentum"]["error"] < 1e-11
+    assert result.summary["energy_growth"]["kept"] is not False  # what the certificate guarantees of the energy
+    if integrator in LEAPFROG:
+        assert result.summary["energy"]["ledger_error"] < 1e-11
+    if law["name"] != "tied":  # which pulls, too
+        assert result.summary["contacts"]["tip"]["impulse"] == pytest.approx(0.02, rel=0.3)
+
+
+def test_the_impulse_converges_to_the_exact_one():
+    for element in ("quadratic-bar", SPECTRAL[3]):
+        errors = [
+            run(impact(element, {"name": "lagrange"}, n=n)).summary["exact"]["contacts"]["tip"]["impulse_error"]
+            for n in (5, 20)
+        ]
+        assert errors[1] < 0.5 * errors[0], element
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
+@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[2]], ids=element_id)
+@pytest.mark.parametrize(
+    "law", [{"name": "penalty", "beta_s": 2.0}, {"name": "bipenalty", "beta_s": 2.0, "ratio": 2.0}]
+)
+def test_rows_of_the_laws_and_the_step_itself_agree_on_the_critical_step(element, law, integrator):
+    model = model_of(impact(element, law, integrator, n=3))
+    rows, step = PencilCriterion(model).critical_step, BlackBoxCriterion(model).critical_step
+    assert rows == pytest.approx(step, rel=1e-5)
+    assert rows < 2.0 / model.omega
+
+
+def test_a_ratio_of_one_keeps_the_free_step():
+    # as of two-node bars: the contact is measured by m omega^2 / 2 of the end
+    for element in ELEMENTS:
+        model = model_of(impact(element, {"name": "bipenalty", "beta_s": 50.0, "ratio": 1.0}))
+        assert PencilCriterion(model).critical_step == pytest.approx(2.0 / model.omega, rel=1e-8)
+
+
+def test_theta_is_twice_the_penalty_at_courant_number_one():
+    # s = 1/m at a wall, eps_s = beta_s m omega^2 / 2: theta = 2 C^2 beta_s whatever the element
+    for element in ELEMENTS:
+        case = bar(element, 4)
+        case["contacts"] = {"w": {"body": "a.right", "wall": 2.0}}
+        case["method"] = {"integrator": "wu-predictor-corrector", "contact": {"name": "penalty", "beta_s": 0.3}}
+        case["time"]["courant"] = 0.8
+        assert certificate(model_of(case))["theta"] == pytest.approx(2 * 0.8**2 * 0.3, rel=1e-12)
+
+
+@pytest.mark.parametrize("element", [*ELEMENTS, SPECTRAL[0]], ids=element_id)
+def test_the_stiffest_contact_that_a_step_allows_is_that_of_exact_matrices(element):
+    case = bar(element, 4)
+    case["contacts"] = {"w": {"body": "a.right", "wall": 2.0}}
+    case["time"]["courant"] = 0.9
+    model = model_of(case)
+    stiffness, mass, _ = exact_matrices(order_of(element), model.bodies["a"].mesh.lengths)
+    reserve = np.diag(4.0 / model.dt**2 * 0.01 * mass) - 100.0 * stiffness
+    limit = 1.0 / np.linalg.inv(reserve)[-1, -1]
+    assert model.points([0], model.dt).stiffness_limit[0] == pytest.approx(limit, rel=1e-7)
+
+
+def test_automatic_step_and_penalty_run():
+    case = impact("quadratic-bar", {"name": "penalty"})
+    case["time"]["courant"] = "auto"
+    model = settled(percuss.load(case)).model
+    assert certificate(model)["stable"] == "yes"
+    assert model.courant < 1.0
+    assert run(case, compiled=False).status == "done"
+
+
+# ------------------------------------------------------------------------------------------ stress, state variables
+
+
+@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[3]], ids=element_id)
+def test_stress_of_a_stretched_bar_is_uniform(element):
+    case = bar(element, 3, fixed=["left"])
+    case["bodies"]["a"]["bar"]["grading"] = 2.0
+    # pulled so slowly that waves have run many times: stress is E times the mean strain
+    case["loads"] = {"pull": {"prescribed-velocity": 1e-4, "on": "a.right"}}
+    case["time"] = {"end": 4.0, "courant": 0.9}
+    case["record"]["fields"] = 10
+    result = run(case)
+    stress, time = result.field_arrays["stress"][-1], result.field_arrays["time"][-1]
+    np.testing.assert_allclose(stress, 100.0 * 1e-4 * time / 2.0, rtol=0.03)
+
+
+@pytest.mark.parametrize("element", ELEMENTS, ids=element_id)
+def test_the_stress_of_an_element_is_the_mean_over_its_length(element):
+    # which is E times the mean strain, the difference of the ends over the length, whatever happens between them
+    model = model_of(bar(element, 3))
+    body = model.bodies["a"]
+    snapshots = np.cos(np.arange(5.0 * body.mesh.nodes.size) ** 2).reshape(5, -1)
+    nodes = body.element_nodes(np.arange(3))
+    stress = stress_field(
+        body, np.arange(3), snapshots[:, nodes][..., None], np.zeros((5, 3, body.volumes.shape[1], 0))
+    )
+    expected = 100.0 * (snapshots[:, nodes[:, 1]] - snapshots[:, nodes[:, 0]]) / body.mesh.lengths
+    np.testing.assert_allclose(stress, expected, rtol=1e-7, atol=1e-7 * 100.0)
+
+
+@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[0], SPECTRAL[2]], ids=element_id)
+def test_materials_remember_at_every_quadrature_point(element):
+    steel = {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02, "tangent": 0.2}
+    case = impact(element, {"name": "penalty"}, n=8)
+    case["record"]["fields"] = 20
+    for body in case["bodies"].values():
+        body["material"] = steel
+    result = run(case)
+    assert result.summary["energy"]["ledger_error"] < 1e-11
+    assert result.summary["momentum"]["error"] < 1e-11
+    dissipated = result.arrays["dissipated_energy"]
+    assert dissipated[-1] > 0.05 * result.arrays["kinetic_energy"][0]
+    assert np.all(np.diff(dissipated) >= -1e-12)
+    stored_and_dissipated = result.arrays["elastic_energy"] + dissipated
+    np.testing.assert_allclose(
+        stored_and_dissipated, result.arrays["internal_work"], rtol=0, atol=0.05 * result.arrays["kinetic_energy"][0]
+    )
+    if element == SPECTRAL[0]:
+        for body in case["bodies"].values():
+            body["element"] = "bar"
+        bars = run(case)
+        pairs = [(result.arrays[name], bars.arrays[name]) for name in ("contact_force", "dissipated_energy")]
+        for cells, two_nodes in [*pairs, (result.field_arrays["stress"], bars.field_arrays["stress"])]:
+            np.testing.assert_allclose(cells, two_nodes, rtol=0, atol=1e-9 * largest(two_nodes))
+
+
+# -------------------------------------------------------------------------------------------------- refusals
+
+
+def test_waves_at_an_interface_are_refused():
+    with pytest.raises(PercussError, match="body 'short' are of the kind line3: harmonics at an interface"):
+        waves(model_of(impact("quadratic-bar", {"name": "penalty"})))
+
+
+@pytest.mark.parametrize("order", [0, 11, 2.5, "high"])
+def test_an_order_out_of_bounds_is_one_error(order):
+    with pytest.raises(percuss.InputError) as caught:
+        percuss.load(bar({"name": "spectral-bar", "order": order}))
+    assert len(caught.value.problems) == 1
+    assert "bodies.a.element.order" in str(caught.value)
+
+
+def test_weight_and_a_bounce_are_balanced():
+    case = bar("quadratic-bar", 5, velocity=-0.2)
+    case["bodies"]["a"]["at"] = 0.01
+    case["contacts"] = {"floor": {"body": "a.left", "wall": 0.0}}
+    case["loads"] = {"weight": {"gravity": -2.0}}
+    case["method"]["contact"] = {"name": "lagrange"}
+    case["time"] = {"end": 0.5, "courant": 0.9}
+    result = run(case)
+    assert result.summary["contacts"]["floor"]["impulse"] > 0.0
+    assert result.summary["energy"]["ledger_error"] < 1e-11
+    assert result.summary["momentum"]["error"] < 1e-11
+
+
+@pytest.mark.parametrize("element", ["quadratic-bar", SPECTRAL[3]], ids=element_id)
+def test_an_absorbing_end_has_the_impedance_of_the_bar(element):
+    # a bar that moves and is brought to rest: all of its energy leaves at the speed of waves, within the first transit
+    case = bar(element, 40, velocity=0.2)
+    case["loads"] = {"rest": {"absorbing": {}, "on": "a.right"}, "also": {"absorbing": {}, "on": "a.left"}}
+    case["time"] = {"end": 0.04, "courant": 0.5}
+    result = run(case)
+    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+    assert energy[-1] < 1e-3 * energy[0]
+    assert result.summary["energy"]["ledger_error"] < 1e-11
+
+
+def test_a_saved_run_is_made_again_bit_by_bit(tmp_path):
+    from percuss.results.rerun import rerun
+
+    case = impact("quadratic-bar", {"name": "penalty"})
+    case["record"]["fields"] = 5
+    run(case).save(tmp_path / "run.nc")
+    assert not rerun(tmp_path / "run.nc").differences
+
+
+def test_a_picture_has_every_element(tmp_path):
+    pytest.importorskip("matplotlib")
+    from percuss.reporting.run_figure import plot_result
+
+    case = impact("quadratic-bar", {"name": "penalty"}, n=5)
+    case["record"]["fields"] = 5
+    result = run(case)
+    assert result.field_arrays["stress"].shape[1] == 5 + 10
+    middle = np.concatenate([(np.arange(5) + 0.5) * 2.0, 10.0 + (np.arange(10) + 0.5) * 2.0])
+    np.testing.assert_allclose(result.field_arrays["position"][:, 0], middle, rtol=1e-12)
+    plot_result(result, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 10_000
+
+
+def test_check_says_what_the_numbers_of_a_cell_are():
+    from percuss.reporting.explanation import explanation
+
+    text = explanation(*settled(percuss.load(impact("quadratic-bar", {"name": "penalty"}, n=5)))).text
+    # h = 2, rho A = 0.01, c = 100: m = rho A h / 6, omega = sqrt(24) c / h, m omega^2 / 2 = 2 EA / h
+    assert "short: bar of 5 elements of 3 nodes, h = 2" in text
+    assert f"with m omega^2 / 2 = 100 and m = {0.02 / 6:.6g} of the softer side, omega = {24**0.5 * 50:.6g}" in text
+    assert f"of the smallest 2/omega = {2 / (24**0.5 * 50):.9g}" in text
+    assert "EA/h =" not in text
+
+
+def test_the_description_of_an_element_names_its_cell():
+    assert component_data(REGISTRY, "elements", "quadratic-bar")["facts"]["cell"] == "line3"
+    assert component_data(REGISTRY, "elements", "spectral-bar")["facts"]["cell"] == "follows from the options"
+
+
+CELL = """
+from dataclasses import dataclass
+from typing import NamedTuple
+import numpy as np
+from percuss import CellElement, Mesh, Region, Shape, stress
+
+class Rule(NamedTuple):
+    slope: np.ndarray
+
+@dataclass(frozen=True)
+class Odd(CellElement):
+    \"\"\"An element.
+
+    Formula: none.
+    \"\"\"
+    name = "odd"
+    summary = "odd"
+    linear = True
+    cell = "line3"
+
+    def rule(self):
+        return Rule(np.array([[-1.0, 1.0, 0.0]]))
+
+    def reference_nodes(self):
+        return np.array([0.0, 1.0, 0.5])
+
+    def mass_shares(self):
+        return np.array([1.0, 1.0, 4.0]) / 6
+
+    def volumes(self, body):
+        return (body.area * body.mesh.lengths)[:, None]
+
+    def axial_stiffness(self, body, modulus):
+        return modulus * body.area / body.mesh.lengths
+
+    def highest_frequency(self, body, wave_speed):
+        return 5.0 * wave_speed / body.mesh.lengths
+
+    @staticmethod
+    def force(rule, material, first, section, coordinates, displacement, force):
+        for a in range(force.shape[0]):
+            force[a, 0] = -section * rule.slope[0, a] * stress(material, first, 0.0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ('cell = "line3"', 'cell = "line4"', "has 3 nodes, and its `cell` says 'line4', expected 'line3'"),
+        ("np.array([1.0, 1.0, 4.0]) / 6", "np.array([0.5, 0.5])", "mass_shares returned 2 shares of 3 nodes"),
+        ("np.array([1.0, 1.0, 4.0]) / 6", "np.ones(3)", "mass_shares returned shares whose sum is 3, expected 1"),
+        ("[0.0, 1.0, 0.5]", "[0.0, 0.5, 1.0]", "expected 0, 1, and different positions between them"),
+        ("[:, None]", "", "volumes returned numbers of shape (4,), expected (4, 1)"),
+        ("return Rule(np.array([[-1.0, 1.0, 0.0]]))", "return 1.0", "rule returned a float, expected a NamedTuple"),
+        ("range(force.shape[0])", "range(2)", "expected finite numbers"),
+        ("section, coordinates,", "coordinates,", "is called as force(rule, material, first, section, coordinates"),
+    ],
+)
+def test_a_wrong_element_is_one_error_with_its_place(right, wrong, said, tmp_path):
+    assert right in CELL
+    (tmp_path / "odd.py").write_text(CELL.replace(right, wrong))
+    with pytest.raises(PercussError) as caught:
+        Model(percuss.load(bar("odd"), plugins=[tmp_path / "odd.py"]))
+    assert said in str(caught.value)
+    assert "odd.py" in str(caught.value)
+
+
+SHAPE = """
+from dataclasses import dataclass
+import numpy as np
+from percuss import Mesh, Region, Shape
+
+@dataclass(frozen=True)
+class Curve(Shape):
+    \"\"\"A shape that makes cells of its own.\"\"\"
+    name = "curve"
+    summary = "curve"
+    regions = ("left", "right")
+
+    def dimension(self):
+        return 1
+
+    def mesh(self, at, refine):
+        ends = {"left": Region((0,), -np.ones(1)), "right": Region((2,), np.ones(1))}
+        cells = {"line3": np.array([[0, 2, 1]])}
+        return Mesh(np.array([[0.0], [1.0], [2.0]]), np.array([2.0]), np.ones(1), ends, cells)
+"""
+
+
+def test_cells_of_a_shape_are_refused(tmp_path):
+    (tmp_path / "curve.py").write_text(SHAPE)
+    case = bar("quadratic-bar")
+    case["bodies"]["a"] = {"curve": {}, "material": STEEL, "area": 1.0}
+    with pytest.raises(PercussError, match="a shape makes a line of two-node cells, and leaves `cells` empty"):
+        Model(percuss.load(case, plugins=[tmp_path / "curve.py"]))

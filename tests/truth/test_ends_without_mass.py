@@ -1,0 +1,623 @@
+"""Ends in contact without mass: against dense matrices, exact solutions, published figures and identities."""
+
+import copy
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import eigh
+
+import percuss
+from dense import assemble
+from percuss import Lumping
+from percuss.methods.registry import Registry
+from percuss.testing import checks_of
+from percuss_methods.masses.redistributed import LEAST_SHARE, Redistributed
+from strategies import hunek, nudged
+
+LEAP_FROG = ("central-difference", "wu-predictor-corrector")
+TO_NEIGHBOUR = {"name": "redistributed", "moved_to": "neighbour"}
+LAWS = (
+    {"name": "penalty", "beta_s": 0.7},
+    {"name": "penalty", "epsilon_s": 3.0},
+    {"name": "regularised-lagrange", "beta_s": 2.0},
+    {"name": "lagrange"},
+)
+
+
+def ran(case, overrides=None, **options):
+    return percuss.run(percuss.load(case), overrides, compiled=False, **options)
+
+
+def shipped(name, **method):
+    return percuss.run(percuss.load(f"cases/{name}.yaml"), {f"method.{key}": value for key, value in method.items()})
+
+
+# ------------------------------------------------------------------------------------------ against dense matrices
+
+
+def redistributed(bars, case, to):
+    """Return the nodal masses of a row of bars, one body after the other, with those of ends in contact moved."""
+    mass = np.diag(bars.M).copy()
+    sides = [side for one in case["contacts"].values() for side in one.get("between", [one.get("body")])]
+    busy = {load.get("on") for load in case.get("loads", {}).values()}
+    busy |= {f"{name}.{end}" for name, body in case["bodies"].items() for end in body.get("fixed", ())}
+    empty = sorted({bars.node(side) for side in sides if side not in busy})
+    for name in case["bodies"]:
+        nodes = np.arange(bars.start[name], bars.stop[name])
+        ends = [node for node in nodes if node in empty]
+        if len(ends) == nodes.size:  # an element between two contacts keeps its mass
+            empty = [node for node in empty if node not in ends]
+        elif ends and to == "neighbour":
+            for node in ends:
+                mass[node + 1 if node == nodes[0] else node - 1] += mass[node]
+            mass[ends] = 0.0
+        elif ends:
+            rest = np.setdiff1d(nodes, ends)
+            for moments in range(min(3, rest.size), 0, -1):
+                # The nearest masses relative to the lumped ones, by the equations of Lagrange's multipliers.
+                powers = (bars.x[nodes] - bars.x[nodes].mean()) ** np.arange(moments)[:, None]
+                at = rest - nodes[0]
+                system = np.zeros((rest.size + moments,) * 2)
+                system[: rest.size, : rest.size] = np.diag(1.0 / mass[rest])
+                system[: rest.size, rest.size :], system[rest.size :, : rest.size] = powers[:, at].T, powers[:, at]
+                right = np.append(np.zeros(rest.size), powers[:, np.array(ends) - nodes[0]] @ mass[ends])
+                moved = np.linalg.solve(system, right)[: rest.size]
+                if (mass[rest] + moved >= 0.5 * mass[rest]).all():
+                    break
+            mass[rest] += moved
+            mass[ends] = 0.0
+    return mass, empty
+
+
+def closing(matrix, right, sigma):
+    """Return x >= 0 with (matrix + diag sigma) x - right >= 0 and one of both 0, by trying every active set."""
+    count = right.size
+    for size in range(count + 1):
+        for some in itertools.combinations(range(count), size):
+            active, x = list(some), np.zeros(count)
+            if active:
+                part = (matrix + np.diag(sigma))[np.ix_(active, active)]
+                assume(np.linalg.cond(part) < 1e8)  # else forces of contacts that hold the same end are not unique
+                x[active] = np.linalg.solve(part, right[active])
+            rest = (matrix + np.diag(sigma)) @ x - right
+            if (x >= 0.0).all() and (np.delete(rest, active) >= 0.0).all():
+                return x
+    raise AssertionError
+
+
+def march(case, to):
+    """March a row of bars with full matrices; return the forces, the gaps and the displacements of all steps."""
+    bars = assemble(case)
+    mass, empty = redistributed(bars, case, to)
+    count, total = len(case["contacts"]), mass.size
+    full = np.setdiff1d(np.arange(total), empty)
+    N, g0, sigma, explicit = np.zeros((total, count)), np.zeros(count), np.zeros(count), np.zeros(count, dtype=bool)
+    law = case["method"]["contact"]
+    for k, one in enumerate(case["contacts"].values()):
+        ends = one.get("between", [one.get("body")])
+        here = bars.node(ends[0])
+        N[here, k], g0[k] = -1.0, one.get("wall", 0.0) - bars.x[here]
+        if len(ends) == 2:
+            N[bars.node(ends[1]), k], g0[k] = 1.0, bars.x[bars.node(ends[1])] - bars.x[here]
+        g0[k] = 0.0 if abs(g0[k]) < 1e-12 else g0[k]
+        if law["name"] != "lagrange":
+            softer = min(bars.end(end)[0] for end in ends)
+            sigma[k] = 1.0 / law["epsilon_s"] if "epsilon_s" in law else 1.0 / (law["beta_s"] * softer)
+        explicit[k] = law["name"] == "penalty"
+    held = [bars.node(f"{name}.{end}") for name, body in case["bodies"].items() for end in body.get("fixed", ())]
+    force = np.zeros(total)
+    for load in case.get("loads", {}).values():
+        force[bars.node(load["on"])] += load["constant"]
+    balanced = np.array([bool(np.abs(N[empty, k]).any()) for k in range(count)], dtype=bool)
+    yielding = np.linalg.inv(bars.K[np.ix_(empty, empty)]) if empty else np.zeros((0, 0))
+    inverse = np.zeros(total)
+    inverse[full] = 1.0 / mass[full]
+    inverse[held] = 0.0
+    fastest = max(2.0 * math.sqrt(b["material"]["young"] / b["material"]["density"]) / bars.lengths[n].min()
+                  for n, b in case["bodies"].items())  # fmt: skip
+    dt = case["time"]["courant"] * 2.0 / fastest
+    u, v, known = np.zeros(total), bars.v - 0.5 * dt * inverse * force, np.zeros(count)
+    v[held] = 0.0
+    histories = [], [], []
+    for _ in range(case["time"]["steps"] + 1):
+        gap = g0 + N.T @ u
+        pushed = v + dt * inverse * (force - bars.K @ u + N @ np.where(balanced, known, 0.0))
+        predicted = g0 + N.T @ (u + dt * pushed)
+        multiplier, direct = np.where(balanced, known, 0.0), ~balanced
+        if direct.any():
+            S = N[:, direct].T @ (inverse[:, None] * N[:, direct])
+            judged = gap if case["method"]["integrator"] == "central-difference" else predicted
+            if explicit.any():
+                multiplier[direct] = np.maximum(-judged[direct], 0.0) / sigma[direct]
+            else:
+                multiplier[direct] = closing(dt**2 * S, -predicted[direct], sigma[direct])
+        pushed = pushed + dt * inverse * (N @ np.where(balanced, 0.0, multiplier))
+        after = u + dt * pushed
+        # Static balance of the ends without mass: K_00 u_0 + K_01 u_1 = N_0 lambda.
+        free = -yielding @ bars.K[np.ix_(empty, full)] @ after[full]
+        after[empty] = free
+        known = np.zeros(count)
+        if balanced.any():
+            N0 = N[np.ix_(empty, np.flatnonzero(balanced))]
+            open_gap = (g0 + N.T @ after)[balanced]
+            known[balanced] = closing(N0.T @ yielding @ N0, -open_gap, sigma[balanced])
+            after[empty] = free + yielding @ N0 @ known[balanced]
+        for history, values in zip(histories, (multiplier, gap, u), strict=True):
+            history.append(values.copy())
+        u, v = after, (after - u) / dt
+    return *map(np.array, histories), bars
+
+
+@st.composite
+def rows(draw):
+    """Draw rows of one to three unlike bars.
+
+    Elements may be unlike, or single; the last end may be held or loaded; two contacts may share the first end.
+    """
+    number = lambda low, high: draw(st.integers(round(100 * low), round(100 * high))) / 100  # noqa: E731
+    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
+    for k, name in enumerate(names):
+        bodies[name] = {
+            "bar": {
+                "length": number(0.5, 3.0),
+                "elements": draw(st.integers(1, 8)),
+                "grading": draw(st.sampled_from([1.0, 0.5, 2.0])),
+            },
+            "material": {"young": number(20, 200), "density": number(0.01, 0.1)},
+            "area": number(0.5, 2.0),
+            "at": at,
+            "velocity": number(0.1, 1.0) * (-1.0 if k else 1.0),
+        }
+        at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
+    contacts = {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+    if len(names) > 1 and draw(st.booleans()):  # a wall that the second bar does not see: two contacts at one end
+        first = bodies["a"]["bar"]["length"]
+        contacts["stop"] = {"body": "a.right", "wall": round(first + draw(st.sampled_from([0.0, 0.01])), 6)}
+    ending = draw(st.sampled_from(["wall", "fixed", "loaded"])) if len(names) > 1 else "wall"
+    last = bodies[names[-1]]
+    if ending == "fixed":
+        last["fixed"] = ["right"]
+    else:
+        wall = round(last["at"] + last["bar"]["length"] + draw(st.sampled_from([0.0, 0.05])), 6)
+        contacts["wall"] = {"body": f"{names[-1]}.right", "wall": wall}
+    loads = {"push": {"constant": number(0.1, 1.0), "on": f"{names[-1]}.right"}} if ending == "loaded" else {}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "loads": loads,
+        "method": {"integrator": draw(st.sampled_from(LEAP_FROG)), "contact": dict(draw(st.sampled_from(LAWS)))},
+        "time": {"steps": 120, "courant": number(0.2, 0.6), "on_unstable": "warn"},
+        "record": {"probes": [f"{name}.{side}" for name in names for side in ("left", "right")]},
+    }
+
+
+@settings(max_examples=40, deadline=None, derandomize=True, phases=(Phase.generate,))  # shrinking takes minutes
+@given(rows(), st.sampled_from(["body", "neighbour"]))
+def test_rows_of_bars_move_as_dense_matrices_move_them(case, to):
+    case["method"]["mass"] = {"name": "redistributed", "moved_to": to}
+    force, gap, displacement, bars = march(case, to)
+    peak = np.abs(force).max()
+    assume(0.0 < peak < 1e3)
+    other = march(nudged(case, 1e-12), to)[0]
+    assume(np.abs(other - force).max() < 1e-8 * peak)  # else round-off decides about openings
+    result = ran(case)
+    assert np.abs(result.arrays["contact_force"] - force).max() < 1e-7 * peak
+    assert np.abs(result.arrays["gap"] - gap).max() < 1e-8 * np.abs(displacement).max()
+    ends = [bars.node(probe) for probe in case["record"]["probes"]]
+    assert (
+        np.abs(result.arrays["displacement"][..., 0] - displacement[:, ends]).max() < 1e-8 * np.abs(displacement).max()
+    )
+    summary = result.summary
+    if summary["certificate"]["stable"] == "yes":
+        assert summary["energy"]["ledger_error"] < 1e-12
+        assert summary["momentum"]["error"] < 1e-12
+        assert summary["energy_growth"]["kept"] is not False
+
+
+# ------------------------------------------------------------------------------------------------- mass matrices
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(
+    st.lists(st.floats(0.05, 2.0), min_size=1, max_size=40), st.sampled_from([(1, 0), (0, 1), (1, 1)]), st.booleans()
+)
+def test_moved_mass_keeps_the_moments_that_it_promises(element_mass, ends, to_neighbour):
+    element_mass = np.array(element_mass)
+    line = Lumping.of_line(element_mass.size)
+    first, last = map(bool, ends)
+    method = Redistributed(moved_to="neighbour" if to_neighbour else "body")
+    lumped, mass = method.nodal(element_mass, line), method.nodal_in_contact(element_mass, line, first, last)
+    assert mass == pytest.approx(method.nodal_in_contact(element_mass[::-1], line, last, first)[::-1], rel=1e-9)
+    if element_mass.size == 1 and first and last:
+        assert (mass == lumped).all()
+        return
+    assert ((mass == 0.0) == [first, *[False] * (mass.size - 2), last]).all()
+    assert mass.sum() == pytest.approx(element_mass.sum(), rel=1e-12)
+    position = np.append(0.0, np.cumsum(element_mass)) / element_mass.sum()
+    kept = [abs((mass - lumped) @ position**power) < 1e-10 * element_mass.sum() for power in range(3)]
+    if to_neighbour:
+        assert (mass[2:-2] == lumped[2:-2]).all()
+        return
+    inner = mass > 0.0
+    share = mass[inner] / lumped[inner] - 1.0
+    assert share.min() >= LEAST_SHARE - 1.0 - 1e-12
+    moments = max(power + 1 for power in range(3) if all(kept[: power + 1]))
+    # A polynomial of fewer coefficients than moments are kept is the nearest relative change, by its normal equations.
+    powers = np.vander(position[inner], min(moments, inner.sum()))
+    assert share == pytest.approx(powers @ np.linalg.lstsq(powers, share, rcond=None)[0], abs=1e-8)
+    if element_mass.min() > 0.8 and element_mass.max() < 1.2 and element_mass.size >= 5 and not (first and last):
+        assert moments == 3
+
+
+def test_uniform_bars_of_some_elements_keep_all_three_moments():
+    """The counts that the docstring tells."""
+    for ends, fewest in (((True, False), 5), ((True, True), 7)):
+        kept = []
+        for count in range(2, 30):
+            line = Lumping.of_line(count)
+            mass, lumped = (
+                Redistributed().nodal_in_contact(np.ones(count), line, *ends),
+                Redistributed().nodal(np.ones(count), line),
+            )
+            position = np.arange(count + 1.0) - count / 2
+            kept.append(np.abs((mass - lumped) @ position[:, None] ** np.arange(3)).max() < 1e-10)
+        assert kept.index(True) + 2 == fewest
+        assert all(kept[fewest - 2 :])
+
+
+def test_piecewise_constant_velocities_leave_no_single_node_without_mass():
+    """The singular mass of linear displacements and velocities constant in elements: why it is no diagonal matrix."""
+    count = 7
+    element_mass = np.random.default_rng(1).uniform(0.5, 2.0, count)
+    coupling = np.zeros((count + 1, count))  # of nodes and elements: density times the integral of the shape function
+    for e, m in enumerate(element_mass):
+        coupling[e : e + 2, e] = 0.5 * m
+    singular = coupling @ np.diag(1.0 / element_mass) @ coupling.T
+    alternating = (-1.0) ** np.arange(count + 1)
+    assert np.linalg.matrix_rank(singular) == count
+    assert np.abs(singular @ alternating).max() < 1e-15
+    assert singular.sum(axis=1) == pytest.approx(Redistributed().nodal(element_mass, Lumping.of_line(count)), rel=1e-14)
+
+
+# ------------------------------------------------------------------------------------------------------ stability
+
+
+@pytest.mark.parametrize("law", [*LAWS, {"name": "tied"}])
+@pytest.mark.parametrize("to", ["body", "neighbour"])
+def test_the_critical_step_is_that_of_dense_matrices(to, law):
+    case = hunek(7, integrator="central-difference", contact=dict(law))
+    case["bodies"]["short"] |= {"area": 2.0, "bar": {"length": 10.0, "elements": 7, "grading": 0.3}}
+    case["method"]["mass"] = {"name": "redistributed", "moved_to": to}
+    certificate = ran(case).summary["certificate"]
+    bars = assemble(case)
+    mass, empty = redistributed(bars, case, to)
+    left, right = bars.node("short.right"), bars.node("long.left")
+    assert set(empty) == {left, right}
+    normal = np.zeros(mass.size)
+    normal[[left, right]] = -1.0, 1.0
+    steps = []
+    for closed in (False, True):
+        stiffness = bars.K.copy()
+        if closed:  # a rigid contact is a very stiff one
+            softer = min(bars.end("short.right")[0], bars.end("long.left")[0])
+            spring = law.get("epsilon_s", law.get("beta_s", 1e9) * softer)
+            stiffness += spring * np.outer(normal, normal)
+        full = np.setdiff1d(np.arange(mass.size), [*empty, bars.node("long.right")])
+        inside, across = stiffness[np.ix_(empty, empty)], stiffness[np.ix_(empty, full)]
+        condensed = stiffness[np.ix_(full, full)] - across.T @ np.linalg.solve(inside, across)
+        steps.append(2.0 / math.sqrt(eigh(condensed, np.diag(mass[full]), eigvals_only=True)[-1]))
+    assert certificate["dt_critical_free"] == pytest.approx(steps[0], rel=1e-9)
+    assert certificate["dt_critical"] == pytest.approx(min(steps), rel=1e-8)
+    assert certificate["by"] == "pencil"
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(rows(), st.sampled_from([*LAWS, {"name": "tied"}]))
+def test_mass_moved_to_the_neighbour_never_lowers_the_step(case, law):
+    """Ends without mass are as good as held, by interlacing, and mass that is added slows the motion."""
+    assume(not case["loads"])
+    assume(all(body["bar"]["elements"] > 1 for body in case["bodies"].values()))
+    case["method"] |= {"contact": dict(law), "mass": TO_NEIGHBOUR}
+    case["time"] = {"steps": 1, "courant": 0.5}
+    moved = ran(case).summary["certificate"]
+    case["method"]["mass"] = "lumped"
+    lumped = ran(case, {"method.contact": "lagrange"}).summary["certificate"]
+    assert moved["dt_critical"] >= lumped["dt_critical_free"] * (1.0 - 1e-9)
+
+
+def test_the_critical_step_of_a_hundred_elements():
+    """The share that the docstring tells."""
+    certificate = shipped("doyen-impact", mass="redistributed", contact="lagrange").summary["certificate"]
+    assert round(certificate["courant_critical"], 4) == 0.9963
+
+
+def test_a_check_of_the_case_tells_of_the_balance(capsys):
+    from percuss.cli.main import app
+
+    with pytest.raises(SystemExit):
+        app(
+            [
+                "check",
+                "cases/doyen-impact.yaml",
+                "--set",
+                "method.contact=lagrange",
+                "--set",
+                "method.mass=redistributed",
+            ]
+        )
+    told = " ".join(capsys.readouterr().out.split())
+    assert "s = 1/(k dt^2) of each end without mass = 40" in told
+    assert "g is the gap at t_n, in static balance of the end without mass" in told
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_bar_shakes_itself_apart_above_the_critical_step_alone(share):
+    """Tied to the wall, as a contact that opens ends its growth; the closed contact is what limits the step."""
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "bar": {
+                "bar": {"length": 1.0, "elements": 6, "grading": 0.05},
+                "material": {"young": 1.0, "density": 1.0},
+                "area": 1.0,
+                "velocity": 0.1,
+            }
+        },
+        "contacts": {"wall": {"body": "bar.right", "wall": 1.0}},
+        "method": {"integrator": "central-difference", "contact": "tied", "mass": "redistributed"},
+        "time": {"steps": 1, "step": 1e-6},
+    }
+    critical = ran(case).summary["certificate"]
+    assert critical["dt_critical"] < 0.9 * critical["dt_critical_free"]
+    assert critical["worst"] == ["wall"]
+    case["time"] = {"steps": 3000, "step": share * critical["dt_critical"], "on_unstable": "warn"}
+    result = percuss.run(percuss.load(case))
+    assert result.summary["certificate"]["stable"] == ("yes" if share < 1.0 else "no")
+    kinetic = result.arrays["kinetic_energy"].max()
+    assert (kinetic > 1e6) if share > 1.0 else (kinetic < 0.5)
+
+
+def test_a_law_that_the_certificate_cannot_condense_is_unknown(tmp_path):
+    (tmp_path / "laws.py").write_text(PLUGIN)
+    case = hunek(8, integrator="central-difference", contact={"name": "dashpot-behind"})
+    case |= {"plugins": [str(tmp_path / "laws.py")]}
+    case["method"]["mass"] = "redistributed"
+    result = ran(case)
+    certificate = result.summary["certificate"]
+    assert certificate["stable"] == "unknown"
+    assert "weighs the gap rate" in certificate["why"]
+    assert certificate["dt_critical"] is None
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+    assert result.summary["energy"]["contact_work"] < 0.0
+    with pytest.raises(percuss.InputError, match="weighs the gap rate"):
+        ran(case, {"time.courant": "auto"})
+
+
+# --------------------------------------------------------------------------------------------------- exact solutions
+
+PLUGIN = '''
+from dataclasses import dataclass
+from percuss import ContactLaw, LinearLaw
+
+
+@dataclass(frozen=True)
+class Both(ContactLaw):
+    """A spring that pulls as it pushes. Formula: ``lambda = -eps_s g``."""
+
+    name = "spring"
+    summary = "Spring"
+    at: str = "explicit"
+
+    def bind(self, points, dt):
+        return LinearLaw(at=self.at, sigma=2.0 / points.stiffness, active="all")
+
+
+@dataclass(frozen=True)
+class DashpotBehind(ContactLaw):
+    """A spring and a dashpot. Formula: ``lambda = -eps_s (g + tau g')``."""
+
+    name = "dashpot-behind"
+    summary = "Spring and dashpot"
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=2.0 / points.stiffness, rate=2.0 * dt)
+'''
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: "-".join(map(str, law.values())))
+@pytest.mark.parametrize("name", ["doyen-impact", "hunek", "carpenter", "unlike"])
+def test_the_ledger_closes_and_both_integrators_are_one_method(name, law):
+    results = [shipped(name, mass="redistributed", integrator=integrator, contact=law) for integrator in LEAP_FROG]
+    for result in results:
+        summary = result.summary
+        assert summary["energy"]["ledger_error"] < 1e-13
+        assert summary["momentum"]["error"] < 1e-12
+        assert summary["energy_growth"]["kept"] is True
+        assert summary["certificate"]["stable"] == "yes"
+        assert summary["certificate"]["energy"] == "conserved between switchings"
+    for history in ("contact_force", "gap", "displacement", "kinetic_energy", "elastic_energy", "contact_work"):
+        assert (results[0].arrays[history] == results[1].arrays[history]).all()
+
+
+@pytest.mark.parametrize("mass", ["redistributed", TO_NEIGHBOUR])
+def test_ten_bounces_keep_as_much_energy_as_published_figures_say(mass):
+    """Of 500, the work of the weight on the way down: .98 with exact contact, .999 with a spring behind the end."""
+    for law, expected, within in (
+        ({"name": "lagrange"}, 0.98, 0.005),
+        ({"name": "penalty", "beta_s": 0.25}, 0.9997, 1e-4),
+    ):
+        result = percuss.run(
+            percuss.load("cases/doyen-bounce.yaml"),
+            {
+                "method.mass": mass,
+                "method.integrator": "central-difference",
+                "method.contact": law,
+                "time.end": 10 * 16 / 3,
+            },
+        )
+        assert 1.0 + result.summary["energy"]["contact_work"] / 500.0 == pytest.approx(expected, abs=within)
+        # Two periods of the bar have two contacts of the same impulse: the weight over the time, but for what is lost.
+        assert result.summary["contacts"]["foot"]["impulse"] == pytest.approx(1000.0 * 16 / 3, rel=0.01)
+
+
+def test_the_force_of_an_impact_does_not_oscillate():
+    """A force of 300 for 2/3: the penalty at an end with mass rings throughout, what an end without mass keeps is a
+    wave of dispersion behind the front."""
+    noise, late = {}, {}
+    for mass in ("redistributed", "lumped"):
+        law = {"name": "lagrange"} if mass == "redistributed" else {"name": "penalty", "beta_s": 2.0}
+        result = shipped("doyen-impact", mass=mass, integrator="central-difference", contact=law)
+        force, time = result.arrays["contact_force"][:, 0], result.arrays["time"]
+        noise[mass] = np.abs(np.diff(force)).sum() / 600.0  # up to 300 and down again
+        late[mass] = np.abs(force[(time > 0.2) & (time < 0.6)] - 300.0).max() / 300.0
+        if mass == "redistributed":
+            assert result.summary["exact"]["contacts"]["foot"]["force_error_l1"] < 0.016
+            assert result.summary["contacts"]["foot"]["impulse"] == pytest.approx(200.0, rel=0.005)
+    assert noise["redistributed"] < 1.3
+    assert late["redistributed"] < 0.01
+    assert noise["lumped"] > 5.0
+    assert late["lumped"] > 10.0 * late["redistributed"]
+
+
+def test_the_force_converges_with_the_mesh():
+    errors = []
+    for refine in (1, 2, 4, 8):
+        result = percuss.run(
+            percuss.load("cases/doyen-impact.yaml"),
+            {"refine": refine, "method.mass": "redistributed", "method.contact": {"name": "lagrange"}},
+        )
+        errors.append(result.summary["exact"]["contacts"]["foot"]["force_error_l1"])
+    assert all(np.array(errors[1:]) < 0.65 * np.array(errors[:-1]))
+
+
+def test_nothing_overlaps_and_nothing_pulls():
+    case = hunek(12, integrator="central-difference", contact="lagrange")
+    case["method"]["mass"] = "redistributed"
+    arrays = ran(case).arrays
+    force, gap = arrays["contact_force"][:, 0], arrays["gap"][:, 0]
+    assert force.max() > 0.04
+    assert (force >= 0.0).all()
+    assert gap.min() > -1e-15
+    assert np.abs(force * gap).max() < 1e-16
+
+
+def test_a_closed_spring_keeps_the_energy_of_body_and_contact():
+    case = hunek(12, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5}, end=0.15)
+    case["method"]["mass"] = "redistributed"
+    arrays = ran(case).arrays
+    total = arrays["kinetic_energy"] + arrays["elastic_energy"]
+    stored = arrays["contact_energy"]
+    closed = arrays["contact_force"][:-1, 0] > 0.0
+    assert closed[5:].all()
+    assert stored[5:].max() > 1e-3 * total.max()
+    assert np.ptp((total + stored)[5:-1]) < 1e-13 * total.max()
+    assert np.ptp(total[5:-1]) > 1e-4 * total.max()
+
+
+@pytest.mark.parametrize("at", ["explicit", "end"])
+def test_a_spring_that_pulls_from_the_start_conserves_all_energy(tmp_path, at):
+    """Its force at t = 0 is that of the initial gap, and the end element is stretched by it from the start."""
+    (tmp_path / "laws.py").write_text(PLUGIN)
+    case = hunek(6, integrator="central-difference", contact={"name": "spring", "at": at}, end=0.5)
+    case["plugins"] = [str(tmp_path / "laws.py")]
+    case["bodies"]["long"]["at"] = 10.5
+    case["method"]["mass"] = "redistributed"
+    result = ran(case)
+    stiffness = 100.0 / (10.0 / 6)  # of the elements, and of the spring twice their compliance
+    assert result.arrays["contact_force"][0, 0] == pytest.approx(-0.5 * stiffness / 4.0, rel=1e-12)
+    assert result.arrays["gap"][0, 0] == pytest.approx(0.25, rel=1e-12)
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+    total = sum(result.arrays[name] for name in ("kinetic_energy", "elastic_energy", "contact_energy"))
+    assert np.ptp(total) < 1e-12 * np.abs(total).max()
+
+
+def test_a_turned_row_has_the_same_forces():
+    line = hunek(6, integrator="central-difference", contact={"name": "lagrange"}, end=0.5)
+    line["method"]["mass"] = "redistributed"
+    plane = copy.deepcopy(line)
+    for body in plane["bodies"].values():
+        body["bar"]["direction"] = [3.0, 4.0]
+        body["at"] = [0.6 * body.get("at", 0.0), 0.8 * body.get("at", 0.0)]
+    forces = [ran(case).arrays["contact_force"] for case in (line, plane)]
+    assert np.abs(forces[0] - forces[1]).max() < 1e-12 * np.abs(forces[0]).max()
+
+
+def test_a_run_goes_on_where_a_drive_changes_and_again_from_its_beginning():
+    """The coming force is part of the state: a second stretch continues with it."""
+    case = hunek(6, integrator="central-difference", contact={"name": "lagrange"}, end=0.3)
+    case["method"]["mass"] = "redistributed"
+    driven = copy.deepcopy(case)
+    driven["loads"] = {"hold": {"prescribed-velocity": 0.0, "on": "long.right", "from": 0.1}}
+    driven["bodies"]["long"].pop("fixed")
+    results = [ran(one) for one in (case, driven)]
+    early = results[0].arrays["time"] < 0.2  # no wave comes back from the far end
+    assert np.abs((results[0].arrays["contact_force"] - results[1].arrays["contact_force"])[early]).max() < 1e-15
+    assert results[1].summary["energy"]["ledger_error"] < 1e-13
+
+
+# --------------------------------------------------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize(
+    ("method", "reason"),
+    [
+        ({"contact": "bipenalty"}, "weighs the gap acceleration"),
+        ({"contact": "decomposition-contact-response"}, "shifts displacements after that"),
+        ({"integrator": "viscous-central-difference", "contact": "lagrange"}, "the viscous force of viscous-"),
+        ({"contact": "uzawa"}, "its kernel takes the gap as given"),
+        ({"integrator": "velocity-verlet", "contact": "penalty"}, "in the stages of its step"),
+    ],
+)
+def test_methods_without_static_balance_are_refused(method, reason):
+    case = hunek(4)
+    case["method"] = {"integrator": "central-difference", "mass": "redistributed"} | method
+    with pytest.raises(percuss.RefusedPair, match=reason) as refusal:
+        ran(case)
+    assert "redistributed" in str(refusal.value)
+
+
+def test_bodies_that_are_not_linear_are_refused():
+    case = hunek(4, contact="lagrange")
+    case["method"]["mass"] = "redistributed"
+    case["bodies"]["long"]["element"] = "green-bar"
+    with pytest.raises(percuss.InputError, match=r"expected linear bodies.*green-bar"):
+        ran(case)
+
+
+def test_elements_of_more_nodes_are_refused():
+    case = hunek(4, contact="lagrange")
+    case["method"]["mass"] = "redistributed"
+    case["bodies"]["long"]["element"] = "quadratic-bar"
+    with pytest.raises(percuss.InputError, match="expected elements of two nodes at ends in contact"):
+        ran(case)
+
+
+def test_waves_at_ends_without_mass_are_not_told():
+    from percuss.certificate.waves import waves
+    from percuss.solver.model import Model
+
+    case = hunek(4, contact="lagrange")
+    case["method"]["mass"] = "redistributed"
+    with pytest.raises(percuss.PercussError, match="waves are measured of ends with mass"):
+        waves(Model(percuss.load(case)))
+
+
+def test_a_held_end_in_contact_keeps_its_mass_and_is_met_by_one_without():
+    case = hunek(5, contact="lagrange", end=0.3)
+    case["method"]["mass"] = "redistributed"
+    case["loads"] = {"push": {"prescribed-velocity": 0.05, "on": "long.left"}}
+    result = ran(case)
+    assert result.arrays["contact_force"].max() > 0.01
+    assert result.summary["energy"]["ledger_error"] < 1e-13
+    assert result.summary["momentum"]["error"] < 1e-13
+
+
+def test_the_kit_asks_masses_about_ends_in_contact():
+    registry = Registry.load()
+    assert registry.get("masses", "redistributed") is Redistributed
+    assert {"masses-in-contact", "balance-in-contact"} <= {check.name for check, _ in checks_of(Redistributed)}

@@ -1,0 +1,71 @@
+"""The page of the whole family: its sentences are in its tables, and its tables are what the shipped study gives."""
+
+import math
+import re
+
+import pandas as pd
+import pytest
+import yaml
+
+import family
+from percuss.methods.registry import Registry
+from percuss.studies.candidates import needed_quantities
+
+PAGE = family.PAGE.read_text(encoding="utf-8")
+TABLES = family.Tables(family.shown(PAGE, "errors"), family.shown(PAGE, "medians"))
+SAMPLE = (
+    ("penalty", "wu-predictor-corrector"),
+    ("lagrange", "tchamwa-wielgosz"),
+    ("uzawa", "velocity-verlet"),
+    ("decomposition-contact-response", "central-difference"),
+    ("walton-braun", "noh-bathe"),
+    ("penalty", "central-difference"),  # the others are compared to it
+)
+
+
+def test_the_sentences_are_those_of_the_tables():
+    assert family.shown(PAGE, "findings") == family.findings(TABLES)
+    assert family.shown(PAGE, "which method when") == family.advice(TABLES)
+
+
+def test_the_study_has_every_method_that_needs_no_quantity_of_the_case():
+    registry, plan = Registry.load(), yaml.safe_load(family.STUDY.read_text(encoding="utf-8"))
+    assert set(plan["methods"]["integrators"]) == set(registry.names("integrators"))
+    laws = {name: registry.get("contacts", name) for name in registry.names("contacts")}
+    free = {name for name, law in laws.items() if not law.tied_during and not needed_quantities(law)}
+    assert set(plan["methods"]["contacts"]) == free
+    assert {law for law, _ in TABLES.errors} <= free
+
+
+def cells(lines):
+    return {(line[0], line[1]): line[2:] for line in lines[1:]}
+
+
+def close(one, other, within):
+    """Return whether two cells agree: their words, and their numbers to within a fraction."""
+    numbers = [[float(x) for x in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", text)] for text in (one, other)]
+    words = [re.sub(r"[\d.e-]+", "#", text) for text in (one, other)]
+    return words[0] == words[1] and all(
+        math.isclose(a, b, rel_tol=within, abs_tol=1e-9) for a, b in zip(*numbers, strict=True)
+    )
+
+
+@pytest.mark.deep
+def test_the_tables_are_those_of_the_study(tmp_path):
+    """A sample of the pairs is run again, on all cases, meshes and steps; two digits are shown."""
+    plan = yaml.safe_load(family.STUDY.read_text(encoding="utf-8"))
+    plan["cases"] = [str((family.STUDY.parent / case).resolve()) for case in plan["cases"]]
+    made = []
+    for law, scheme in SAMPLE:
+        plan["methods"] = {"integrators": [scheme], "contacts": [law]}
+        made.append(family.rows(tmp_path / f"{law}-{scheme}.sqlite", plan))
+    table = pd.concat(made, ignore_index=True)
+    errors_of, medians_of = cells(family.errors(table)), cells(family.summary(table))
+    tables = {pair: (errors_of[pair], medians_of[pair]) for pair in SAMPLE}
+    page = cells(family.read(family.shown(PAGE, "errors"))), cells(family.read(family.shown(PAGE, "medians")))
+    for pair, (errors, medians) in tables.items():
+        for there, made in zip(page[0][pair], errors, strict=True):
+            assert close(there, made, 0.06), (pair, there, made)
+        for there, made in zip(page[1][pair][:-1], medians[:-1], strict=True):  # the last one is a time
+            assert close(there, made, 0.06) or max(family.number(there), family.number(made)) < 1e-10, (pair, there)
+        assert 0.3 < family.number(page[1][pair][-1]) / family.number(medians[-1]) < 3.0

@@ -1,0 +1,323 @@
+"""Loads that follow the motion of an end: against exact solutions, the ledger and the limits of the schemes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import percuss
+import places
+from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
+from percuss.certificate.verdict import certificate
+from percuss.solver.model import Model
+from strategies import CORE, INTEGRATORS, LEAPFROG, each_integrator, number, run
+
+CD = "central-difference"
+STEEL = {"young": 100.0, "density": 0.01}  # c = 100, of unit area impedance 1
+
+
+def bar(loads, integrator=CD, elements=50, courant=1.0, end=0.4, velocity=0.0, length=10.0):
+    """A free bar under `loads`."""
+    return {
+        "percuss": 1,
+        "bodies": {
+            "bar": {"bar": {"length": length, "elements": elements}, "material": STEEL, "area": 1.0,
+                    "velocity": velocity},
+        },
+        "loads": loads,
+        "method": {"integrator": integrator},
+        "time": {"end": end, "courant": courant},
+        "record": {"probes": ["bar.left", "bar.right"]},
+    }  # fmt: skip
+
+
+PUSH = {"half-sine": {"peak": 1.0, "duration": 0.05}, "on": "bar.left"}
+ABSORBING = {"absorbing": {}, "on": "bar.right"}
+
+
+def mount(stiffness=0.0, damping=0.0, on="bar.right", **more):
+    return {"spring-dashpot": {"stiffness": stiffness, "damping": damping}, "on": on, **more}
+
+
+# ---------------------------------------------------------------------------------------------- exact solutions
+
+
+def test_at_courant_number_one_an_absorbing_end_reflects_nothing():
+    """Central difference is exact there: the pulse leaves to the last bit of its energy, 0.025 = Z int v^2 dt."""
+    result = run(bar({"push": PUSH, "end": ABSORBING}))
+    total = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+    assert total.max() == pytest.approx(0.025, rel=1e-3)
+    assert total[-1] < 1e-28
+    assert result.summary["energy"]["ledger_error"] < 1e-14
+    assert result.summary["momentum"]["error"] < 1e-14
+
+
+def test_the_end_of_a_bar_moves_as_a_point_within_a_longer_one():
+    """The reference is another run: of the bar with an absorbing end, and of one that goes on, before waves return."""
+    short = run(bar({"push": PUSH, "end": ABSORBING}, courant=0.5, end=0.25))
+    long = bar({"push": PUSH}, elements=150, length=30.0, courant=0.5, end=0.25)
+    apart = np.abs(short.arrays["velocity"][:, 0] - run(long).arrays["velocity"][:, 0]).max()
+    assert apart < 5e-3  # of the velocity 1: what the elements reflect, of the order of (kappa h)^2 / 16
+    finer = run(bar({"push": PUSH, "end": ABSORBING}, elements=100, courant=0.5, end=0.25))
+    long["bodies"]["bar"]["bar"]["elements"] = 300
+    assert np.abs(finer.arrays["velocity"][:, 0] - run(long).arrays["velocity"][:, 0]).max() < apart / 3.0
+
+
+@each_integrator(INTEGRATORS)
+def test_a_bar_on_a_mount_is_the_damped_oscillator_of_its_nodes(integrator):
+    """One element with both nodes free, one of them on a spring and a dashpot: by the exponential of its matrix."""
+    from scipy.linalg import expm
+
+    stiffness, mass, k, c, speed = 40.0, 0.5, 25.0, 0.9, 1.0
+    bulk = np.array([[stiffness, -stiffness], [-stiffness, stiffness + k]]) / mass
+    rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-bulk, -np.diag([0.0, c / mass])]])
+    errors = []
+    for steps in (400, 800):
+        case = bar({"mount": mount(k, c)}, integrator=integrator, elements=1, velocity=speed, length=1.0)
+        case["bodies"]["bar"]["material"] = {"young": stiffness, "density": 2 * mass}
+        case["time"] = {"end": 2.0, "step": 2.0 / steps}
+        result = run(case)
+        exact = np.array([expm(rates * t) @ [0.0, 0.0, speed, speed] for t in result.arrays["time"]])
+        errors.append(np.abs(result.arrays["displacement"][:, :, 0] - exact[:, :2]).max())
+    assert errors[0] < 2e-3
+    order = 2.0 if integrator in LEAPFROG and integrator != "tchamwa-wielgosz" else 1.0
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
+
+
+def test_a_sliding_bar_is_stopped_by_friction_after_its_exact_distance(tmp_path):
+    """A force mu N sign(v) has its jump at rest: the solution stays there, at v0^2 m / (2 mu N)."""
+    text = '''
+from dataclasses import dataclass
+from percuss import FollowingLoad, hookimpl
+
+
+@dataclass(frozen=True)
+class Friction(FollowingLoad):
+    """Coulomb friction of an end.
+
+    Formula: ``F = -f sign(v)``.
+    """
+
+    name = "friction"
+    summary = "Coulomb friction"
+    limit: float = 0.5
+
+    def numbers(self, end):
+        return (self.limit,)
+
+    @staticmethod
+    def follow(numbers, time, displacement, velocity):
+        if velocity > 0.0:
+            return -numbers[0]
+        return numbers[0] if velocity < 0.0 else 0.0
+
+
+@hookimpl
+def percuss_loads():
+    return [Friction]
+'''
+    file = tmp_path / "friction.py"
+    file.write_text(text, encoding="utf-8")
+    case = bar({"drag": {"friction": {}, "on": "bar.left"}}, elements=1, velocity=1.0, length=1.0, courant=0.1, end=0.2)
+    case["bodies"]["bar"]["material"] = {"young": 1e4, "density": 0.02}
+    result = percuss.run(percuss.load(case, plugins=[file]))
+    distance = result.arrays["displacement"].mean(axis=1)[:, 0]
+    assert distance[-1] == pytest.approx(0.02 * 1.0 / (2 * 0.5), rel=2e-3)
+    assert np.abs(result.arrays["velocity"][-200:, 0]).max() < 1e-12  # the end with friction rests, to the last
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    found = certificate(Model(percuss.load(case, plugins=[file])))
+    assert found["stable"] == "unknown"
+    assert "no sum of a spring and a dashpot" in found["why"]
+    with pytest.raises(percuss.InputError, match="expected loads of which the critical step is known"):
+        percuss.run(percuss.load(case, {"time": {"end": 0.1, "courant": "auto"}}, plugins=[file]))
+
+
+# ------------------------------------------------------------------------------------------- accounts and switches
+
+
+@given(
+    stiffness=number(0.0, 30.0),
+    damping=number(0.0, 300.0),
+    start=st.sampled_from([None, 0.0, 0.0301]),
+    stop=st.sampled_from([None, 0.0605]),
+    integrator=st.sampled_from([name for name in CORE if name != "noh-bathe"]),
+)
+def test_energy_and_momentum_are_accounted_for_and_a_dashpot_takes_energy(stiffness, damping, start, stop, integrator):
+    switches = {"from": start, "until": stop}
+    case = bar({"mount": mount(stiffness, damping, **switches)}, integrator=integrator, elements=5, velocity=1.0,
+               end=0.15, courant=0.9)  # fmt: skip
+    result = run(case)
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    assert result.summary["momentum"]["error"] < 1e-12
+    if stiffness == 0.0:
+        assert np.diff(result.arrays["external_work"]).max() <= 1e-15
+
+
+def test_a_load_that_follows_counts_the_time_since_it_was_switched_on(tmp_path):
+    text = '''
+from dataclasses import dataclass
+from percuss import FollowingLoad, hookimpl
+
+
+@dataclass(frozen=True)
+class Clock(FollowingLoad):
+    """Formula: ``F = t``."""
+
+    name = "clock"
+    summary = "its own time"
+
+    def numbers(self, end):
+        return ()
+
+    @staticmethod
+    def follow(numbers, time, displacement, velocity):
+        return time
+
+
+@hookimpl
+def percuss_loads():
+    return [Clock]
+'''
+    file = tmp_path / "clock.py"
+    file.write_text(text, encoding="utf-8")
+    for integrator in CORE:
+        loads = {"one": {"clock": {}, "on": "bar.left", "from": 0.1}}
+        case = percuss.load(bar(loads, integrator=integrator, elements=5, courant=0.5, end=0.3), plugins=[file])
+        ramp = bar({"one": {"table": {"time": [0, 1], "value": [0, 1]}, "on": "bar.left", "from": 0.1}},
+                   integrator=integrator, elements=5, courant=0.5, end=0.3)  # fmt: skip
+        found, expected = percuss.run(case).arrays["velocity"], run(ramp).arrays["velocity"]
+        assert np.allclose(found, expected, rtol=0.0, atol=1e-12)
+
+
+# --------------------------------------------------------------------------------------------------- certificates
+
+
+def test_the_critical_step_of_velocity_verlet_with_an_absorbing_end():
+    """It evaluates the dashpot half a step late: by the dense matrix of the step, and by runs at steps about it."""
+    case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5, elements=8)
+    model = Model(percuss.load(case))
+    critical = certificate(model)["courant_critical"]
+    mass, identity = model.mass[:, None], np.eye(9)
+    stiffness = 8 * STEEL["young"] / 10.0 * (np.diff(identity, axis=0).T @ np.diff(identity, axis=0))
+    dashpot = np.diag([0.0] * 8 + [1.0])
+
+    def radius(courant):
+        dt = courant * 2.0 / model.omega
+        kick, damp = -dt * stiffness / mass, identity - dt * dashpot / mass
+        return np.abs(np.linalg.eigvals(np.block([[identity + dt * kick, dt * damp], [kick, damp]]))).max()
+
+    assert radius(critical * (1 - 1e-5)) < 1 + 1e-9
+    assert radius(critical * (1 + 1e-3)) > 1 + 1e-3
+    case["bodies"]["bar"]["velocity"] = 1.0
+    for share, bounded in ((0.999, True), (1.01, False)):
+        case["time"] = {"steps": 400, "courant": share * critical, "on_unstable": "warn"}
+        assert bool(np.abs(run(case).arrays["velocity"]).max() < 2.0) is bounded
+    case["time"]["on_unstable"] = "stop"
+    with pytest.raises(percuss.RunError, match=r"is above .*, the critical step"):
+        run(case)
+
+
+def test_pencil_and_step_itself_agree_on_mounts():
+    for stiffness, damping in ((0.0, 3.0), (400.0, 0.0), (150.0, 20.0)):
+        case = bar({"mount": mount(stiffness, damping)}, elements=4, courant=0.5)
+        model = Model(percuss.load(case))
+        by_pencil, by_step = (kind(model).critical_step for kind in (PencilCriterion, BlackBoxCriterion))
+        assert by_step == pytest.approx(by_pencil, rel=1e-5)
+        assert (by_pencil < 2.0 / model.omega * (1 - 1e-9)) is (stiffness > 0.0)
+
+
+def test_a_dashpot_that_drives_is_unstable():
+    case = bar({"drive": mount(damping=0.5)}, elements=4, courant=0.5)
+    model = Model(percuss.load(case))
+    driven = model.followers[0].__class__(**{**vars(model.followers[0]), "numbers": (0.0, -0.5)})
+    found = certificate(model._derived(followers=(driven,)))
+    assert found["by"] == "black-box"
+    assert found["stable"] == "no"
+
+
+def test_a_load_that_follows_during_a_part_of_the_run_has_no_certificate():
+    found = certificate(Model(percuss.load(bar({"mount": mount(1.0, 1.0, until=0.1)}, courant=0.5))))
+    assert found["stable"] == "unknown"
+    assert "during a part of the run alone" in found["why"]
+
+
+# ------------------------------------------------------------------------------------------------------ bad input
+
+
+@pytest.mark.parametrize(
+    ("loads", "message"),
+    [
+        ({"end": {"absorbing": {}, "on": "bar"}}, "expected one end to act on, as absorbing follows its motion"),
+        ({"end": {"absorbing": {}, "on": ["bar.left", "bar.right"]}}, "expected one end to act on"),
+        ({"end": {"absorbing": {}, "on": "bar.left", "as": "velocity"}}, "expected a force, as absorbing follows"),
+        ({"end": ABSORBING, "mount": mount(1.0)}, "expected an end that can follow, found the load 'end' there"),
+        ({"pull": {"prescribed-velocity": {"value": 1.0}, "on": "bar.right"}, "end": ABSORBING},
+         "expected an end that can follow, found the load 'pull' there"),
+    ],
+)  # fmt: skip
+def test_where_a_load_cannot_follow_it_is_refused(loads, message):
+    with pytest.raises(percuss.InputError, match=message):
+        Model(percuss.load(bar(loads)))
+
+
+DRAG = '''
+from dataclasses import dataclass
+from percuss import FollowingLoad, hookimpl
+
+CALLS = []
+
+
+@dataclass(frozen=True)
+class Drag(FollowingLoad):
+    """Formula: ``F = -u'``."""
+
+    name = "drag"
+    summary = "drag"
+
+    def numbers(self, end):
+        return (1.0,)
+
+    @staticmethod
+    def follow(numbers, time, displacement, velocity):
+        return -numbers[0] * velocity
+
+
+@hookimpl
+def percuss_loads():
+    return [Drag]
+'''
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("return (1.0,)", "return 1.0", "drag: numbers returned a float, expected a tuple of numbers"),
+        ("return (1.0,)", "return (float('nan'),)", "drag: numbers returned nan at index 0"),
+        ("return -numbers[0] * velocity", "pass", "drag: follow returned nothing"),
+        ("return -numbers[0] * velocity", "return float('nan') * velocity", "drag: follow returned nan at the time 0"),
+        ("return -n", "CALLS.append(0)\n        return len(CALLS) - n", "drag: follow gives another answer"),
+        ("return -n", "if time > 0.05:\n            raise ValueError('too late')\n        return -n",
+         "load drag: follow: ValueError: too late (in step 2, at time 0.1)"),
+        ("follow(numbers, time, displacement, velocity)", "follow(numbers, velocity)",
+         "is called as follow(numbers, time, displacement, velocity)"),
+        ("    @staticmethod\n    def follow", "    @staticmethod\n    def folow", "still abstract; it lacks `follow`"),
+    ],
+)  # fmt: skip
+def test_a_misdeed_of_a_load_is_named(old, new, said, tmp_path):
+    assert old in DRAG
+    file = tmp_path / "drag.py"
+    file.write_text(DRAG.replace(old, new, 1), encoding="utf-8")
+    case = bar({"drag": {"drag": {}, "on": "bar.right"}}, elements=1, velocity=1.0, courant=0.5, end=0.1)
+    with pytest.raises(percuss.PluginError) as caught:
+        percuss.run(percuss.load(case, plugins=[file]))
+    assert said in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_the_critical_courant_number_of_the_page_is_true():
+    page = (places.ROOT / "plugins" / "README.md").read_text(encoding="utf-8")
+    case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5)
+    critical = certificate(Model(percuss.load(case)))["courant_critical"]
+    assert f"`velocity-verlet` up to a Courant number of {critical:.3f} |" in page

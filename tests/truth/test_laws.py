@@ -1,0 +1,597 @@
+"""Contact laws of the wider family against their published formulas, in full matrices and displacements alone.
+
+The reference knows displacements of three time levels and no velocity, so that each law is written as its source has
+it. The sources' own figures were not at hand, but for the restitution of the linear dashpot by Schwager and Poeschel:
+the rest is derived from the published formulas.
+"""
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import percuss
+from dense import assemble
+from percuss.testing.checks.contacts import sample_points, sample_trial
+from strategies import FIRST, REGISTRY, hunek, run
+
+WU, CD = "wu-predictor-corrector", "central-difference"
+STEEL = {"young": 100.0, "density": 0.01}
+BRASS = {"young": 49.0, "density": 0.02}
+ENDS = ("a.left", "a.right", "b.left", "b.right")
+# Two unlike bars between two walls, with many impacts at four ends of which none is shared.
+ROW = {
+    "percuss": 1,
+    "bodies": {
+        "a": {"bar": {"length": 1.0, "elements": 5, "grading": 1.5}, "material": STEEL, "area": 1.0, "velocity": 1.6},
+        "b": {"bar": {"length": 1.4, "elements": 4}, "at": 1.01, "material": BRASS, "area": 1.6, "velocity": -1.2},
+    },
+    "contacts": {
+        "wall": {"body": "a.left", "wall": -0.0123},
+        "ab": {"between": ["a.right", "b.left"]},
+        "end": {"body": "b.right", "wall": 2.4317},
+    },
+    "time": {"steps": 500, "courant": 0.5},
+    "record": {"probes": list(ENDS)},
+}  # fmt: skip
+STIFFNESS = 60.0  # eps_s of the reference
+ITERATIONS = 3
+DAMPING = 0.2
+CLEARANCE, PRESSURE = 3e-3, 0.02
+# One bar of one element meets two others and a wall, all at one end.
+STAR = {
+    "percuss": 1,
+    "bodies": {
+        "a": {"bar": {"length": 1.0, "elements": 3}, "material": STEEL, "area": 1.0, "velocity": 1.0},
+        "b": {"bar": {"length": 1.4, "elements": 2}, "at": 1.002, "material": BRASS, "area": 0.6, "velocity": -0.1},
+        "c": {"bar": {"length": 0.7, "elements": 2}, "at": 1.0035, "material": STEEL, "area": 0.8, "velocity": -0.3},
+    },
+    "contacts": {
+        "ab": {"between": ["a.right", "b.left"]},
+        "ac": {"between": ["a.right", "c.left"]},
+        "wall": {"body": "a.right", "wall": 1.005},
+        "behind": {"body": "a.left", "wall": -0.01},
+        "end": {"body": "b.right", "wall": 2.43},
+        "last": {"body": "c.right", "wall": 1.73},
+    },
+    "time": {"steps": 600, "courant": 0.5},
+    "record": {"probes": []},
+}  # fmt: skip
+
+
+def case_with(case, law, integrator=CD, **time):
+    return {**case, "method": {"integrator": integrator, "contact": law}, "time": {**case["time"], **time}}
+
+
+def played(case):
+    """Return a run in plain Python where the law has a kernel of its own, which would take seconds to compile."""
+    return run(case, compiled=case["method"]["contact"]["name"] not in {"uzawa", "energy-conserving-penalty"})
+
+
+@functools.cache
+def ran(options, integrator=CD):
+    """Return the run of the row by a law, given by its options as pairs."""
+    return played(case_with(ROW, dict(options), integrator))
+
+
+# ------------------------------------------------------------------------------------------------ the formulas
+
+
+def lagrange_like(e, before, _now, free, w, **_):
+    return max(-(free + e * before) / w, 0.0)
+
+
+def impact(e, gate, before, now, free, w, **_):
+    if (now if gate == "current" else free) >= 0.0:
+        return 0.0
+    return max(-((free - now) + e * (now - before)) / w, 0.0)
+
+
+def regularised(_before, _now, free, w, **_):
+    return max(-free / (w + 1.0 / STIFFNESS), 0.0)
+
+
+def uzawa(_before, _now, free, w, **_):
+    force = 0.0
+    for _ in range(ITERATIONS):
+        force = max(force - STIFFNESS * (free + w * force), 0.0)
+    return force
+
+
+def damped(integrator, before, now, free, w, dt):
+    gap, rate = (now, (now - before) / dt) if integrator == CD else (free, (free - now) / dt)
+    critical = 2.0 * math.sqrt(STIFFNESS * dt**2 / w)
+    return max(-STIFFNESS * gap - DAMPING * critical * rate, 0.0) if gap < 0.0 else 0.0
+
+
+def potential(gap):
+    return 0.5 * STIFFNESS * min(gap, 0.0) ** 2
+
+
+def conserving(before, _now, free, w, **_):
+    def too_much(force):
+        after = free + w * force
+        return force * (after - before) + potential(after) - potential(before)
+
+    def residual(force):  # the quotient itself, at equal gaps the derivative
+        after = free + w * force
+        step = after - before
+        slope = (potential(after) - potential(before)) / step if abs(step) > 1e-9 else STIFFNESS * min(after, 0.0)
+        return force + slope
+
+    if residual(0.0) >= 0.0:
+        return 0.0
+    force = brentq(residual, 0.0, STIFFNESS * (abs(free) + abs(before)), xtol=1e-18, rtol=1e-15)
+    assert abs(too_much(force)) <= 1e-12 * potential(-abs(before) - abs(free))
+    return force
+
+
+def normals(case, bars):
+    """Return N, (nodes, contacts), and the initial gaps."""
+    N, g0 = np.zeros((bars.x.size, len(case["contacts"]))), np.zeros(len(case["contacts"]))
+    for p, one in enumerate(case["contacts"].values()):
+        ends = one.get("between") or [one["body"]]
+        sign = 1.0 if ends[0].endswith("right") else -1.0
+        for end, normal in zip(ends, (-sign, sign), strict=False):
+            N[bars.node(end), p] = normal
+        other = bars.x[bars.node(ends[1])] if len(ends) == 2 else one["wall"]
+        g0[p] = sign * (other - bars.x[bars.node(ends[0])])
+    return N, g0
+
+
+def march(case, dt, steps, force_of):
+    """March by three displacement levels; return forces and gaps, (steps + 1, contacts)."""
+    bars = assemble(case)
+    inverse = 1.0 / np.diag(bars.M)
+    N, g0 = normals(case, bars)
+    s = np.einsum("ip,i,ip->p", N, inverse, N)
+    before, now = -dt * bars.v, np.zeros(bars.x.size)
+    forces, gaps = [], []
+    for _ in range(steps + 1):
+        free = 2.0 * now - before - dt**2 * inverse * (bars.K @ now)
+        levels = [g0 + N.T @ u for u in (before, now, free)]
+        force = np.array([
+            force_of(p, now, before=levels[0][p], now=levels[1][p], free=levels[2][p], w=dt**2 * s[p], dt=dt)
+            for p in range(g0.size)
+        ])  # fmt: skip
+        forces.append(force)
+        gaps.append(levels[1])
+        before, now = now, free + dt**2 * inverse * (N @ force)
+    return np.array(forces), np.array(gaps)
+
+
+def gapwise(law):
+    """Return a law that knows nothing but three gaps as a function for `march`."""
+
+    def force_of(_p, _u, *, before, now, free, w, dt):
+        return law(before, now, free, w, dt=dt) if law.func is damped else law(before, now, free, w)
+
+    return force_of
+
+
+def softened(_before, now, _free, _w, **_):
+    """The exponential law up to the gap at which its slope is the stiffness, and the tangent from there on."""
+    x = max(1.0 - now / CLEARANCE, 0.0)
+    scale = PRESSURE / (math.e - 1.0)
+    end = brentq(lambda y: scale / CLEARANCE * (math.exp(y) * (1.0 + y) - 1.0) - STIFFNESS, 0.0, 50.0, xtol=1e-15)
+    soft = min(x, end)
+    return scale * soft * (math.exp(soft) - 1.0) + STIFFNESS * CLEARANCE * (x - soft)
+
+
+FORMULAS = {
+    "softened": (
+        {"name": "softened-penalty", "epsilon_s": STIFFNESS, "clearance": 3e-3, "pressure": 0.02},
+        functools.partial(softened),
+    ),
+    "regularised": ({"name": "regularised-lagrange", "epsilon_s": STIFFNESS}, regularised),
+    "uzawa": ({"name": "uzawa", "epsilon_s": STIFFNESS, "iterations": ITERATIONS}, uzawa),
+    "damped": (
+        {"name": "damped-penalty", "epsilon_s": STIFFNESS, "damping": DAMPING}, functools.partial(damped, CD)
+    ),
+    "damped, predicted": (
+        {"name": "damped-penalty", "epsilon_s": STIFFNESS, "damping": DAMPING}, functools.partial(damped, WU)
+    ),
+    "conserving": ({"name": "energy-conserving-penalty", "epsilon_s": STIFFNESS}, conserving),
+    "impact 0": ({"name": "moreau-jean"}, functools.partial(impact, 0.0, "predicted")),
+    "impact .5": ({"name": "moreau-jean", "restitution": 0.5}, functools.partial(impact, 0.5, "predicted")),
+    "CD-Lagrange 0": ({"name": "moreau-jean", "gate": "current"}, functools.partial(impact, 0.0, "current")),
+    "CD-Lagrange .5": (
+        {"name": "moreau-jean", "gate": "current", "restitution": 0.5}, functools.partial(impact, 0.5, "current")
+    ),
+    "Paoli .5": ({"name": "paoli-schatzman", "restitution": 0.5}, functools.partial(lagrange_like, 0.5)),
+    "Paoli 1": ({"name": "paoli-schatzman", "restitution": 1.0}, functools.partial(lagrange_like, 1.0)),
+}  # fmt: skip
+
+
+def agrees(result, force, gap, within=1e-8):  # full restitution multiplies round-off by ten thousand
+    assert force.max() > 0.0
+    closings = np.count_nonzero((force[1:] > 0.0) & (force[:-1] == 0.0), axis=0)
+    assert np.count_nonzero(closings) >= 2, "too few contacts close"
+    assert np.abs(result.arrays["contact_force"] - force).max() <= within * force.max()
+    assert np.abs(result.arrays["gap"] - gap).max() <= within * np.abs(gap).max()
+    assert result.summary["energy"]["ledger_error"] <= 1e-12
+    assert result.summary["momentum"]["error"] <= 1e-12
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_runs_equal_the_published_formula(name):
+    options, law = FORMULAS[name]
+    result = ran(tuple(options.items()), WU if name.endswith("predicted") else CD)
+    law = law if isinstance(law, functools.partial) else functools.partial(law)
+    agrees(result, *march(ROW, result.summary["dt"], 500, gapwise(law)))
+
+
+def test_nitsche_reads_the_normal_force_of_the_end_elements():
+    """Between bodies the mean, each side weighted by the mass of the node of the other."""
+    bars = assemble(ROW)
+    stiffness = {end: bars.end(end) for end in ENDS}
+
+    def normal_force(end, u):
+        node = bars.node(end)
+        inner = node + 1 if end.endswith("left") else node - 1
+        stretch = (u[inner] - u[node]) * (1.0 if end.endswith("left") else -1.0)
+        return stiffness[end][0] * stretch
+
+    def force_of(p, u, *, now, **_):
+        sides = (("a.left",), ("a.right", "b.left"), ("b.right",))[p]
+        tensions = [normal_force(end, u) for end in sides]
+        across = [stiffness[end][2] for end in reversed(sides)]
+        tension = np.average(tensions, weights=across)
+        return max(-tension - gamma[p] * now, 0.0)
+
+    result = run(case_with(ROW, {"name": "nitsche"}, steps=150))
+    gamma = [one["epsilon_s"] for one in result.provenance["resolved"]["contacts"].values()]
+    agrees(result, *march(ROW, result.summary["dt"], 150, force_of))
+
+
+def test_a_closed_contact_of_nitsche_is_an_oscillator_whatever_loads_its_ends():
+    law = {"name": "nitsche", "epsilon_s": STIFFNESS}
+    loads = {"push": {"constant": 3.0, "on": "a.right"}, "weight": {"gravity": 20.0}}
+    result = run(case_with({**ROW, "loads": loads}, law, steps=150))
+    bars = assemble(ROW)
+    half = {end: bars.end(end)[2] for end in ENDS}
+    delassus = np.array([1 / half["a.left"], 1 / half["a.right"] + 1 / half["b.left"], 1 / half["b.right"]])
+    gap, force, dt = result.arrays["gap"], result.arrays["contact_force"], result.summary["dt"]
+    closed = force[1:-1] > 0.0
+    change = gap[2:] - 2.0 * gap[1:-1] + gap[:-2] + dt**2 * STIFFNESS * delassus * gap[1:-1]
+    assert np.count_nonzero(closed.any(axis=0)) >= 2
+    assert np.abs(change[closed]).max() <= 1e-14
+
+
+def test_nitsche_is_for_a_scheme_that_shows_it_the_bulk_acceleration():
+    with pytest.raises(percuss.RefusedPair, match="would be another method"):
+        run(case_with(ROW, {"name": "nitsche"}, WU))
+
+
+@pytest.mark.parametrize("name", ["moreau-jean", "paoli-schatzman", "energy-conserving-penalty"])
+def test_laws_of_two_half_steps_are_no_laws_of_stages(name):
+    with pytest.raises(percuss.RefusedPair, match="computes several forces in a step"):
+        run(case_with(ROW, {"name": name}, "noh-bathe"))
+
+
+# -------------------------------------------------------------------------------------------------- identities
+
+
+def same(one, other, within):
+    for name in ("contact_force", "gap", "displacement", "velocity"):
+        a, b = one.arrays[name], other.arrays[name]
+        assert np.abs(a - b).max() <= within * np.abs(b).max(), name
+
+
+def test_without_restitution_the_impact_law_on_gaps_is_the_lagrange_method():
+    one, other = ran((("name", "paoli-schatzman"),), WU), ran((("name", "lagrange"),), WU)
+    for name in ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy"):
+        np.testing.assert_array_equal(one.arrays[name], other.arrays[name])
+
+
+@pytest.mark.parametrize("beta_s", [0.3, 30.0])
+def test_the_regularised_lagrange_method_is_the_matched_bipenalty_of_wu(beta_s):
+    one = ran((("name", "regularised-lagrange"), ("beta_s", beta_s)))
+    same(one, ran((("name", "bipenalty"), ("beta_s", beta_s), ("ratio", "matched")), WU), 1e-11)
+
+
+def test_it_tends_to_the_lagrange_method():
+    same(ran((("name", "regularised-lagrange"), ("beta_s", 1e9))), ran((("name", "lagrange"),)), 1e-5)
+
+
+def test_the_first_of_uzawas_iterates_is_the_predictor_penalty():
+    law = ("epsilon_s", STIFFNESS)
+    same(ran((("name", "uzawa"), law, ("iterations", 1))), ran((("name", "penalty"), law), WU), 1e-11)
+
+
+@pytest.mark.parametrize("iterations", [2, 5])
+def test_uzawas_iteration_is_a_predictor_penalty_of_a_stiffness_that_tends_to_lagrange(iterations):
+    """Struck at a wall: stiffness (1 - (1 - theta)^k) / (dt^2 s), which is that of exact contact as k grows."""
+    wall = {**ROW, "bodies": {"a": ROW["bodies"]["a"]}, "record": {"probes": ["a.right"]}}
+    wall["contacts"] = {"end": {"body": "a.right", "wall": 1.003}}
+    one = played(case_with(wall, {"name": "uzawa", "epsilon_s": STIFFNESS, "iterations": iterations}))
+    bars, dt = assemble(wall), one.summary["dt"]
+    w = dt**2 / bars.end("a.right")[2]
+    stiffness = (1.0 - (1.0 - w * STIFFNESS) ** iterations) / w
+    assert one.provenance["resolved"]["contacts"]["end"]["theta"] == pytest.approx(w * STIFFNESS, rel=1e-12)
+    same(one, run(case_with(wall, {"name": "penalty", "epsilon_s": stiffness}, WU)), 1e-11)
+
+
+@pytest.mark.parametrize(
+    "law", [{"name": "uzawa", "beta_s": 1.5, "iterations": 300}, {"name": "energy-conserving-penalty"}], ids=str
+)
+def test_kernels_at_ends_in_several_contacts_solve_for_all_of_them(law):
+    """Alone, and beside contacts of the same ends that obey another law."""
+    for others in (None, {"name": "lagrange"}):
+        case = case_with(STAR, law, steps=60)
+        if others:
+            case["contacts"] = {**case["contacts"], "ac": {**case["contacts"]["ac"], "method": others}}
+        result = run(case, compiled=False)
+        gap, force = result.arrays["gap"], result.arrays["contact_force"]
+        assert (np.count_nonzero(force[:, :3], axis=1) >= 2).sum() >= 3
+        own = [p for p, name in enumerate(STAR["contacts"]) if not (others and name == "ac")]
+        stiffness = [result.provenance["resolved"]["contacts"][name]["epsilon_s"] for name in STAR["contacts"]
+                     if not (others and name == "ac")]  # fmt: skip
+        if law["name"] == "uzawa":  # enough iterations: exact contact
+            assert gap.min() >= -1e-10
+            assert np.abs(force[:-1] * gap[1:]).max() <= 1e-10 * force.max()
+        else:
+            V = 0.5 * np.array(stiffness) * np.minimum(gap[:, own], 0.0) ** 2
+            residual = force[1:-1, own] * (gap[2:, own] - gap[:-2, own]) + V[2:] - V[:-2]
+            assert np.abs(residual).max() <= 1e-12 * V.max()
+        if others:
+            assert np.abs(force[:-1, 1] * gap[1:, 1]).max() <= 1e-13 * force.max()
+
+
+def test_without_damping_it_is_the_penalty_method():
+    law = ("beta_s", 0.3)
+    for integrator in (CD, WU):
+        one = ran((("name", "damped-penalty"), law, ("damping", 0.0)), integrator)
+        np.testing.assert_array_equal(
+            one.arrays["contact_force"], ran((("name", "penalty"), law), integrator).arrays["contact_force"]
+        )
+
+
+def test_a_softened_penalty_presses_with_its_pressure_where_the_bodies_touch():
+    law = {"name": "softened-penalty", "clearance": CLEARANCE, "pressure": PRESSURE}
+    result = run(hunek(20, integrator=CD, contact=law))
+    assert result.arrays["gap"][0, 0] == 0.0
+    assert result.arrays["contact_force"][0, 0] == pytest.approx(PRESSURE, rel=1e-14)
+    gap, force = ran(tuple(law.items())).arrays["gap"], ran(tuple(law.items())).arrays["contact_force"]
+    assert np.count_nonzero((gap > 0.0) & (force > 0.0)) > 20
+    assert (force[gap >= CLEARANCE] == 0.0).all()
+
+
+def bonded(strength, length, speed):
+    """Return a run of two bars that touch, bonded, of which the second is pulled away at a speed."""
+    bars = {
+        "a": {"bar": {"length": 1.0, "elements": 8}, "material": STEEL, "area": 1.0, "fixed": ["left"]},
+        "b": {"bar": {"length": 1.0, "elements": 8}, "at": 1.0, "material": STEEL, "area": 1.0},
+    }
+    case = {"percuss": 1, "bodies": bars, "contacts": {"bond": {"between": ["a.right", "b.left"]}}}
+    case["loads"] = {"pull": {"prescribed-velocity": speed, "on": "b.right"}}
+    law = {"name": "cohesive", "strength": strength, "length": length, "epsilon_s": STIFFNESS}
+    case["method"] = {"integrator": CD, "contact": law}
+    return run({**case, "time": {"end": 2.0, "courant": 0.25}})
+
+
+def test_a_bond_follows_its_envelope_and_takes_the_energy_to_break_it():
+    strength, length = 2.0, 0.2
+    result = bonded(strength, length, 0.5)
+    gap, force = result.arrays["gap"][:, 0], result.arrays["contact_force"][:, 0]
+    onset = strength / STIFFNESS
+    greatest = np.maximum.accumulate(np.maximum(gap, 0.0))
+    envelope = np.where(
+        greatest <= onset, STIFFNESS * greatest, strength * np.maximum(length - greatest, 0.0) / (length - onset)
+    )
+    secant = np.divide(envelope, greatest, out=np.full(gap.size, STIFFNESS), where=greatest > onset)
+    expected = np.where(gap > 0.0, -secant * gap, -STIFFNESS * gap)
+    assert greatest[-1] > length
+    assert np.abs(force - expected).max() <= 1e-12 * strength
+    assert 0.98 * strength < -force.min() <= strength
+    assert np.count_nonzero((gap > 0.0) & (gap < 0.999 * greatest)) > 5  # it unloads somewhere
+    broken = 0.5 * strength * length
+    assert result.provenance["resolved"]["contacts"]["bond"]["energy_to_break"] == pytest.approx(broken)
+    assert result.arrays["contact_dissipation"][-1] == pytest.approx(broken, rel=1e-12)
+    assert -result.summary["energy"]["contact_work"] == pytest.approx(broken, rel=2e-3)  # as a spring's in steps
+    assert result.summary["energy"]["ledger_error"] <= 1e-12
+
+
+def test_a_bond_that_is_not_overcome_holds_and_stores():
+    result = bonded(50.0, 10.0, 0.02)
+    gap, force = result.arrays["gap"][:, 0], result.arrays["contact_force"][:, 0]
+    assert 0.0 < gap.max() < 50.0 / STIFFNESS
+    assert np.abs(force + STIFFNESS * gap).max() <= 1e-12
+    assert np.abs(result.arrays["contact_dissipation"]).max() <= 1e-15
+
+
+def test_bodies_that_come_from_beyond_the_length_are_not_bonded():
+    law = {"epsilon_s": STIFFNESS}
+    case = {**ROW, "bodies": {name: dict(body) for name, body in ROW["bodies"].items()}}
+    bond = run(case_with(case, {"name": "cohesive", "strength": 1e-3, "length": 1e-3, **law}))
+    spring = run(case_with(case, {"name": "penalty", **law}, CD))
+    same(bond, spring, 1e-12)
+
+
+def test_a_bond_that_breaks_before_its_strength_is_refused():
+    with pytest.raises(percuss.InputError, match="give a greater length or stiffness"):
+        run(case_with(ROW, {"name": "cohesive", "strength": 1.0, "length": 1e-3, "epsilon_s": STIFFNESS}))
+
+
+KERNEL_LAWS = [law for law in FIRST if hasattr(REGISTRY.get("contacts", law["name"]), "multipliers")]
+
+
+@pytest.mark.parametrize("law", KERNEL_LAWS, ids=lambda law: law["name"])
+def test_gaps_and_rates_near_zero_leave_finite_forces(law):
+    """Waves die out through all numbers down to the smallest, so that bodies that touch meet at speeds of 1e-320."""
+    kind = REGISTRY.get("contacts", law["name"])
+    points, dt = sample_points(1), 1e-3
+    bound = kind(**{key: value for key, value in law.items() if key != "name"}).bind(points, dt)
+    trial = sample_trial(points, dt, kind)
+    near_zero = [sign * size for size in (5e-324, 1e-310, 1e-160) for sign in (1.0, -1.0)] + [0.0]
+    for gap, rate, predicted in itertools.product(near_zero, repeat=3):
+        values = (np.array([value]) for value in (gap, predicted, rate, (predicted - gap) / dt))
+        state = trial._replace(
+            **dict(zip(("gap", "predicted_gap", "rate", "predicted_rate"), values, strict=True)), before=trial.after
+        )
+        multiplier = np.full(1, np.nan)
+        kind.multipliers(bound, state._replace(after=state.before.copy()), multiplier)
+        assert np.isfinite(multiplier).all(), (gap, rate, predicted)
+
+
+# ------------------------------------------------------------------------------------------------- restitution
+
+
+def particle(law, young=1e-30, **time):
+    """A node of mass 1 that next to nothing holds to the rest of its bar, and strikes a wall with the speed 1."""
+    body = {"bar": {"length": 1.0, "elements": 1}, "material": {"young": young, "density": 2.0}, "area": 1.0}
+    contact = {"wall": {"body": "a.right", "wall": 1.0 + 0.1234}}
+    case = {"percuss": 1, "bodies": {"a": body | {"velocity": 1.0}}, "contacts": contact}
+    case |= {"method": {"integrator": CD, "contact": law}, "record": {"probes": ["a.right"]}}
+    result = run({**case, "time": {"step": 0.01, "steps": 40, **time}})
+    return result, -np.diff(result.arrays["gap"][:, 0]) / result.summary["dt"]  # speeds towards the wall
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("law", [{"name": "moreau-jean"}, {"name": "moreau-jean", "gate": "current"},
+                                 {"name": "paoli-schatzman"}], ids=str)  # fmt: skip
+def test_a_node_leaves_with_the_restitution_times_its_speed(law, e):
+    result, speed = particle({**law, "restitution": e})
+    force, gap = result.arrays["contact_force"][:, 0], result.arrays["gap"][:, 0]
+    presses = np.flatnonzero(force > 1e-9)
+    assert speed[0] == pytest.approx(1.0, rel=1e-12)
+    assert speed[-1] == pytest.approx(-e, abs=1e-12)
+    first = int(presses[0])
+    if law["name"] == "moreau-jean":
+        assert list(presses) == [first]  # one impulse
+        assert (gap[first] < 0.0) == ("gate" in law)
+        assert gap.min() >= -0.01
+    else:
+        assert presses.size <= 2
+        assert np.abs(speed[first + 1 :] + e).max() <= 1e-12  # from the second step on
+        assert gap.min() >= -0.01
+    kinetic = result.arrays["kinetic_energy"]
+    assert kinetic[0] - kinetic[-1] == pytest.approx(0.5 * (1.0 - e**2), abs=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_the_restitution_of_the_dashpot_is_that_of_schwager_and_poeschel(share):
+    """Their contact ends where the force does, not where the overlap does.
+
+    Published for a share below and above 1/sqrt(2) of critical damping, and written here for any by the arctangent of
+    two arguments; at critical damping it is exp(-2).
+    """
+    if share < 1.0:
+        root = math.sqrt(1.0 - share**2)
+        exact = math.exp(-share / root * math.atan2(2.0 * share * root, 2.0 * share**2 - 1.0))
+    else:
+        exact = math.exp(-2.0)
+    law = {"name": "damped-penalty", "epsilon_s": 100.0, "damping": share}
+    for step, within in ((0.04, 0.04), (0.005, 0.008)):
+        result, speed = particle(law, step=step, steps=round(1.0 / step))
+        assert result.arrays["contact_force"].min() == 0.0
+        assert -speed[-1] == pytest.approx(exact, abs=within)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.03, 0.5])
+def test_the_critical_step_of_the_dashpot_is_that_of_a_rate_half_a_step_late(share):
+    """omega dt = 2 (sqrt(1 + damping^2) - damping), the limit of central difference with lagged damping."""
+    law = {"name": "damped-penalty", "epsilon_s": 100.0, "damping": share}
+    certificate = particle(law, 1e-10)[0].summary["certificate"]
+    expected = 0.2 * (math.sqrt(1.0 + share**2) - share)
+    assert certificate["dt_critical"] == pytest.approx(expected, rel=1e-6)
+
+
+# ------------------------------------------------------------------------------------------------------ energy
+
+
+def bodies_energy(result):
+    return result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+
+
+def stored(result, points):
+    """Return the mean of the potentials at both ends of each step but the last, from recorded gaps."""
+    gap = np.minimum(result.arrays["gap"], 0.0)
+    stiffness = [result.provenance["resolved"]["contacts"][name]["epsilon_s"] for name in points]
+    potentials = 0.5 * (gap**2 @ np.array(stiffness))
+    return 0.5 * (potentials[1:] + potentials[:-1])
+
+
+@pytest.mark.parametrize(
+    ("case", "beta_s"),
+    [
+        ("row", 50.0),
+        ("star", 0.5),
+        *(pytest.param(*deep, marks=pytest.mark.deep) for deep in [("row", 0.5), ("star", 50.0)]),
+    ],
+)
+def test_a_force_by_difference_quotient_keeps_energy_over_all_impacts(case, beta_s):
+    """Contacts open and close, at ends in several contacts too, and may be stiffer than an explicit step allows."""
+    whole = {"row": ROW, "star": STAR}[case]
+    result = played(case_with(whole, {"name": "energy-conserving-penalty", "beta_s": beta_s}))
+    kept = bodies_energy(result)[:-1] + stored(result, whole["contacts"])
+    pressing = result.arrays["contact_force"] > 0.0
+    assert np.count_nonzero(pressing[1:] & ~pressing[:-1]) >= 10
+    assert case == "row" or pressing[:, :3].sum(axis=1).max() >= 2
+    assert stored(result, whole["contacts"]).max() > 0.01 * kept[0]
+    assert np.abs(kept - kept[0]).max() <= 1e-12 * kept[0]
+
+
+@pytest.mark.parametrize("gate", ["current", "predicted"])
+def test_an_impact_law_with_full_restitution_keeps_the_energy_of_the_bodies(gate):
+    result = run(case_with(ROW, {"name": "moreau-jean", "gate": gate, "restitution": 1.0}))
+    energy = bodies_energy(result)
+    assert np.count_nonzero(result.arrays["contact_force"]) > 20
+    assert np.abs(energy - energy[0]).max() <= 1e-12 * energy[0]
+
+
+def test_the_work_of_an_impact_law_is_that_of_the_restitution():
+    """(1 - e) / 2 of the force times the motion before it, in every step."""
+    result = ran((("name", "moreau-jean"), ("gate", "current"), ("restitution", 0.5)))
+    gap, force = result.arrays["gap"], result.arrays["contact_force"]
+    expected = (0.5 * 0.5 * force[1:] * np.diff(gap, axis=0)).sum(axis=1)
+    work = np.diff(bodies_energy(result))
+    assert np.abs(work - expected).max() <= 1e-13 * bodies_energy(result)[0]
+    assert expected.min() < 0.0
+
+
+def test_nitsche_adds_energy_in_an_impact_and_less_stiffness_adds_much_more():
+    """The automatic gamma lies where the force is nearest to the exact one."""
+    gained, error = {}, {}
+    for beta_s in ("auto", 0.5, 2.0):
+        result = run(hunek(20, integrator=CD, contact={"name": "nitsche", "beta_s": beta_s}))
+        energy = bodies_energy(result)
+        gained[beta_s] = energy.max() / energy[0] - 1.0
+        error[beta_s] = result.summary["exact"]["contacts"]["tip"]["force_error_l1"]
+    assert 0.01 < gained["auto"] < 0.2
+    assert gained[0.5] > 1.0
+    assert error["auto"] < 0.12 < 0.4 < min(error[0.5], error[2.0])
+
+
+# ------------------------------------------------------------------------------------------------------ limits
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("courant", [0.5, 0.99])
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"name": "energy-conserving-penalty"},
+        {"name": "moreau-jean", "restitution": 0.5},
+        {"name": "paoli-schatzman", "restitution": 0.5},
+        {"name": "uzawa"},
+        {"name": "nitsche"},
+        {"name": "regularised-lagrange", "beta_s": 1e4},
+    ],
+    ids=str,
+)
+def test_what_is_said_to_keep_the_free_step_does(law, courant):
+    uniform = {**ROW, "bodies": {**ROW["bodies"], "a": {**ROW["bodies"]["a"], "bar": {"length": 1.0, "elements": 5}}}}
+    certificate = run(case_with(uniform, law, courant=courant, steps=20)).summary["certificate"]
+    assert certificate["dt_critical"] == pytest.approx(certificate["dt_critical_free"], rel=1e-6)
+    assert certificate["stable"] == "yes"
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["uzawa", "conserving"])
+def test_compiled_runs_are_plain_ones(name):
+    options = FORMULAS[name][0]
+    same(run(case_with(ROW, options)), ran(tuple(options.items())), 1e-9)

@@ -1,0 +1,282 @@
+"""Contact laws with state variables: exact restitution of rigid bodies, and when the variables are carried over."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import percuss
+from percuss.certificate.black_box import ClosedStep, Motions
+from percuss.errors import PluginError
+from percuss.methods.admission import admitted
+from percuss.solver.march import March
+from percuss.solver.model import Model
+from percuss.testing.subject import Subject
+from strategies import hunek
+
+STEEL = {"young": 100.0, "density": 0.01}
+SOFT = 1e-3  # EA/h of the contact over that of the only element of a bar, which therefore moves as a rigid body
+
+
+def rigid_bounce(law, **options):
+    """Return the result of a bar of one element that bounces off a wall with a soft law."""
+    case = {
+        "percuss": 1,
+        "bodies": {"a": {"bar": {"length": 1.0, "elements": 1}, "material": STEEL, "area": 1.0, "velocity": 1.0}},
+        "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
+        "method": {"integrator": "central-difference", "contact": {"name": law, "beta_s": SOFT, **options}},
+        "time": {"end": 1.3, "courant": 0.02},
+    }  # fmt: skip
+    return percuss.run(percuss.load(case))
+
+
+def restitution(result):
+    momentum = result.summary["momentum"]
+    return -momentum["final"][0] / momentum["initial"][0]
+
+
+@pytest.mark.parametrize("e", [0.9, 0.5])
+def test_rigid_bodies_leave_a_walton_braun_spring_at_e_times_their_speed(e):
+    result = rigid_bounce("walton-braun", restitution=e)
+    assert restitution(result) == pytest.approx(e, abs=3e-4)
+    energy = result.summary["energy"]
+    lost = result.arrays["contact_dissipation"][-1]
+    assert lost == pytest.approx((1.0 - e**2) * energy["initial"], rel=1e-3)
+    assert lost == pytest.approx(-energy["contact_work"], rel=1e-5)
+    assert energy["ledger_error"] < 1e-13
+
+
+@pytest.mark.parametrize("e", [0.9, 0.5])
+def test_rigid_bodies_leave_a_hunt_crossley_spring_as_its_equation_of_motion_says(e):
+    """The equation of motion m x'' = -k x^n (1 + a x') is separable: its integral holds for any k, n and m."""
+    a = 1.5 * (1.0 - e)
+    left = a - math.log1p(a)
+    exact = brentq(lambda v: left + a * v + math.log1p(-a * v), 1e-9, min(1.0, 1.0 / a - 1e-9))
+    result = rigid_bounce("hunt-crossley", restitution=e)
+    assert restitution(result) == pytest.approx(exact, abs=3e-4)
+    assert result.arrays["contact_dissipation"][-1] == pytest.approx(
+        -result.summary["energy"]["contact_work"], rel=2e-4
+    )
+    assert abs(exact - e) < 1.1 * (1.0 - e) ** 2  # the paper: e to first order in 1 - e
+
+
+class Nothing(NamedTuple):
+    scale: percuss.Floats
+
+
+@dataclass(frozen=True)
+class Counting(percuss.ContactLaw):
+    """Formula: lambda = 0; counts the steps, and the calls of the second point."""
+
+    name = "counting"
+    summary = "Counts the steps"
+    state = 2
+    uses_coupling = True
+
+    def bind(self, points, dt):
+        return Nothing(np.ones(len(points.names)))
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            multiplier[p] = 0.0
+            trial.after[p, 0] = trial.before[p, 0] + bound.scale[p]
+            # The second variable is written in the first step alone, and keeps its value.
+            if trial.before[p, 0] == 0.0:
+                trial.after[p, 1] = 7.0 + p
+
+
+COUNTING = Subject.of(Counting).registry
+
+
+def counted(integrator, **changes):
+    """Return a run in plain Python of a law that counts, and its state variables, (records, contacts, 2)."""
+    case = hunek(10)
+    case["contacts"]["wall"] = {"body": "short.left", "wall": -1.0}
+    case |= {"time": {"steps": 20, "courant": 0.5}, "method": {"integrator": integrator, "contact": "counting"}}
+    march = March(Model(percuss.load(case | changes, registry=COUNTING)), compiled=False)
+    return march, march.run(None, marginal=False).record.contact_state.reshape(-1, 2, 2)
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
+def test_state_variables_are_carried_over_once_a_step(integrator):
+    """A multi-stage scheme calls the kernel several times a step, and before the first step."""
+    _, states = counted(integrator)
+    assert states[:, :, 0].tolist() == [[n, n] for n in range(1, 22)]
+    assert (states[:, :, 1] == [7.0, 8.0]).all()
+
+
+def test_state_variables_live_on_where_a_drive_ends():
+    loads = {"drive": {"prescribed-velocity": 0.1, "on": "long.left", "until": 0.01}}
+    march, states = counted("central-difference", loads=loads)
+    assert len(list(march.model.segments())) == 2
+    assert states[:, :, 0].tolist() == [[n, n] for n in range(1, 22)]
+
+
+def test_a_march_that_begins_again_begins_with_state_variables_of_zero():
+    model = Model(percuss.load(hunek(10, contact="walton-braun", integrator="central-difference")))
+    march = March(model)
+    march.keep_beginning()
+    first = march.run(None, marginal=False)
+    states, forces = first.record.contact_state.copy(), first.record.multiplier.copy()
+    assert states.max() > 0.0
+    again = march.again().run(None, marginal=False)
+    assert np.array_equal(again.record.contact_state, states)
+    assert np.array_equal(again.record.multiplier, forces)
+
+
+def test_an_examined_step_leaves_state_variables_alone():
+    model = Model(percuss.load(hunek(5, contact="walton-braun", integrator="central-difference")))
+    step = ClosedStep(Motions(model), model.dt, [0])
+    assert step.linear()
+    assert not step.march.boundary.state_before.any()
+    assert step.march.boundary.state_after.any()
+
+
+def test_a_saved_result_holds_the_state_variables(tmp_path):
+    result = rigid_bounce("walton-braun")
+    result.save(tmp_path / "a.nc")
+    opened = percuss.open_result(tmp_path / "a.nc")
+    assert opened.histories["contact_state"].dims == ("time", "contact", "state_variable")
+    assert np.array_equal(opened.arrays["contact_state"], result.arrays["contact_state"])
+    assert opened.arrays["contact_state"][-1, 0, 2] == opened.arrays["contact_dissipation"][-1] > 0.0
+
+
+def law(kernel, **facts):
+    """Return a class of laws with one state variable and the given kernel."""
+    body = {
+        "__doc__": "Formula: lambda = 0.", "name": "wrong", "summary": "Wrong", "state": 1,
+        "bind": lambda self, points, dt: Nothing(np.ones(len(points.names))), "multipliers": staticmethod(kernel),
+    }  # fmt: skip
+    return dataclass(frozen=True)(type("Wrong", (percuss.ContactLaw,), body | facts))
+
+
+def writes_before(bound, trial, multiplier):
+    multiplier[:] = 0.0
+    trial.before[0, 0] = 1.0
+
+
+def leaves_nan(bound, trial, multiplier):
+    multiplier[:] = 0.0
+    trial.after[:] = np.nan
+
+
+def draws(bound, trial, multiplier):
+    multiplier[:] = 0.0
+    trial.after[:] = np.random.default_rng().random()
+
+
+@pytest.mark.parametrize(
+    ("kernel", "message"),
+    [
+        (writes_before, "changes what it was handed"),
+        (leaves_nan, "state variable 0 of point 0 as nan"),
+        (draws, "gives state variable "),
+    ],
+)
+def test_a_kernel_that_treats_its_state_wrongly_is_named(kernel, message):
+    registry = Subject.of(law(kernel)).registry
+    with pytest.raises(PluginError, match=message):
+        Model(percuss.load(hunek(5, contact="wrong", integrator="central-difference"), registry=registry))
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"state": -1}, "has state = -1; expected the number of its state variables"),
+        ({"state": True}, "has state = True"),
+        ({"stored_in": 1}, "has stored_in = 1; expected the number of one of its 1 state variables"),
+        ({"dissipated_in": -1}, "has dissipated_in = -1"),
+        ({"state": 0, "stored_in": 0}, "has stored_in = 0; expected the number of one of its 0 state"),
+    ],
+)
+def test_a_wrong_declaration_of_state_variables_is_refused(facts, message):
+    with pytest.raises(PluginError, match=message):
+        admitted("contacts", law(leaves_nan, **facts))
+
+
+# ------------------------------------------------------------------------------------------------------- materials
+
+YOUNG, DENSITY, YIELD = 100.0, 0.01, 0.02
+PLASTIC = {"name": "bilinear-plastic", "young": YOUNG, "density": DENSITY, "yield_stress": YIELD}
+
+
+def struck_wall(material, velocity, elements=400, dim=1):
+    """Return a result of a plastic bar that strikes a wall, before the first wave comes back from its other end."""
+    end, line = 10.0, {"length": 10.0, "elements": elements}
+    if dim == 2:
+        end, line = [6.0, 8.0], {**line, "direction": [0.6, 0.8]}
+    body = {"bar": line, "material": material, "area": 2.0, "velocity": velocity}
+    case = {
+        "percuss": 1,
+        "bodies": {"a": body | ({"at": [0.0, 0.0]} if dim == 2 else {})},
+        "contacts": {"wall": {"body": "a.right", "wall": end}},
+        "method": {"integrator": "central-difference", "contact": "lagrange"},
+        "time": {"end": 0.09, "courant": 0.8},
+    }
+    return percuss.run(percuss.load(case))
+
+
+def test_a_plastic_bar_presses_a_wall_with_the_force_of_its_two_waves():
+    """The elastic wave carries the yield stress, and the slower plastic wave the rest of the change of velocity.
+
+    Both are simple waves, as the material is linear on either side of the yield stress: ``Z_e = rho c_e`` and
+    ``Z_p = rho c_p`` are their impedances (von Karman and Duwez 1950, doi 10.1063/1.1699544).
+    """
+    c_e = math.sqrt(YOUNG / DENSITY)
+    velocity, tangent = 0.1, 0.25
+    c_p = math.sqrt(tangent) * c_e
+    elastic_change = YIELD / (DENSITY * c_e)
+    exact = 2.0 * (YIELD + DENSITY * c_p * (velocity - elastic_change))
+    assert exact == pytest.approx(0.12)
+    errors = []
+    for elements in (100, 400):
+        result = struck_wall({**PLASTIC, "tangent": tangent}, velocity, elements)
+        force, time = result.arrays["contact_force"][:, 0], result.arrays["time"]
+        errors.append(abs(force[(time > 0.02) & (time < 0.09)].mean() / exact - 1.0))
+    assert errors[1] < 0.4 * errors[0] < 4e-3
+    energy = result.summary["energy"]
+    assert energy["ledger_error"] < 1e-13
+    assert energy["bodies_error"] < 2e-3
+    # Behind the plastic wave the plastic strain p is that of its stress; with kinematic hardening Y p is dissipated.
+    stress = exact / 2.0
+    hardening = YOUNG * tangent / (1.0 - tangent)
+    strain = (stress - YIELD) / hardening
+    dissipated = YIELD * strain * 2.0 * c_p * time[-1]
+    assert energy["dissipated"] == pytest.approx(dissipated, rel=0.02)
+
+
+def test_a_plastic_bar_turned_in_the_plane_does_the_same():
+    straight = struck_wall(PLASTIC, 0.1, elements=40)
+    turned = struck_wall(PLASTIC, 0.1, elements=40, dim=2)
+    for name in ("contact_force", "internal_work", "dissipated_energy", "elastic_energy"):
+        assert turned.arrays[name] == pytest.approx(straight.arrays[name], abs=1e-12), name
+    assert turned.summary["energy"]["ledger_error"] < 1e-13
+
+
+def test_internal_work_of_a_linear_body_is_its_staggered_strain_energy(monkeypatch):
+    """A body with a material that only differs by not declaring itself linear sums its internal work."""
+    from percuss_methods.materials.elastic import Elastic
+
+    case = hunek(20, integrator="central-difference", contact="penalty")
+    case["loads"] = {"weight": {"gravity": 0.3}, "push": {"constant": 0.01, "on": "short.left"}}
+    linear = percuss.run(percuss.load(case), compiled=False)
+    monkeypatch.setattr(Elastic, "linear", False)
+    summed = percuss.run(percuss.load(case), compiled=False)
+    elastic = summed.arrays["elastic_energy"]
+    assert summed.arrays["internal_work"] == pytest.approx(elastic, abs=1e-14 * elastic.max() * 1e2)
+    assert elastic == pytest.approx(linear.arrays["elastic_energy"], rel=1e-9)
+    assert summed.summary["energy"]["ledger_error"] < 1e-12
+
+
+def test_the_stress_field_of_a_plastic_bar_is_that_of_its_history():
+    case = hunek(10, integrator="central-difference", contact="lagrange", end=0.1)
+    case["bodies"]["short"]["material"] = {**PLASTIC, "tangent": 0.0}
+    case["record"] |= {"fields": 40}
+    fields = percuss.run(percuss.load(case), compiled=False).fields
+    short = fields["stress"][:, np.array(fields["body"]) == "short"].to_numpy()
+    assert np.abs(short).max() == pytest.approx(YIELD, rel=1e-9)  # without hardening there is no more
+    assert (short == -YIELD).any()
