@@ -244,6 +244,37 @@ def test_matched_bipenalty_tends_to_the_lagrange_method():
         assert np.abs(stiff.arrays[history] - exact.arrays[history]).max() <= within * peak, history
 
 
+@pytest.mark.parametrize("stiffness", [{}, {"beta_s": 0.1}, {"beta_s": 30.0}, {"beta_s": 1e8}, {"epsilon_s": 1e6}], ids=str)
+def test_a_mass_that_leaves_no_overlap_gives_the_lagrange_method_at_any_stiffness(stiffness):
+    law = {"name": "bipenalty", "ratio": "zero-penetration", **stiffness}
+    case = one_contact(WU, law)
+    result, exact = run(case), run(one_contact(WU, {"name": "lagrange"}))
+    eps_s, eps_m, s = compliance(case, result)
+    assert result.summary["dt"] ** 2 * eps_s * s / (1.0 + eps_m * s) == pytest.approx(1.0, rel=1e-12)
+    assert result.summary["certificate"]["stable"] in {"yes", "marginal"}
+    # 1 + eps_m s is of the size of eps_s dt^2 s: the force has that many roundings of the overlap
+    within = 1e-12 * (1.0 + eps_s * s * result.summary["dt"] ** 2 / 1e8)
+    for history in ("contact_force", "displacement"):
+        peak = np.abs(exact.arrays[history]).max()
+        assert np.abs(result.arrays[history] - exact.arrays[history]).max() <= within * peak, history
+    assert result.arrays["gap"].min() >= -1e-15 * np.abs(result.arrays["displacement"]).max()
+
+
+def test_a_mass_that_leaves_no_overlap_is_refused_where_it_cannot():
+    law = {"name": "bipenalty", "ratio": "zero-penetration"}
+    with pytest.raises(percuss.RefusedPair, match="central-difference shows the gap before the step"):
+        run(one_contact(CD, law))
+    with pytest.raises(percuss.RefusedPair, match="noh-bathe shows the gap before the step"):
+        run(one_contact("noh-bathe", law))
+    star = case_of(
+        {"a": bar(1.0, 4, velocity=0.1), "b": bar(1.0, 4, 1.0), "c": bar(1.0, 4, 1.0)},
+        {"ab": {"between": ["a.right", "b.left"]}, "ac": {"between": ["a.right", "c.left"]}},
+        {"steps": 10, "courant": 0.5},
+    )
+    with pytest.raises(percuss.InputError, match="'ab' shares an end with another contact"):
+        run({**star, "method": {"integrator": WU, "contact": law}})
+
+
 def test_central_difference_with_bipenalty_does_not_tend_to_it():
     """The limit is an undamped oscillator of the gap."""
     stiff = run(hunek(integrator=CD, contact={"name": "bipenalty", "beta_s": 1e4, "ratio": 1.0}, end=0.15))

@@ -43,6 +43,9 @@ UNALIKE = (
 )
 NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
+# A mass that removes the predicted overlap of a step whole makes theta 1, and round-off must not make it unstable.
+THETA_ROUNDING = 1e-12
+
 # Number of elements below which contact can damp all of a bar, so that a step above theta = 1 may be stable.
 SHORT_BAR_ELEMENTS = 3
 # Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.
@@ -191,6 +194,8 @@ class PencilCriterion:
                 theta = self._theta_of(part, dt, laws)
                 if largest_theta is None or theta > largest_theta * (1.0 + 1e-12):
                     largest_theta, worst = theta, part
+        if largest_theta is not None and 1.0 < largest_theta <= 1.0 + THETA_ROUNDING:
+            largest_theta = 1.0
         return largest_theta, [int(p) for p in worst]
 
     def _closed_at(self, dt: float) -> ClosedContacts:

@@ -71,11 +71,11 @@ def choose_beta_s(points: ContactPoints, dt: float, own_mass: Any = 0.0, share: 
     return Choice(bounds.min(axis=0), tuple(reasons[k] for k in bounds.argmin(axis=0)))
 
 
-def described(choice: Choice) -> Mapping[str, str]:
+def described(choice: Choice, origin: str = "auto") -> Mapping[str, str]:
     """Return the description of a choice for `ContactLaw.chosen`: its range over the points and the reasons."""
     low, high = choice.beta_s.min(), choice.beta_s.max()
     values = f"{low:.3g}" if high <= low * (1.0 + 1e-9) else f"{low:.3g} to {high:.3g}"
-    return {"beta_s": f"auto: {values}, {' or '.join(dict.fromkeys(choice.why))}"}
+    return {"beta_s": f"{origin}: {values}, {' or '.join(dict.fromkeys(choice.why))}"}
 
 
 def refuse_several(law: ContactLaw, names: tuple[str, ...], quantity: str) -> None:

@@ -8,11 +8,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from percuss import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, LinearLaw, Unit
+from percuss import AllowInf, ContactLaw, ContactPoints, Doc, Ge, Gt, Integrator, LeapFrog, LinearLaw, Unit
 from percuss_methods.contacts import _auto
 
 DEFAULT_RATIO = "matched"
-SHARES = {"matched": 1.0, "free-step": 0.25}  # eps_m over eps_s dt^2
+SHARES = {"matched": 1.0, "free-step": 0.25, "zero-penetration": 1.0}  # eps_m over eps_s dt^2
+SHARED_END_TOLERANCE = 1e-9
+AUTOMATIC_X = 2.0  # dt^2 eps_s s that `auto` chooses with zero-penetration, for which eps_m = 1/s
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,11 @@ class Bipenalty(ContactLaw):
     may lower. ``matched``, the default (eps_m = eps_s dt^2), keeps the critical step of the free bodies with Wu's
     predictor-corrector (theta <= 1) and with central difference, whatever the bars and the mesh; ``free-step``
     (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central difference.
+    ``zero-penetration``, for schemes that show the predicted gap, is the mass with which the corrector removes the
+    predicted overlap of a step whole: ``theta = dt^2 eps_s s / (1 + eps_m s) = 1``, so ``eps_m = eps_s dt^2 - 1/s``,
+    whatever the stiffness, which is raised to 1 / (dt^2 s) where it is less; no energy is stored in the penalty then,
+    and the force is that of Lagrange multipliers. At a wall 1/s is the mass of the node, between two bodies that of both nodes in
+    series.
     ``auto``, the default of beta_s, is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its
     step up to a Courant number of 0.99; with ``matched`` it is never lowered. On the shipped cases, at Courant numbers
     .5 and .9, the penetration is at most 2.8 times the compression of an end element under the peak force with central
@@ -42,6 +49,9 @@ class Bipenalty(ContactLaw):
         "the bipenalty method in contact-impact problems, IJNME 113 (2018), doi 10.1002/nme.5712",
         "Hetherington, Rodriguez-Ferran, Askes: The bipenalty method for arbitrary multipoint constraints, IJNME 93 "
         "(2013), doi 10.1002/nme.4389",
+        "Kwon, Kim, Cho, Gonzalez: A stabilized bipenalty formulation using a predictor-corrector scheme for explicit "
+        "contact-impact analysis, IJNME 126 (2025), doi 10.1002/nme.70119; of it the abstract alone was read, and "
+        "`zero-penetration` is derived from the condition that it states",
     )
     stiffening = ("beta_s", "epsilon_s", "ratio")
     headline = ("beta_s", "ratio")
@@ -67,7 +77,7 @@ class Bipenalty(ContactLaw):
     epsilon_s: _auto.EpsilonS = None
     ratio: (
         Annotated[float, AllowInf(), Gt(0), Unit("1"), Doc("beta_s / (2 beta_m); .inf is the penalty method")]
-        | Literal["matched", "free-step"]
+        | Literal["matched", "free-step", "zero-penetration"]
         | None
     ) = None
     beta_m: Annotated[float, Ge(0), Unit("1"), Doc("mass over rho A h / 2, for equal sides")] | None = None
@@ -83,10 +93,25 @@ class Bipenalty(ContactLaw):
         if self.epsilon_s is not None:
             stiffness = self.epsilon_s * points.weight
         elif self.beta_s in {None, "auto"}:
-            stiffness = _auto.choose_beta_s(points, dt, own, share).beta_s * points.stiffness
+            stiffness = self.automatic(points, dt).beta_s * points.stiffness
         else:
             stiffness = self.beta_s * points.stiffness
+        if self.ratio == "zero-penetration":
+            # At the least stiffness the mass is zero, up to round-off.
+            stiffness = np.maximum(stiffness, self.least_stiffness(points, dt))
+            return stiffness, np.maximum(own + share * stiffness, 0.0)
         return stiffness, own + share * stiffness
+
+    def least_stiffness(self, points: ContactPoints, dt: float) -> Any:
+        """Return the least eps_s whose overlap in a step some penalty mass removes, (P,) [force/length]."""
+        return 1.0 / (dt**2 * points.delassus)
+
+    def automatic(self, points: ContactPoints, dt: float) -> _auto.Choice:
+        """Return the beta_s that the law chooses by itself, with the reasons."""
+        if self.ratio != "zero-penetration":
+            return _auto.choose_beta_s(points, dt, *self.mass(points, dt))
+        why = ("twice the least stiffness whose overlap a penalty mass removes",)
+        return _auto.Choice(AUTOMATIC_X * self.least_stiffness(points, dt) / points.stiffness, why)
 
     def mass(self, points: ContactPoints, dt: float) -> tuple[Any, Any]:
         """Return the two parts of ``eps_m = own + share eps_s``: own [mass] and share [time^2]."""
@@ -98,6 +123,14 @@ class Bipenalty(ContactLaw):
         if self.beta_m is not None:
             return self.beta_m * points.mass, 0.0
         ratio = self.ratio or DEFAULT_RATIO
+        if ratio == "zero-penetration":
+            if (points.coupling > 1.0 + SHARED_END_TOLERANCE).any():
+                shared = points.names[int(np.argmax(points.coupling))]
+                raise ValueError(
+                    f"contact '{shared}' shares an end with another contact, whose force moves that end too: no mass of "
+                    "its own makes its overlap zero; `matched` or `lagrange` is for such contacts"
+                )
+            return -1.0 / points.delassus, SHARES[ratio] * dt**2
         return 0.0, SHARES[ratio] * dt**2 if isinstance(ratio, str) else 1.0 / (ratio * points.frequency**2)
 
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:
@@ -116,4 +149,21 @@ class Bipenalty(ContactLaw):
     def chosen(self, points: ContactPoints, dt: float) -> Mapping[str, str]:
         """Return the automatic beta_s with the reason for it, in words."""
         automatic = self.epsilon_s is None and self.beta_s in {None, "auto"}
-        return _auto.described(_auto.choose_beta_s(points, dt, *self.mass(points, dt))) if automatic else {}
+        if automatic:
+            return _auto.described(self.automatic(points, dt))
+        given = self.epsilon_s * points.weight if self.epsilon_s is not None else self.beta_s * points.stiffness
+        stiffness, _ = self.penalties(points, dt)
+        if (stiffness > given).any():
+            why = ("raised to the least stiffness whose overlap a penalty mass removes",)
+            return _auto.described(_auto.Choice(stiffness / points.stiffness, why), "given")
+        return {}
+
+    def refuses(self, integrator: Integrator) -> str | None:
+        """Return why `zero-penetration` makes no sense with a scheme that shows the current gap, or None."""
+        table = integrator.bind(1.0)
+        if self.ratio != "zero-penetration" or (isinstance(table, LeapFrog) and table.explicit.gap == "predicted"):
+            return None
+        return (
+            "the mass of `zero-penetration` removes the gap that the scheme predicts for the end of the step, and "
+            f"{integrator.name} shows the gap before the step"
+        )
