@@ -230,6 +230,10 @@ def test_the_command_recommends_and_draws(tmp_path):
     words = [
         "recommend",
         CASES / "doyen-impact.yaml",
+        "--integrator",
+        "central-difference,wu-predictor-corrector",
+        "--contact",
+        "penalty,lagrange,regularised-lagrange,damped-penalty,moreau-jean,paoli-schatzman,nitsche",
         "--error",
         "5%",
         "--runs",
