@@ -244,7 +244,9 @@ def test_matched_bipenalty_tends_to_the_lagrange_method():
         assert np.abs(stiff.arrays[history] - exact.arrays[history]).max() <= within * peak, history
 
 
-@pytest.mark.parametrize("stiffness", [{}, {"beta_s": 0.1}, {"beta_s": 30.0}, {"beta_s": 1e8}, {"epsilon_s": 1e6}], ids=str)
+@pytest.mark.parametrize(
+    "stiffness", [{}, {"beta_s": 0.1}, {"beta_s": 30.0}, {"beta_s": 1e8}, {"epsilon_s": 1e6}], ids=str
+)
 def test_a_mass_that_leaves_no_overlap_gives_the_lagrange_method_at_any_stiffness(stiffness):
     law = {"name": "bipenalty", "ratio": "zero-penetration", **stiffness}
     case = one_contact(WU, law)

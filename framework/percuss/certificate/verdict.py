@@ -181,8 +181,9 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
 
 
 def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion) -> Certificate:
-    free, critical = criterion.free, criterion.critical_step
-    assessment = criterion.assess_step(model.dt)
+    free, assessment = criterion.free, criterion.assess_step(model.dt)
+    # Where nothing is certain about the step itself nothing is about longer ones, and a search takes long.
+    critical = criterion.critical_step if assessment.conclusive else np.nan
     if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
         assessment = dataclasses.replace(
             assessment, conclusive=False, doubt="the closed step is not linear at longer steps"
@@ -258,7 +259,8 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     if laws.unknown or not tangent_as_declared(model):
         return out
     criterion = criterion_of(model)
-    assessment, critical = criterion.assess_step(model.dt), criterion.critical_step
+    assessment = criterion.assess_step(model.dt)
+    critical = criterion.critical_step if assessment.conclusive else np.nan
     about_rest, why = _verdict(criterion, assessment, criterion.free, critical)
     if about_rest == "no":
         lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"

@@ -156,10 +156,11 @@ class Model:
 
     def _bind(self) -> None:
         """Bind the integrator and the laws for the step, and refuse methods that do not work together."""
-        self._refuse_pairs()
         integrator = self.case.method.integrator
+        # Before anything else asks the integrator, so that the first of its answers are those that are watched.
         stages, tables = scheme(integrator, self.dt)
         self._set(stages=stages, tables=tables)
+        self._refuse_pairs()
         if self.viscosity and self.why_not_linear:
             message = f"expected linear bodies with the viscous {integrator.name}, found that {self.why_not_linear}"
             advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."

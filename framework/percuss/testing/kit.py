@@ -3,7 +3,8 @@
 A check is a plain function of a `Subject` that returns if the component meets the demand of the contract, and raises
 if it does not. A check that takes a partner is run once with each registered method that the component may be paired
 with. Only `Component.expected_failures` excuses a failure: the check is still run, and a declared failure that does not
-occur is an error.
+occur is an error. Where a law declares to fail a check with an integrator, nothing is demanded of it with another one
+that evaluates laws in the same states.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from percuss.errors import PercussError, PluginError
-from percuss.methods.interfaces import Component
+from percuss.methods.interfaces import Component, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.testing.subject import (
     CHECKS,
@@ -166,11 +167,28 @@ def _fails_with(kit_check: Check, subject: Subject, partner: str) -> str:
     return " and ".join(name.removeprefix(f"{start} with ") for name in declared if name.startswith(f"{start} with "))
 
 
+def _fails_in_the_same_states(kit_check: Check, subject: Subject, partner: str) -> str:
+    """Return an integrator that shows a law the states that its partner shows, and with which it declares to fail."""
+    if not partner or subject.family != "contacts":
+        return ""
+    states = _shown_states(subject, partner)
+    others = [name for family, name in subject.registry.components if family == "integrators" and name != partner]
+    alike = (name for name in others if states is not None and _shown_states(subject, name) == states)
+    return next((name for name in alike if expected(kit_check, subject, name)), "")
+
+
+def _shown_states(subject: Subject, integrator: str) -> Any:
+    """Return the states at which a leap-frog scheme evaluates contact laws, None for a multi-stage scheme."""
+    definition = subject.registry.components["integrators", integrator]().bind(1.0)  # type: ignore[attr-defined]
+    return (definition.explicit, definition.end) if isinstance(definition, LeapFrog) else None
+
+
 def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
     """Run a check on a subject and return its outcome."""
-    fails_with = _fails_with(kit_check, subject, partner)
+    fails_with = _fails_with(kit_check, subject, partner) or _fails_in_the_same_states(kit_check, subject, partner)
     if fails_with and not expected(kit_check, subject, partner):
-        message = f"{partner} fails it with {fails_with} too: nothing follows for {subject.name}"
+        law, integrator = (subject.name, partner) if subject.family == "contacts" else (partner, subject.name)
+        message = f"{law} fails it with {fails_with} too: nothing follows for {integrator}"
         return Outcome(kit_check, partner, "not applicable", message)
     subject = dataclasses.replace(subject, check=kit_check.name, loaded=[])
     outcome = _performed(kit_check, subject, partner)

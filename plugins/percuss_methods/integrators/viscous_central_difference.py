@@ -7,9 +7,6 @@ from typing import Annotated
 
 from percuss import ContactState, Doc, Ge, Integrator, Le, LeapFrog, Unit, end_of_step
 
-JUMPS = "energy jumps as a contact opens or closes between two steps, and viscosity need not take as much"
-STRESS = "the force of the bulk stress does work that nothing stores, and viscosity need not take as much"
-
 
 @dataclass(frozen=True)
 class ViscousCentralDifference(Integrator):
@@ -38,21 +35,6 @@ class ViscousCentralDifference(Integrator):
     order = 1
     conserves = ("momentum",)
     critical_courant = 1.12**-0.5
-    expected_failures = {
-        "energy-never-grows with bipenalty": JUMPS,
-        "energy-never-grows with cohesive": JUMPS,
-        "energy-never-grows with damped-penalty": JUMPS,
-        "energy-never-grows with decomposition-contact-response": JUMPS,
-        "energy-never-grows with energy-conserving-penalty": JUMPS,
-        "energy-never-grows with hunt-crossley": JUMPS,
-        "energy-never-grows with moreau-jean": JUMPS,
-        "energy-never-grows with nitsche": STRESS,
-        "energy-never-grows with paoli-schatzman": JUMPS,
-        "energy-never-grows with penalty": JUMPS,
-        "energy-never-grows with softened-penalty": JUMPS,
-        "energy-never-grows with uzawa": JUMPS,
-        "energy-never-grows with walton-braun": JUMPS,
-    }
 
     viscosity: Annotated[float, Ge(0.0), Le(10.0), Unit("1"), Doc("beta_d over the time step")] = 0.06
 
