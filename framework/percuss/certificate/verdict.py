@@ -154,7 +154,7 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
 
 @one_blas_thread()
 @np.errstate(all="ignore")
-def certificate(model: Model, criterion: RunCriterion | None = None) -> Certificate:
+def certificate(model: Model, criterion: RunCriterion | None = None, *, with_critical_step: bool = True) -> Certificate:
     """Return the certificate of a run.
 
     Each stretch of the run with its own supports, drives and acting laws is assessed, and the worst of them decides.
@@ -165,14 +165,16 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
         The case as arrays.
     criterion
         The criterion of this run, if `settled` has searched the critical step already.
-
+    with_critical_step
+        Whether to search the critical step too where only the step itself can tell it, which takes many times as long
+        as to examine the step of the run; without it that is not known.
     """
     if model.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
     elif why := unknown_without_mass(model):
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
     else:
-        found = _certificate_of_linear_bodies(model, criterion or criterion_of(model))
+        found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
     if why := following_loads.why_unknown(model):
         why = f"{why}, which can make a stable step unstable and an unstable one stable; without it, {found['why']}"
         found = found | {"stable": "unknown", "why": why, "cure": "", "worst": []}
@@ -180,11 +182,12 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
     return found
 
 
-def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion) -> Certificate:
+def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_critical_step: bool) -> Certificate:
     free, assessment = criterion.free, criterion.assess_step(model.dt)
     # Where nothing is certain about the step itself nothing is about longer ones, and a search takes long.
-    critical = criterion.critical_step if assessment.conclusive else np.nan
-    if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
+    searched = assessment.conclusive and (with_critical_step or criterion.by != BlackBoxCriterion.by)
+    critical = criterion.critical_step if searched else np.nan
+    if searched and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
         assessment = dataclasses.replace(
             assessment, conclusive=False, doubt="the closed step is not linear at longer steps"
         )

@@ -163,18 +163,21 @@ class Subject:
         text: str = yaml.safe_dump(case, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
         return text
 
-    def run(self, case: Mapping[str, Any], *, compiled: bool = True) -> Any:
+    def run(self, case: Mapping[str, Any], *, compiled: bool = True, with_critical_step: bool = False) -> Any:
         """Run a case given as a mapping.
+
+        Without `with_critical_step` the certificate of a law with a kernel says whether the step is stable, and not up
+        to which step it would be.
 
         Raises
         ------
         NotApplicable
             If integrator and contact law refuse each other.
         """
-        from percuss.results.runner import run
+        from percuss.results.runner import examined_run
 
         try:
-            return run(self.load(case), compiled=compiled)
+            return examined_run(self.load(case), compiled=compiled, with_critical_step=with_critical_step)
         except RefusedPair as refused:
             raise NotApplicable(f"refused: {refused}") from None
 

@@ -364,7 +364,9 @@ def check_guarantees(subject: Subject) -> None:
     def check_guarantees_in_run(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = drawn
         try:
-            result = subject.run(subject.placed(case, options, partner))
+            result = subject.run(
+                subject.placed(case, options, partner), with_critical_step="keeps the free step" in declared
+            )
         except (InputError, RunError) as refusal:
             if isinstance(refusal, RunError) and "keeps the free step" in declared and case["time"]["courant"] < 1.0:
                 raise CheckFailed(f"it says that it keeps the free step: {refusal}") from None
