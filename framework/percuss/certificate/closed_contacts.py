@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.following_loads import why_beyond_pencil
+from percuss.solver.bound_law import OF_END_FORCE
 from percuss.solver.integrator_check import unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
@@ -209,6 +210,9 @@ def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:
         f"{law} weighs the gap rate, which damps or drives": weighs_rate and not tie,
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (linear.active != "all" or linear.sign != "free")
+        ),
+        f"{law} sees or pushes the force of end elements, so that a closed contact is no spring between the ends": (
+            any(np.any(getattr(linear, name)) for name in OF_END_FORCE)
         ),
         f"{law} does not weigh the gap": not tie and not gap.all(),
         f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from percuss import ContactLaw, ContactPoints, LinearLaw
+from percuss import ContactLaw, ContactPoints, Doc, Ge, Le, LinearLaw, Unit
 from percuss_methods.contacts import _auto
 
 
@@ -45,14 +45,27 @@ class Nitsche(ContactLaw):
 
     beta_s: _auto.BetaS = None
     epsilon_s: _auto.EpsilonS = None
+    theta: Annotated[float, Ge(-1), Le(1), Unit("1"), Doc("variant: 1 symmetric, 0 simplest, -1 skew")] = 0.0
+    stress: Annotated[
+        Literal["auto", "acceleration", "elements"],
+        Doc("where A sigma_n comes from; auto is acceleration for theta = 0, else elements"),
+    ] = "auto"
 
     def __post_init__(self) -> None:
         _auto.refuse_several(self, ("beta_s", "epsilon_s"), "stiffness")
+        if self.theta != 0.0 and self.stress == "acceleration":
+            raise ValueError("stress: acceleration is for theta = 0: the other variants push the end elements too")
+
+    @property
+    def _by_acceleration(self) -> bool:
+        return self.theta == 0.0 and self.stress != "elements"
 
     def gamma(self, points: ContactPoints) -> Any:
         """Return gamma at each contact point, (P,) [force/length]."""
         if self.epsilon_s is not None:
             return self.epsilon_s * points.weight
+        if self.beta_s in {None, "auto"} and self.theta != 0.0:
+            return 2.0 * points.trace_stiffness
         if self.beta_s in {None, "auto"}:
             return points.frequency**2 / points.delassus
         return self.beta_s * points.stiffness
@@ -60,6 +73,10 @@ class Nitsche(ContactLaw):
     def bind(self, points: ContactPoints, dt: float) -> LinearLaw:  # noqa: ARG002
         """Return the linear law ``lambda = -gamma g - g''_bulk / s`` with ``lambda >= 0``, at any gap."""
         gamma = self.gamma(points)
+        if not self._by_acceleration:
+            share = 1.0 / gamma
+            pushes = self.theta * share
+            return LinearLaw(at="explicit", sigma=share, sees=share, pushes=pushes, softens=pushes)
         share = 1.0 / points.delassus
         return LinearLaw(at="explicit", sigma=0.0, gap=gamma, acceleration=share, active="all", sign=">= 0")
 
