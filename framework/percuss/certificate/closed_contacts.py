@@ -11,10 +11,12 @@ import numpy as np
 
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.solver.bound_law import OF_END_FORCE
+from percuss.solver.end_forces import end_forces, sees_end_force
 from percuss.solver.integrator_check import unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
+    from percuss.solver.bound_law import BoundLaw
     from percuss.solver.model import Model
 
 
@@ -31,6 +33,9 @@ TIES = "a tie takes up the gap rate of its ends when it begins: energy jumps the
 BALANCED = "an end without mass is in balance with its gap at the current state: energy jumps as it closes or opens"
 BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
+NO_POTENTIAL = "pushes something else than it sees, so that its force is the slope of no energy"
+DRIVES = "a drive that starts or ends changes the end force that a law sees, and what the contact stores with it"
+OVERSHOOTS = "the force takes back more than the overlap that it sees in one step"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
 VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
@@ -93,19 +98,26 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
     by_scheme = _why_no_springs(model, stages)
+    bounded = True  # whether something is known of the energy with every law
     for bound_law in model.laws_at(dt):
         law, linear, indices = bound_law.law, bound_law.linear, list(bound_law.where)
         if linear is None:
             add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
+            bounded = False
             continue
         if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
             add_unknown(law.name, reason)
+            if sees_end_force(bound_law):
+                guarantees.append(_energy_with_end_forces(model, bound_law))
+            else:
+                bounded = False
             continue
         if linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
             add_unknown(
                 f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times"
             )
+            bounded = False
             continue
         if linear.at == "explicit":
             stiffness[indices] = linear.gap / linear.sigma
@@ -121,7 +133,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         else:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    if unknown and stages is None:
+    if not bounded and stages is None:
         guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
@@ -250,6 +262,37 @@ def _energy_guarantee(model: Model, indices: list[int], linear: LinearLaw, *, in
     if table.explicit.gap == "current":
         return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
+
+
+def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str]:
+    """Return the energy guarantee of a law that sees or pushes end forces, and the reason for it in words.
+
+    A law that pushes what it sees is a law of any kind for this gap, of bodies whose stiffness is
+    ``K - sum of softens Sigma Sigma^T``. That energy is the elastic one and what contacts store.
+    """
+    linear: Any = bound_law.linear
+    table, indices = model.tables[-1], list(bound_law.where)
+    state: ContactState = getattr(table, linear.at)
+    if np.any(linear.sees != linear.pushes):
+        return NOT_GUARANTEED, f"{bound_law.law.name} {NO_POTENTIAL}"
+    if linear.during is not None:
+        return NOT_GUARANTEED, INTERVALS
+    if np.any(linear.rate) or np.any(linear.acceleration) or not np.all(linear.sigma > 0.0):
+        return UNKNOWN, f"{bound_law.law.name} is no spring of what it sees"
+    if len(model.whole.segments(laws=False)) > 1:
+        return NOT_GUARANTEED, DRIVES
+    if state.gap == "current":
+        return (BETWEEN, JUMPS) if state.response[0] == 0.0 else (UNKNOWN, f"{bound_law.law.name} is no spring")
+    found = end_forces(model, 0.5 * model.dt)
+    response = np.array([sum(float(side.sees @ side.response) for side in found[p].sides) for p in indices])
+    by_end = linear.sigma / linear.gap + (state.response[0] - table.end.response[0]) * response
+    bilateral = linear.active == "all" and linear.sign == "free"
+    if bilateral or np.any(by_end <= 0.0):
+        return NOT_GUARANTEED, BILATERAL if bilateral else OVERSHOOTS
+    nodes = Counter(node for end_force in found.values() for node in end_force.nodes)
+    nodes.update({node for contact_pair in model.contact_pairs for node in contact_pair.nodes} - nodes.keys())
+    shared = any(nodes[node] > 1 for p in indices for node in found[p].nodes) or _share_an_end(model, indices)
+    return (NOT_GUARANTEED, SHARED) if shared else (NEVER_GROWS, BY_END)
 
 
 def _determined(state: ContactState, linear: LinearLaw) -> bool:

@@ -141,7 +141,8 @@ def end_force_records(
     mass : (nodes,)
         Nodal masses.
     """
-    records, entries = [], []
+    records: list[tuple[Any, ...]] = []
+    entries: list[tuple[Any, ...]] = []
     for number, point in enumerate(order):
         if point not in found:
             continue

@@ -384,7 +384,10 @@ class Model:
     @cached_property
     def _trace_stiffness(self) -> Floats:
         """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
-        return np.max([trace_stiffness(self, (start + 0.5) * self.dt) for start, _ in self.segments(laws=False)], axis=0)
+        largest = np.zeros(len(self.contact_pairs))
+        for start, _ in self.segments(laws=False):
+            largest = np.maximum(largest, trace_stiffness(self, (start + 0.5) * self.dt))
+        return largest
 
     def end_forces(self, midpoint: float) -> dict[int, EndForce]:
         """Return what the law of each contact point sees and pushes, at points where that is not the gap alone."""
