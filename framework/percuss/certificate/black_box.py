@@ -269,7 +269,7 @@ class Motions:
 
     @cached_property
     def end_forces(self) -> Floats:
-        """The end forces that laws see, push or release, scaled, as rows for weighted displacements, (laws' points, n)."""
+        """The end forces that laws see or push, scaled, as rows for weighted displacements, (points, n)."""
         found = self.model.end_forces(0.5 * self.model.dt).values()
         out = np.zeros((len(found), self.root.size))
         for line, end_force in zip(out, found, strict=True):

@@ -15,6 +15,8 @@ from percuss.solver.end_forces import end_forces, sees_end_force
 from percuss.solver.integrator_check import unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
     from percuss.solver.bound_law import BoundLaw
     from percuss.solver.model import Model
@@ -91,33 +93,27 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     tied: list[int] = []
     doubts: list[str] = []
 
-    def add_unknown(name: str, reason: str) -> None:
+    def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
         unknown.append(name)
         doubts.append(reason)
+        guarantees.append(energy or (UNKNOWN, reason))
 
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
     by_scheme = _why_no_springs(model, stages)
-    bounded = True  # whether something is known of the energy with every law
     for bound_law in model.laws_at(dt):
         law, linear, indices = bound_law.law, bound_law.linear, list(bound_law.where)
         if linear is None:
             add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
-            bounded = False
             continue
         if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
-            add_unknown(law.name, reason)
-            if sees_end_force(bound_law):
-                guarantees.append(_energy_with_end_forces(model, bound_law))
-            else:
-                bounded = False
+            add_unknown(law.name, reason, _energy_with_end_forces(model, bound_law))
             continue
         if linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
             add_unknown(
                 f"{law.name} with {name}", f"{name} shows {law.name} its gap and acceleration of different times"
             )
-            bounded = False
             continue
         if linear.at == "explicit":
             stiffness[indices] = linear.gap / linear.sigma
@@ -133,13 +129,11 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         else:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    if not bounded and stages is None:
-        guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
     ties = tuple(p for p in tied if p not in inactive)
-    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
+    weakest, why = _weakest(guarantees, multistage=stages is not None)
     closed = ClosedContacts(
         stiffness,
         inertia,
@@ -153,6 +147,14 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         why,
     )
     return _behind_end_elements(model, closed) if model.points_without_mass.any() else closed
+
+
+def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tuple[str, str]:
+    """Return the weakest energy guarantee and the reason for it; where nothing is known, all reasons for that."""
+    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
+    if weakest == UNKNOWN and not multistage:
+        why = f"nothing is known: {'; '.join(dict.fromkeys(why for energy, why in guarantees if energy == UNKNOWN))}"
+    return weakest, why
 
 
 def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
@@ -264,35 +266,49 @@ def _energy_guarantee(model: Model, indices: list[int], linear: LinearLaw, *, in
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
 
 
-def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str]:
+def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str] | None:
     """Return the energy guarantee of a law that sees or pushes end forces, and the reason for it in words.
 
     A law that pushes what it sees is a law of any kind for this gap, of bodies whose stiffness is
-    ``K - sum of softens Sigma Sigma^T``. That energy is the elastic one and what contacts store.
+    ``K - sum of softens Sigma Sigma^T``. That energy is the elastic one and what contacts store. None for other laws,
+    and where nothing is known.
     """
     linear: Any = bound_law.linear
-    table, indices = model.tables[-1], list(bound_law.where)
-    state: ContactState = getattr(table, linear.at)
-    if np.any(linear.sees != linear.pushes):
-        return NOT_GUARANTEED, f"{bound_law.law.name} {NO_POTENTIAL}"
-    if linear.during is not None:
-        return NOT_GUARANTEED, INTERVALS
-    if np.any(linear.rate) or np.any(linear.acceleration) or not np.all(linear.sigma > 0.0):
-        return UNKNOWN, f"{bound_law.law.name} is no spring of what it sees"
-    if len(model.whole.segments(laws=False)) > 1:
-        return NOT_GUARANTEED, DRIVES
-    if state.gap == "current":
-        return (BETWEEN, JUMPS) if state.response[0] == 0.0 else (UNKNOWN, f"{bound_law.law.name} is no spring")
+    if not sees_end_force(bound_law):
+        return None
+    state: ContactState = getattr(model.tables[-1], linear.at)
+    unlike = bool(np.any(linear.sees != linear.pushes))
+    spring = not (np.any(linear.rate) or np.any(linear.acceleration)) and bool(np.all(linear.sigma > 0.0))
+    current = state.gap == "current"
+    if not unlike and not (spring and (not current or state.response[0] == 0.0)):
+        return None
+    reasons = {
+        f"{bound_law.law.name} {NO_POTENTIAL}": unlike,
+        INTERVALS: linear.during is not None,
+        DRIVES: len(model.whole.segments(laws=False)) > 1,
+    }
+    if not current:
+        reasons |= _why_not_by_end(model, bound_law, state)
+    why = next((reason for reason, holds in reasons.items() if holds), "")
+    if why:
+        return NOT_GUARANTEED, why
+    return (BETWEEN, JUMPS) if current else (NEVER_GROWS, BY_END)
+
+
+def _why_not_by_end(model: Model, bound_law: BoundLaw, state: ContactState) -> dict[str, bool]:
+    """Return for each reason whether the force of a law does not follow from what it sees at the end of the step."""
+    linear: Any = bound_law.linear
     found = end_forces(model, 0.5 * model.dt)
-    response = np.array([sum(float(side.sees @ side.response) for side in found[p].sides) for p in indices])
-    by_end = linear.sigma / linear.gap + (state.response[0] - table.end.response[0]) * response
-    bilateral = linear.active == "all" and linear.sign == "free"
-    if bilateral or np.any(by_end <= 0.0):
-        return NOT_GUARANTEED, BILATERAL if bilateral else OVERSHOOTS
-    nodes = Counter(node for end_force in found.values() for node in end_force.nodes)
-    nodes.update({node for contact_pair in model.contact_pairs for node in contact_pair.nodes} - nodes.keys())
-    shared = any(nodes[node] > 1 for p in indices for node in found[p].nodes) or _share_an_end(model, indices)
-    return (NOT_GUARANTEED, SHARED) if shared else (NEVER_GROWS, BY_END)
+    points = [found[p] for p in bound_law.where]
+    response = np.array([sum(float(side.sees @ side.response) for side in point.sides) for point in points])
+    surplus = state.response[0] - model.tables[-1].end.response[0]
+    nodes = Counter(node for point in found.values() for node in point.nodes)
+    nodes.update(node for p, pair in enumerate(model.contact_pairs) if p not in found for node in pair.nodes)
+    return {
+        BILATERAL: linear.active == "all" and linear.sign == "free",
+        OVERSHOOTS: bool(np.any(linear.sigma / linear.gap + surplus * response <= 0.0)),
+        SHARED: any(nodes[node] > 1 for point in points for node in point.nodes),
+    }
 
 
 def _determined(state: ContactState, linear: LinearLaw) -> bool:

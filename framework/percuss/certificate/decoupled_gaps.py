@@ -112,9 +112,7 @@ class DecoupledGapsCriterion:
         mass, out = self.model.mass, np.zeros(len(self._end_forces))
         rows = self.model.sides(0.5 * self.model.dt)
         for p, (end_force, sides) in enumerate(zip(self._end_forces, rows, strict=True)):
-            out[p] = -sum(
-                float(side.response @ end_force.rows[side.node]) for side in sides if mass[side.node] > 0.0
-            )
+            out[p] = -sum(float(side.response @ end_force.rows[side.node]) for side in sides if mass[side.node] > 0.0)
         return out / self._delassus
 
     def _oscillators(self, dt: float) -> _Oscillators:

@@ -38,8 +38,9 @@ class Side:
     """One side of a contact point: its node, the coefficients of N there, and those of M^-1 N.
 
     At an end without mass 1/m is replaced by ``1 / (k dt^2)``, k the stiffness of the end element, and `beside` is the
-    node beside it; elsewhere that is None. Of a law that sees or pushes more than the gap, `response` is that of M^-1 P,
-    `seen` and `pushed` are the coefficients of G and P, and the node beside an end is a side too, where N is zero.
+    node beside it; elsewhere that is None. Of a law that sees or pushes more than the gap, `response` is that of
+    M^-1 P, `seen` and `pushed` are the coefficients of G and P, and the node beside an end is a side too, where N is
+    zero.
     """
 
     node: int

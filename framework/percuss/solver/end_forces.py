@@ -66,9 +66,7 @@ def end_forces(model: Model, midpoint: float) -> dict[int, EndForce]:
         for place, point in enumerate(bound_law.where):
             sees, pushes, softens = (float(getattr(linear, name)[place]) for name in OF_END_FORCE)
             rows = _end_force_rows(model, sides[point])
-            opened = [
-                _opened(model, midpoint, node, row, sides[point], (sees, pushes)) for node, row in rows.items()
-            ]
+            opened = [_opened(model, midpoint, node, row, sides[point], (sees, pushes)) for node, row in rows.items()]
             found[point] = EndForce(sees, pushes, softens, rows, opened)
             state = getattr(model.tables[-1], linear.at)
             weights = linear.gap[place], linear.rate[place], linear.acceleration[place]

@@ -90,13 +90,13 @@ class LinearLaw(NamedTuple):
     product of the weights (gap, rate, acceleration) with the response of the integrator, and gamma is minus their
     product with the gap, gap rate and gap acceleration at which the law is evaluated (see `ContactState`).
 
-    What a law sees and what it pushes are the gap ``g = N^T u + g_0`` unless it says otherwise. Both may contain the end
-    force ``F = Sigma^T u`` too: the mean normal force of the end elements of both sides, tension positive, each side
-    with a weight proportional to 1/m of its end node, so that F is the force with which the elements change the gap
-    rate, over s; a side that is held or driven has no weight, and at a wall there is only one side. Sigma has entries
-    at the end nodes and the nodes beside them. With ``G = N + sees Sigma`` and ``P = N + pushes Sigma``, the law is
-    evaluated at ``G^T u + g_0``, its rate and its acceleration, it is active by this, its multiplier acts on the bodies
-    as ``P lambda``, and ``G^T M^-1 P`` takes the place of S. The reported gap is g, the contact force lambda.
+    What a law sees and what it pushes are the gap ``g = N^T u + g_0`` unless it says otherwise. Both may contain the
+    end force ``F = Sigma^T u`` too: the mean normal force of the end elements of both sides, tension positive, each
+    side with a weight proportional to 1/m of its end node, so that F is the force with which the elements change the
+    gap rate, over s; a side that is held or driven has no weight, and at a wall there is only one side. Sigma has
+    entries at the end nodes and the nodes beside them. With ``G = N + sees Sigma`` and ``P = N + pushes Sigma``, the
+    law is evaluated at ``G^T u + g_0``, its rate and its acceleration, it is active by this, its multiplier acts on the
+    bodies as ``P lambda``, and ``G^T M^-1 P`` takes the place of S. The reported gap is g, the contact force lambda.
 
     Attributes
     ----------

@@ -1,9 +1,10 @@
 """Laws that see or push more than the gap: the end force ``F = Sigma^T u`` of their contact points.
 
-Such a law is evaluated at ``G^T u + g_0``, ``G = N + sees Sigma``, and pushes ``P = N + pushes Sigma``. The entries of a
-contact point contain ``M^-1 P``, also at the nodes beside its ends, so that multipliers act as those of any law. What
+Such a law is evaluated at ``G^T u + g_0``, ``G = N + sees Sigma``, and pushes ``P = N + pushes Sigma``. The entries of
+a contact point contain ``M^-1 P``, also at the nodes beside its ends, so that multipliers act as those of any law. What
 the law sees stands in the place of the gap while the contact equation is solved; the gap comes back after that. In the
-functions, `e` is the record of such a point, `p` that of its contact point and `q` that of a boundary degree of freedom.
+functions, `e` is the record of such a point, `p` that of its contact point and `q` that of a boundary degree of
+freedom.
 """
 
 from __future__ import annotations
@@ -34,29 +35,28 @@ END_FORCE = np.dtype(
         ("active", "i8"),  # 1 if the contact had a force or stored energy in the step before
     ]
 )
-END_FORCE_ENTRY = np.dtype([("place", "i8"), ("row", "f8"), ("response", "f8")])  # in `boundary_dofs`, Sigma, M^-1 Sigma
+END_FORCE_ENTRY = np.dtype(
+    [("place", "i8"), ("row", "f8"), ("response", "f8")]
+)  # in `boundary_dofs`, Sigma, M^-1 Sigma
 
 
-def find_end_forces(points: Any, end_forces: Any, rows: Any, boundary_dofs: Any) -> None:
-    """Find the end forces at t_n."""
+def soften_end_elements(points: Any, end_forces: Any, rows: Any, boundary_dofs: Any, dt: float) -> None:
+    """Find the end forces at t_n, and add the velocity change by what acts whether contacts are closed or open."""
     for i in range(end_forces.size):
         e = end_forces[i]
         e.force = 0.0
         for k in range(e.start, e.stop):
             e.force += rows[k].row * boundary_dofs[rows[k].place].old_u
-
-
-def soften_end_elements(points: Any, end_forces: Any, rows: Any, boundary_dofs: Any, dt: float) -> None:
-    """Add the velocity change by the forces that act whether contacts are closed or open."""
     for i in range(end_forces.size):
         e = end_forces[i]
-        if softening(points, e) != 0.0:
+        force = softening(points, e) * e.force
+        if force != 0.0:
             for k in range(e.start, e.stop):
-                boundary_dofs[rows[k].place].new_v += dt * rows[k].response * e.softens * e.force
+                boundary_dofs[rows[k].place].new_v += dt * rows[k].response * force
 
 
 def softening(points: Any, e: Any) -> float:
-    """Return the stiffness of a point that is taken from the bodies over Sigma Sigma^T; 0 while its law does not act."""
+    """Return the factor of Sigma Sigma^T that a point takes from the stiffness; 0 while its law does not act."""
     return 0.0 if points[e.point].always == NEVER else e.softens
 
 
@@ -102,8 +102,8 @@ def work_and_energy(
     """Return the work of what is pushed beyond the gap, the stored energy, and its steady change, after a step.
 
     The force ``c Sigma F_n`` does the work ``c F_n (F_{n+1} - F_{n-1}) / 2`` and stores ``-c F_n F_{n+1} / 2``, both
-    without loss. A law that pushes what it sees stores the energy of any law, of what it sees. The steady change is that
-    of work and stored energy at points with BY_CURRENT that neither open nor close.
+    without loss. A law that pushes what it sees stores the energy of any law, of what it sees. The steady change is
+    that of work and stored energy at points with BY_CURRENT that neither open nor close.
     """
     work = 0.0
     energy_sum = 0.0

@@ -21,13 +21,7 @@ from percuss.solver.compiled.contact_equation import (
     solve,
     stored_energy,
 )
-from percuss.solver.compiled.end_forces import (
-    find_end_forces,
-    show_end_forces,
-    show_gaps,
-    soften_end_elements,
-    work_and_energy,
-)
+from percuss.solver.compiled.end_forces import show_end_forces, show_gaps, soften_end_elements, work_and_energy
 from percuss.solver.compiled.ends_without_mass import (
     compress_elements,
     find_coming_multipliers,
@@ -336,9 +330,7 @@ def make_step(
     # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
     apply_nodal_forces(boundary, amplitudes, s, dim, dt)
     apply_followers(boundary, loads, amplitudes, s, (first + s) * dt, dim, dt)
-    if boundary.end_forces.size > 0:
-        find_end_forces(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs)
-        soften_end_elements(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
+    soften_end_elements(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
     work = impose_velocity(boundary, amplitudes, s, dim, dt)
     # Contact: the multipliers follow from the current or the predicted state. They change the velocities except along
     # prescribed directions, where the constraints take the contact forces as reactions.
@@ -349,11 +341,9 @@ def make_step(
             recall_multipliers(points)
             push_ends_with_mass(points, boundary.entries, boundary_dofs, dt)
         find_contact_states(points, boundary.entries, boundary_dofs, dt)
-        if boundary.end_forces.size > 0:
-            show_end_forces(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
+        show_end_forces(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
         sound = find_multipliers(laws, points, boundary.others, dt, (first + s) * dt, (dt * dt, dt), dt)
-        if boundary.end_forces.size > 0:
-            show_gaps(points, boundary.end_forces)
+        show_gaps(points, boundary.end_forces)
         apply_multipliers(points, boundary.entries, boundary_dofs, dt)
         find_shifts(boundary)
     work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
