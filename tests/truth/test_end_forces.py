@@ -14,6 +14,7 @@ import pytest
 
 import percuss
 from dense import assemble
+from percuss.certificate import verdict
 from percuss.certificate.criteria import BlackBoxCriterion, RunCriterion
 from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, covers
 from percuss.solver.march import March
@@ -368,7 +369,8 @@ def test_the_variants_differ_in_energy_as_they_should():
 
 def drawn_rows():
     rng = np.random.default_rng(4)
-    for _ in range(12):
+    certain = [(1.0, 0.8), (-1.0, 1.1), (-1.0, 3.0), (1.0, 1.5)]
+    for k in range(16):
         x, bodies, contacts, count = 0.0, {}, {}, int(rng.integers(1, 4))
         for name in "abc"[:count]:
             length = rng.uniform(0.5, 1.5)
@@ -383,7 +385,9 @@ def drawn_rows():
             contacts["wall"] = {"body": f"{'abc'[count - 1]}.right", "wall": x}
         if rng.random() < 0.4:
             bodies["a"]["fixed"] = ["left"]
-        law = nitsche(float(rng.choice([1.0, 0.4, 0.0, -0.4, -1.0])), beta_s=float(rng.uniform(0.4, 4.0)))
+        theta, gamma = float(rng.choice([1.0, 0.4, 0.0, -0.4, -1.0])), float(rng.uniform(0.6, 4.0))  # over kappa
+        theta, gamma = certain[k] if k < len(certain) else (theta, gamma)
+        law = {"name": "any-end-force", "at": "explicit", "b": theta, "c": theta, "gamma": gamma}
         yield with_law({**WALL, "bodies": bodies, "contacts": contacts, "record": {"probes": []}}, law)
 
 
@@ -395,7 +399,7 @@ def test_the_closed_form_finds_the_critical_step_of_the_step_itself():
         closed_form, step_itself = RunCriterion(model, DecoupledGapsCriterion), RunCriterion(model, BlackBoxCriterion)
         assert closed_form.critical_step == pytest.approx(step_itself.critical_step, rel=2e-6)
         limits.append(closed_form.critical_step / closed_form.free)
-        for share in (0.98, *([1.02] if limits[-1] < 0.97 else [])):
+        for share in (0.98, *([1.02] if limits[-1] < 0.97 else [])) if limits[-1] else ():
             dt = share * closed_form.critical_step
             assert closed_form.assess_step(dt).stable == step_itself.assess_step(dt).stable
     assert min(limits) == 0.0
@@ -410,7 +414,7 @@ def test_the_certificate_says_what_the_radius_of_dense_matrices_says(integrator,
     dense, said = Dense(PAIR), set()
     for beta in (1.3, 2.0, 4.0, 9.0, 40.0):
         model = Model(percuss.load(with_law(PAIR, nitsche(theta, epsilon_s=float(beta * dense.kappa[0])), integrator)))
-        found = percuss.certificate.verdict.certificate(model)["stable"]
+        found = verdict.certificate(model)["stable"]
         closed = dense.radius(model.dt, beta * dense.kappa, theta, at)
         opened = np.linalg.eigvals(dense.inverse[:, None] * dense.stiffness(beta * dense.kappa, theta)).real.max()
         assert found == ("yes" if closed < 1.0 + 1e-8 and opened * model.dt**2 <= 4.0 else "no")
@@ -438,7 +442,7 @@ def test_what_the_closed_form_does_not_cover_is_examined_by_the_step_itself():
     for case in cases:
         model = Model(percuss.load(case))
         assert not covers(model)
-        assert percuss.certificate.verdict.criterion_of(model).by == "black-box"
+        assert verdict.criterion_of(model).by == "black-box"
 
 
 # --------------------------------------------------------------------------------------- beside other things
@@ -480,6 +484,14 @@ def test_drives_and_intervals_change_what_is_seen_and_pushed_and_accounts_close(
         accounts_close(result)
         assert np.count_nonzero(result.arrays["contact_force"]) > 5
     assert result.arrays["contact_force"][result.arrays["time"] > 0.03 + result.summary["dt"]].max() == 0.0
+
+
+def test_a_law_that_does_not_act_leaves_the_stiffness_of_end_elements_alone():
+    loads = {"push": {"constant": 2.0, "on": "a.left"}}
+    far = {"c": {"body": "a.right", "wall": 50.0}}
+    idle = ran({**WALL, "loads": loads}, {"name": "any-end-force", "until": 1e-9}, courant=0.3)
+    without = ran({**WALL, "loads": loads, "contacts": far}, {"name": "penalty"}, courant=0.3)
+    assert np.abs(idle.arrays["displacement"] - without.arrays["displacement"]).max() <= 1e-13
 
 
 def test_a_bar_of_one_element_hands_its_push_to_the_support_beside():
