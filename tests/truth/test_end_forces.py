@@ -15,6 +15,7 @@ import pytest
 import percuss
 from dense import assemble
 from percuss.certificate import verdict
+from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.criteria import BlackBoxCriterion, RunCriterion
 from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, covers
 from percuss.solver.march import March
@@ -330,6 +331,17 @@ def test_the_symmetric_variant_conserves_energy_between_switchings_and_the_run_i
     assert "what contacts store of the gap that they see" in growth["quantity"]
 
 
+def test_a_drive_elsewhere_that_ends_leaves_the_guarantee():
+    loads = {"hold": {"prescribed-velocity": 1.0, "on": "a.left", "until": 0.05}}
+    growth = ran({**PAIR, "loads": loads}, nitsche(1.0)).summary["energy_growth"]
+    assert growth["guarantee"] == "conserved between switchings"
+    assert growth["kept"] is True
+    bodies = PAIR["bodies"] | {"b": {k: v for k, v in PAIR["bodies"]["b"].items() if k != "fixed"}}
+    loads = {"hold": {"prescribed-velocity": 0.0, "on": "b.left", "until": 0.02}}
+    growth = ran({**PAIR, "loads": loads, "bodies": bodies}, nitsche(1.0)).summary["energy_growth"]
+    assert growth["guarantee"] == "not guaranteed"
+
+
 @pytest.mark.parametrize(("law", "integrator"), [
     (nitsche(1.0), WU),
     ({"name": "any-end-force", "gamma": 2.0}, CD),
@@ -420,6 +432,42 @@ def test_the_certificate_says_what_the_radius_of_dense_matrices_says(integrator,
         assert found == ("yes" if closed < 1.0 + 1e-8 and opened * model.dt**2 <= 4.0 else "no")
         said.add(found)
     assert said == ({"yes", "no"} if (integrator, theta) != (WU, 0.0) else said)
+
+
+def single(law, integrator, **body):
+    bar = {"bar": {"length": 1.0, "elements": 1}, "material": STEEL, "area": 1.0, **body}
+    case = {**WALL, "bodies": {"a": bar}, "record": {"probes": []}}
+    return Model(percuss.load(with_law(case, law, integrator, courant=1.0 if integrator == CD else 0.3)))
+
+
+def test_the_step_itself_is_not_asked_where_a_perturbation_opens_what_a_law_sees():
+    law = {"name": "any-end-force", "at": "explicit", "b": 0.0, "c": 0.0}
+    said = [verdict.certificate(single(law | {"gamma": gamma}, WU, fixed=["left"])) for gamma in (0.12, 0.13, 2.0)]
+    assert [one["stable"] for one in said] == ["unknown", "no", "yes"]
+
+
+def test_a_mode_of_the_free_bar_whose_end_element_a_law_stiffens_is_no_idle_motion():
+    law = {"name": "any-end-force", "at": "explicit", "b": -1.0, "c": -1.0, "gamma": 0.9}
+    model = single(law, CD)
+    assert not RunCriterion(model, BlackBoxCriterion).assess_step(model.dt).stable
+    assert not RunCriterion(model, DecoupledGapsCriterion).assess_step(model.dt).stable
+
+
+def test_a_force_that_takes_back_more_than_it_sees_has_no_guarantee():
+    energies = [
+        closed_contacts(model, model.dt).energy
+        for model in (single({"name": "any-end-force", "at": "explicit", "gamma": gamma}, WU) for gamma in (2.0, 40.0))
+    ]
+    assert energies == ["never grows", "not guaranteed"]
+
+
+def test_a_march_made_again_begins_with_the_same_records():
+    march = March(Model(percuss.load(with_law(PAIR, nitsche(1.0)))), compiled=False)
+    march.keep_beginning()
+    before = march.boundary.end_forces.tobytes()
+    march.run()
+    assert march.boundary.end_forces.tobytes() != before
+    assert march.again().boundary.end_forces.tobytes() == before
 
 
 def test_the_symmetric_variant_takes_gamma_above_kappa():

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 # unit is the length of the shortest element: what is said of a law with a length of its own depends on no system of
 # units, and an overlap of so many elements is deeper than any of a run.
 BASE_OVERLAP = 64.0
+# Gap that a law may see per unit of displacement of an end and the node beside it: a quarter of the base overlap.
+MOST_SEEN = 0.25 * BASE_OVERLAP
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
 OPEN_GAP = 1e12
 # Largest state of which all eigenvalues are computed; of a larger one Arnoldi's iteration finds the largest only.
@@ -157,10 +159,6 @@ class ClosedStep:
         points = self.march.boundary.points
         acts = np.where(self._held_by_loop, points.initial_gap == 0.0, points.multiplier != 0.0)
         self.acting = sorted(p for p, acting in zip(self.march.order, acts, strict=True) if acting)
-        # What a law sees of a closed contact may be open all the same, if the strain of the end elements outweighs it.
-        seen = self.march.boundary.end_forces.point
-        lifted = [k for k in seen if points[k].always != NEVER and (self.march.order[k] in self.closed) != acts[k]]
-        self.held = not lifted
 
     def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
@@ -220,8 +218,9 @@ class ClosedStep:
         return self(np.eye(self.parts * self.size))
 
     def linear(self) -> bool:
-        """Return whether the contacts are held closed or open and the step is linear in the state."""
-        if not self.held:
+        """Return whether the step is linear in the state, and no perturbation opens or closes what a law sees."""
+        found = self.model.end_forces(0.5 * self.model.dt).values()
+        if any(abs(point.sees) * sum(np.abs(row).sum() for row in point.rows.values()) > MOST_SEEN for point in found):
             return False
         state = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
         image, opposite = self(state), self(-0.5 * state)

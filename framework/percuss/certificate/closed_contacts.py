@@ -36,7 +36,9 @@ BALANCED = "an end without mass is in balance with its gap at the current state:
 BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
 NO_POTENTIAL = "pushes something else than it sees, so that its force is the slope of no energy"
-DRIVES = "a drive that starts or ends changes the end force that a law sees, and what the contact stores with it"
+DRIVES = (
+    "a drive of an end that starts or ends changes the end force that a law sees, and what the contact stores with it"
+)
 OVERSHOOTS = "the force takes back more than the overlap that it sees in one step"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
@@ -280,12 +282,13 @@ def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str
     unlike = bool(np.any(linear.sees != linear.pushes))
     spring = not (np.any(linear.rate) or np.any(linear.acceleration)) and bool(np.all(linear.sigma > 0.0))
     current = state.gap == "current"
+    ends = {node for p in bound_law.where for node in model.contact_pairs[p].nodes}
     if not unlike and not (spring and (not current or state.response[0] == 0.0)):
         return None
     reasons = {
         f"{bound_law.law.name} {NO_POTENTIAL}": unlike,
         INTERVALS: linear.during is not None,
-        DRIVES: len(model.whole.segments(laws=False)) > 1,
+        DRIVES: any(constraint.load is not None and constraint.node in ends for constraint in model.whole.constraints),
     }
     if not current:
         reasons |= _why_not_by_end(model, bound_law, state)
