@@ -332,7 +332,7 @@ def test_the_symmetric_variant_conserves_energy_between_switchings_and_the_run_i
 
 
 def test_a_drive_elsewhere_that_ends_leaves_the_guarantee():
-    loads = {"hold": {"prescribed-velocity": 1.0, "on": "a.left", "until": 0.05}}
+    loads = {"hold": {"prescribed-velocity": 1.0, "on": "a.left", "until": 0.016}}  # open, and strained
     growth = ran({**PAIR, "loads": loads}, nitsche(1.0)).summary["energy_growth"]
     assert growth["guarantee"] == "conserved between switchings"
     assert growth["kept"] is True
