@@ -17,7 +17,7 @@ from dense import assemble
 from percuss.certificate import verdict
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.criteria import BlackBoxCriterion, RunCriterion
-from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, covers
+from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, EnergyAtEndCriterion, closed_form
 from percuss.solver.march import March
 from percuss.solver.model import Model
 from strategies import hunek, run
@@ -407,16 +407,34 @@ def test_the_closed_form_finds_the_critical_step_of_the_step_itself():
     limits = []
     for case in drawn_rows():
         model = Model(percuss.load(case))
-        assert covers(model)
-        closed_form, step_itself = RunCriterion(model, DecoupledGapsCriterion), RunCriterion(model, BlackBoxCriterion)
-        assert closed_form.critical_step == pytest.approx(step_itself.critical_step, rel=2e-6)
-        limits.append(closed_form.critical_step / closed_form.free)
+        assert closed_form(model) is DecoupledGapsCriterion
+        by_gaps, step_itself = RunCriterion(model, DecoupledGapsCriterion), RunCriterion(model, BlackBoxCriterion)
+        assert by_gaps.critical_step == pytest.approx(step_itself.critical_step, rel=2e-6)
+        limits.append(by_gaps.critical_step / by_gaps.free)
         for share in (0.98, *([1.02] if limits[-1] < 0.97 else [])) if limits[-1] else ():
-            dt = share * closed_form.critical_step
-            assert closed_form.assess_step(dt).stable == step_itself.assess_step(dt).stable
+            dt = share * by_gaps.critical_step
+            assert by_gaps.assess_step(dt).stable == step_itself.assess_step(dt).stable
     assert min(limits) == 0.0
     assert max(limits) == pytest.approx(1.0)
     assert sum(0.1 < limit < 0.99 for limit in limits) > 4
+
+
+def test_symmetric_laws_at_the_end_of_the_step_need_no_shorter_step_than_the_bodies():
+    limits = []
+    for case in drawn_rows():
+        law = case["method"]["contact"] | {"at": "end", "b": 1.0}
+        for integrator in (CD, WU):
+            model = Model(percuss.load(with_law(case, law, integrator)))
+            assert closed_form(model) is EnergyAtEndCriterion
+            limit, step_itself = EnergyAtEndCriterion(model).critical_step, BlackBoxCriterion(model)
+            limits.append(limit / step_itself.free)
+            if limit > 0.0:
+                assert step_itself.assess_step(0.999 * limit).stable
+            if limit < 0.97 * step_itself.free:
+                assert not step_itself.assess_step(max(1.001 * limit, 0.01 * step_itself.free)).stable
+    assert min(limits) == 0.0
+    assert 0.1 < sorted(set(limits))[1] < 0.97
+    assert max(limits) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.0, -1.0])
@@ -485,11 +503,12 @@ def test_what_the_closed_form_does_not_cover_is_examined_by_the_step_itself():
         with_law(STAR, nitsche(-1.0)),
         with_law(row, nitsche(1.0)),
         with_law(PAIR, {"name": "any-end-force", "at": "explicit", "b": 0.5}),
+        with_law(PAIR, {"name": "any-end-force", "at": "end", "b": 0.5}),
         with_law(PAIR, nitsche(1.0), WU),
     ]  # fmt: skip
     for case in cases:
         model = Model(percuss.load(case))
-        assert not covers(model)
+        assert closed_form(model) is None
         assert verdict.criterion_of(model).by == "black-box"
 
 

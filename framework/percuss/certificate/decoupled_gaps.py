@@ -9,6 +9,9 @@ law ``lambda = -gamma g - F`` of the current state takes that away. With ``P = N
 whatever else moves. All other motions are those with this gap tied. The eigenvalues of the closed step are therefore
 those of this oscillator, and of the bodies tied at closed contacts with the stiffness
 ``K - sum of (theta / gamma) Sigma Sigma^T`` over the open ones, which is symmetric. Ties lower its highest frequency.
+
+Laws that push what they see, evaluated at the end of the step, are springs at the end of the step of what they see:
+energy never grows, whatever is closed, so that the step is stable where that of the bodies with this stiffness is.
 """
 
 from __future__ import annotations
@@ -40,53 +43,60 @@ class _Oscillators(NamedTuple):
     softens: Floats  # theta / gamma
 
 
-def covers(model: Model) -> bool:
-    """Return whether all contacts of a model have gaps that move by themselves while they are closed."""
+def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
+    """Return the criterion in closed form that covers the laws of all contacts of a model, or None."""
     stages, (table, *_) = unchecked_scheme(model.case.method.integrator, model.dt)
-    state = table.explicit
     if (
         stages is not None
         or model.viscosity
         or not model.laws
         or len(model.contact_pairs) > MOST_POINTS
         or why_beyond_pencil(model)
-        or state.gap != "current"
-        or state.response[0] != 0.0
-        or not all(sees_end_force(bound_law) and _is_nitsche(bound_law.linear) for bound_law in model.laws)
+        or not all(sees_end_force(bound_law) and _is_spring(bound_law.linear) for bound_law in model.laws)
     ):
-        return False
-    softens = np.concatenate([bound_law.linear.softens for bound_law in model.laws])  # type: ignore[union-attr]
+        return None
+    lines: list[Any] = [bound_law.linear for bound_law in model.laws]
+    softens = np.concatenate([linear.softens for linear in lines])
     if (softens > 0.0).any() and (softens < 0.0).any():
-        return False
+        return None
     # An end in contact belongs to no other contact and lies beside the end of none.
     found = end_forces(model, 0.5 * model.dt)
     nodes = [node for end_force in found.values() for node in end_force.nodes]
     ends = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-    return all(nodes.count(node) == 1 for node in ends)
+    if not all(nodes.count(node) == 1 for node in ends):
+        return None
+    if all(linear.at == "end" and _same(linear.sees, linear.pushes) for linear in lines):
+        return EnergyAtEndCriterion
+    at_current = table.explicit.gap == "current" and table.explicit.response[0] == 0.0
+    return DecoupledGapsCriterion if at_current and all(map(_is_nitsche, lines)) else None
 
 
-def _is_nitsche(linear: LinearLaw | None) -> bool:
-    """Return whether ``sees = sigma``, ``softens = pushes``, and the law is a spring of what it sees."""
+def _same(one: Any, other: Any) -> bool:
+    """Return whether the numbers of a law are equal up to round-off."""
+    return bool(np.all(np.abs(one - other) <= SAME * np.maximum(np.abs(one), np.abs(other))))
 
-    def same(one: Any, other: Any) -> bool:
-        return bool(np.all(np.abs(one - other) <= SAME * np.maximum(np.abs(one), np.abs(other))))
 
+def _is_spring(linear: LinearLaw | None) -> bool:
+    """Return whether a law is a spring of what it sees, in compression alone, at all times."""
     return (
         linear is not None
-        and linear.at == "explicit"
         and linear.during is None
         and (linear.active == "gap < 0") == (linear.sign == "free")
         and not np.any(linear.rate)
         and not np.any(linear.acceleration)
         and bool(np.all(np.asarray(linear.gap) > 0.0))
         and bool(np.all(np.asarray(linear.sigma) > 0.0))
-        and same(linear.sees, linear.sigma / np.asarray(linear.gap))
-        and same(linear.softens, linear.pushes)
     )
 
 
+def _is_nitsche(linear: Any) -> bool:
+    """Return whether a law has ``sees = sigma`` and ``softens = pushes``, as Nitsche's at the current state."""
+    sees_stress = _same(linear.sees, linear.sigma / linear.gap)
+    return linear.at == "explicit" and sees_stress and _same(linear.softens, linear.pushes)
+
+
 class DecoupledGapsCriterion:
-    """Criterion of models that `covers` covers.
+    """Criterion of Nitsche's law at the current state, at all contacts, as `closed_form` finds it.
 
     Parameters
     ----------
@@ -116,6 +126,7 @@ class DecoupledGapsCriterion:
         return out / self._delassus
 
     def _oscillators(self, dt: float) -> _Oscillators:
+        """Return the closed gaps and open end elements; none has stiffness at a frequency of 0 or less."""
         gamma, softens = np.zeros(self._delassus.size), np.zeros(self._delassus.size)
         for bound_law in self.model.laws_at(dt):
             linear: Any = bound_law.linear
@@ -178,3 +189,16 @@ class DecoupledGapsCriterion:
     def critical_step(self) -> float:
         """Largest stable step, with laws bound anew for each step tried."""
         return self.free if self.free in {0.0, np.inf} else largest_step_below(self._excess, self.free)
+
+
+class EnergyAtEndCriterion(DecoupledGapsCriterion):
+    """Criterion of laws at the end of the step that push what they see, at all contacts.
+
+    Closed contacts need no shorter step. The bodies have to be stable while contacts are open.
+    """
+
+    by: ClassVar[str] = "energy-at-end"
+
+    def _oscillators(self, dt: float) -> _Oscillators:
+        frequency_squared, softens = super()._oscillators(dt)
+        return _Oscillators(np.where(frequency_squared > 0.0, np.finfo(float).tiny, frequency_squared), softens)

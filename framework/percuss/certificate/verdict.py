@@ -19,7 +19,7 @@ from percuss.certificate.criteria import (
     quoted_names,
 )
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
-from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, covers
+from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.pencil import MARGINAL_DISTANCE
 from percuss.errors import InputError
 from percuss.solver.bodies import tangent_as_declared
@@ -62,7 +62,7 @@ class Certificate(TypedDict):
     theta
         theta of Wu's predictor-corrector; None where it has no meaning.
     by
-        Criterion: ``pencil``, ``decoupled-gaps``, ``black-box`` or ``none``.
+        Criterion: ``pencil``, ``decoupled-gaps``, ``energy-at-end``, ``black-box`` or ``none``.
     why, cure
         Reason for the verdict, and the cure of an unstable step.
     ignores
@@ -140,7 +140,7 @@ def settled(case: Case) -> SettledRun:
 
 
 def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
-    """Return the criterion of a run: the pencil or the decoupled gaps if they cover all its laws, else the black box.
+    """Return the criterion of a run: the pencil or a closed form if it covers all of its laws, else the black box.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
     closed = closed_contacts(model, model.dt)
     kind: type[Criterion] = PencilCriterion
     if closed.unknown:
-        kind = DecoupledGapsCriterion if covers(model) else BlackBoxCriterion
+        kind = closed_form(model) or BlackBoxCriterion
     return RunCriterion(model, kind, other_step, closed=closed)
 
 
