@@ -64,7 +64,7 @@ STAR = {
 
 
 def nitsche(theta, **options):
-    return {"name": "nitsche", "theta": theta, "stress": "elements", **options}
+    return {"name": "nitsche", "theta": theta, "stress_from": "elements", **options}
 
 
 def with_law(case, law, integrator=CD, **time):
@@ -598,5 +598,5 @@ def test_a_law_from_which_no_force_follows_is_named():
 
 
 def test_other_variants_than_zero_have_no_bulk_acceleration():
-    with pytest.raises(percuss.InputError, match="stress: acceleration is for theta = 0"):
-        percuss.load(with_law(WALL, {"name": "nitsche", "theta": 1, "stress": "acceleration"}))
+    with pytest.raises(percuss.InputError, match="stress_from: acceleration is for theta = 0"):
+        percuss.load(with_law(WALL, {"name": "nitsche", "theta": 1, "stress_from": "acceleration"}))

@@ -46,7 +46,7 @@ class Nitsche(ContactLaw):
 
     For theta = 0 A sigma_n may come from the bulk acceleration of the gap, ``A sigma_n = g''_bulk / s``, which is the
     default and needs a scheme that shows it: without loads on the ends this is the same, with loads, as gravity, it is
-    what the load leaves to contact. With ``stress: elements`` it comes from the end elements, as for other theta.
+    what the load leaves to contact. With ``stress_from: elements`` it comes from the end elements, as for other theta.
     """
 
     name = "nitsche"
@@ -59,7 +59,7 @@ class Nitsche(ContactLaw):
         "Chouly, Hild, Renard: A Nitsche finite element method for dynamic contact: 2. Stability of the schemes and "
         "numerical experiments, ESAIM: M2AN 49 (2015), doi 10.1051/m2an/2014046",
     )
-    examples = ({}, {"theta": 1.0}, {"theta": -1.0}, {"stress": "elements"})
+    examples = ({}, {"theta": 1.0}, {"theta": -1.0}, {"stress_from": "elements"})
     expected_failures = {
         "energy-never-grows with central-difference": "the force of the bulk stress does work that nothing stores"
     }
@@ -70,19 +70,19 @@ class Nitsche(ContactLaw):
     beta_s: _auto.BetaS = None
     epsilon_s: _auto.EpsilonS = None
     theta: Annotated[float, Ge(-1), Le(1), Unit("1"), Doc("variant: 1 symmetric, 0 simplest, -1 skew")] = 0.0
-    stress: Annotated[
+    stress_from: Annotated[
         Literal["auto", "acceleration", "elements"],
         Doc("where A sigma_n comes from; auto is acceleration for theta = 0, else elements"),
     ] = "auto"
 
     def __post_init__(self) -> None:
         _auto.refuse_several(self, ("beta_s", "epsilon_s"), "stiffness")
-        if self.theta != 0.0 and self.stress == "acceleration":
-            raise ValueError("stress: acceleration is for theta = 0: the other variants push the end elements too")
+        if self.theta != 0.0 and self.stress_from == "acceleration":
+            raise ValueError("stress_from: acceleration is for theta = 0: the other variants push the end elements too")
 
     @property
     def _by_acceleration(self) -> bool:
-        return self.theta == 0.0 and self.stress != "elements"
+        return self.theta == 0.0 and self.stress_from != "elements"
 
     def gamma(self, points: ContactPoints) -> Any:
         """Return gamma at each contact point, (P,) [force/length]."""
