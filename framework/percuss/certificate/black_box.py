@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 # unit is the length of the shortest element: what is said of a law with a length of its own depends on no system of
 # units, and an overlap of so many elements is deeper than any of a run.
 BASE_OVERLAP = 64.0
+# Gap that a law may see per unit of displacement of an end and the node beside it: a quarter of the base overlap.
+MOST_SEEN = 0.25 * BASE_OVERLAP
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
 OPEN_GAP = 1e12
 # Largest state of which all eigenvalues are computed; of a larger one Arnoldi's iteration finds the largest only.
@@ -178,7 +180,10 @@ class ClosedStep:
             signs[np.array(order, dtype=np.int64)[linear]] = 0.0
         gaps = self.motions.gaps * np.sqrt(lightest)
         # By half of the gap in a step, so that the gap one step before lies on the same side, for laws that weigh it.
-        speed = np.linalg.lstsq(gaps, 0.5 * BASE_OVERLAP * signs, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
+        # End elements are not strained, for laws that see their force.
+        rows = np.concatenate([gaps, self.motions.end_forces])
+        speeds = np.concatenate([0.5 * BASE_OVERLAP * signs, np.zeros(len(self.motions.end_forces))])
+        speed = np.linalg.lstsq(rows, speeds, rcond=1e-9)[0] if signs.size else np.zeros(self.size)
         out = np.zeros((self.parts, self._scale.size))
         out[1] = (self.motions.basis @ speed) * self._scale / self.model.dt
         return out
@@ -213,7 +218,10 @@ class ClosedStep:
         return self(np.eye(self.parts * self.size))
 
     def linear(self) -> bool:
-        """Return whether the step is linear in the state."""
+        """Return whether the step is linear in the state, and no perturbation opens or closes what a law sees."""
+        found = self.model.end_forces(0.5 * self.model.dt).values()
+        if any(abs(point.sees) * sum(np.abs(row).sum() for row in point.rows.values()) > MOST_SEEN for point in found):
+            return False
         state = np.random.default_rng(0).uniform(-1.0, 1.0, self.parts * self.size)
         image, opposite = self(state), self(-0.5 * state)
         return bool(np.abs(image + 2.0 * opposite).max() <= LINEARITY_TOLERANCE * np.abs(image).max())
@@ -259,6 +267,17 @@ class Motions:
         return np.asarray(self.projection @ (out / self.root).T).T
 
     @cached_property
+    def end_forces(self) -> Floats:
+        """The end forces that laws see or push, scaled, as rows for weighted displacements, (points, n)."""
+        found = self.model.end_forces(0.5 * self.model.dt).values()
+        out = np.zeros((len(found), self.root.size))
+        for line, end_force in zip(out, found, strict=True):
+            for node, row in end_force.rows.items():
+                line[node * self.model.dim : (node + 1) * self.model.dim] = row
+        out /= np.abs(out).max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
+        return np.asarray(self.projection @ (out / self.root).T).T
+
+    @cached_property
     def followed(self) -> Floats:
         """The displacements that loads follow, as rows for weighted displacements, (loads, n)."""
         return np.asarray(self.projection @ (directions(self.model) / self.root).T).T
@@ -298,9 +317,9 @@ class Motions:
     def idle(self, dt: float, closed: Sequence[int]) -> Floats:
         """Return an orthonormal basis of the motions that grow linearly without being an instability, (n, w).
 
-        They change no closed gap and move no end that a load follows.
+        They change no closed gap and no end force that a law uses, and move no end that a load follows.
         """
-        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed])
+        gaps = np.concatenate([self.gaps[sorted(closed)], self.followed, self.end_forces])
         out = []
         for group in (self.strainless, *(() if self.model.stages else (self.critical_modes(dt),))):
             if gaps.size and group.size:

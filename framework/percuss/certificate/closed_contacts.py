@@ -10,10 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.following_loads import why_beyond_pencil
+from percuss.solver.bound_law import OF_END_FORCE
+from percuss.solver.end_forces import end_forces, sees_end_force
 from percuss.solver.integrator_check import unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
+    from percuss.solver.bound_law import BoundLaw
     from percuss.solver.model import Model
 
 
@@ -30,6 +35,11 @@ TIES = "a tie takes up the gap rate of its ends when it begins: energy jumps the
 BALANCED = "an end without mass is in balance with its gap at the current state: energy jumps as it closes or opens"
 BILATERAL = "the law pulls as it pushes from its first step on: a gap that is there then brings energy"
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
+NO_POTENTIAL = "pushes something else than it sees, so that its force is the slope of no energy"
+DRIVES = (
+    "a drive of an end that starts or ends changes the end force that a law sees, and what the contact stores with it"
+)
+OVERSHOOTS = "the force takes back more than the overlap that it sees in one step"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
 VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
@@ -85,9 +95,10 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     tied: list[int] = []
     doubts: list[str] = []
 
-    def add_unknown(name: str, reason: str) -> None:
+    def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
         unknown.append(name)
         doubts.append(reason)
+        guarantees.append(energy or (UNKNOWN, reason))
 
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
@@ -98,7 +109,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
             add_unknown(law.name, f"{law.name} has a kernel of its own, and is no line in gap and acceleration")
             continue
         if reason := _reason_unknown(linear, law.name, multistage=stages is not None) or by_scheme:
-            add_unknown(law.name, reason)
+            add_unknown(law.name, reason, _energy_with_end_forces(model, bound_law))
             continue
         if linear.at == "explicit" and not _determined(table.explicit, linear):
             name = model.case.method.integrator.name
@@ -120,13 +131,11 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         else:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    if unknown and stages is None:
-        guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
     ties = tuple(p for p in tied if p not in inactive)
-    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
+    weakest, why = _weakest(guarantees, multistage=stages is not None)
     closed = ClosedContacts(
         stiffness,
         inertia,
@@ -140,6 +149,14 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         why,
     )
     return _behind_end_elements(model, closed) if model.points_without_mass.any() else closed
+
+
+def _weakest(guarantees: Sequence[tuple[str, str]], *, multistage: bool) -> tuple[str, str]:
+    """Return the weakest energy guarantee and the reason for it; where nothing is known, all reasons for that."""
+    weakest, why = max(guarantees, key=lambda guarantee: WEAKEST_LAST.index(guarantee[0]))
+    if weakest == UNKNOWN and not multistage:
+        why = f"nothing is known: {'; '.join(dict.fromkeys(why for energy, why in guarantees if energy == UNKNOWN))}"
+    return weakest, why
 
 
 def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
@@ -210,6 +227,9 @@ def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:
         f"{law} ties the gap rate of its contacts, but not always or not both ways": (
             tie and (linear.active != "all" or linear.sign != "free")
         ),
+        f"{law} sees or pushes the force of end elements, so that a closed contact is no spring between the ends": (
+            any(np.any(getattr(linear, name)) for name in OF_END_FORCE)
+        ),
         f"{law} does not weigh the gap": not tie and not gap.all(),
         f"{law} weighs the gap acceleration at the end of the step": end and np.any(linear.acceleration),
         f"{law} is evaluated at the current or predicted gap without a compliance (sigma = 0)": (
@@ -246,6 +266,52 @@ def _energy_guarantee(model: Model, indices: list[int], linear: LinearLaw, *, in
     if table.explicit.gap == "current":
         return (NOT_GUARANTEED, PULLS) if inert else (BETWEEN, JUMPS)
     return (NOT_GUARANTEED, SHARED) if _share_an_end(model, indices) else (NEVER_GROWS, BY_END)
+
+
+def _energy_with_end_forces(model: Model, bound_law: BoundLaw) -> tuple[str, str] | None:
+    """Return the energy guarantee of a law that sees or pushes end forces, and the reason for it in words.
+
+    A law that pushes what it sees is a law of any kind for this gap, of bodies whose stiffness is
+    ``K - sum of softens Sigma Sigma^T``. That energy is the elastic one and what contacts store. None for other laws,
+    and where nothing is known.
+    """
+    linear: Any = bound_law.linear
+    if not sees_end_force(bound_law):
+        return None
+    state: ContactState = getattr(model.tables[-1], linear.at)
+    unlike = bool(np.any(linear.sees != linear.pushes))
+    spring = not (np.any(linear.rate) or np.any(linear.acceleration)) and bool(np.all(linear.sigma > 0.0))
+    current = state.gap == "current"
+    ends = {node for p in bound_law.where for node in model.contact_pairs[p].nodes}
+    if not unlike and not (spring and (not current or state.response[0] == 0.0)):
+        return None
+    reasons = {
+        f"{bound_law.law.name} {NO_POTENTIAL}": unlike,
+        INTERVALS: linear.during is not None,
+        DRIVES: any(constraint.load is not None and constraint.node in ends for constraint in model.whole.constraints),
+    }
+    if not current:
+        reasons |= _why_not_by_end(model, bound_law, state)
+    why = next((reason for reason, holds in reasons.items() if holds), "")
+    if why:
+        return NOT_GUARANTEED, why
+    return (BETWEEN, JUMPS) if current else (NEVER_GROWS, BY_END)
+
+
+def _why_not_by_end(model: Model, bound_law: BoundLaw, state: ContactState) -> dict[str, bool]:
+    """Return for each reason whether the force of a law does not follow from what it sees at the end of the step."""
+    linear: Any = bound_law.linear
+    found = end_forces(model, 0.5 * model.dt)
+    points = [found[p] for p in bound_law.where]
+    response = np.array([sum(float(side.sees @ side.response) for side in point.sides) for point in points])
+    surplus = state.response[0] - model.tables[-1].end.response[0]
+    nodes = Counter(node for point in found.values() for node in point.nodes)
+    nodes.update(node for p, pair in enumerate(model.contact_pairs) if p not in found for node in pair.nodes)
+    return {
+        BILATERAL: linear.active == "all" and linear.sign == "free",
+        OVERSHOOTS: bool(np.any(linear.sigma / linear.gap + surplus * response <= 0.0)),
+        SHARED: any(nodes[node] > 1 for point in points for node in point.nodes),
+    }
 
 
 def _determined(state: ContactState, linear: LinearLaw) -> bool:

@@ -12,7 +12,7 @@ import hashlib
 import itertools
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -91,6 +91,25 @@ class StepAssessment:
     cure: str = ""
 
 
+class Criterion(Protocol):
+    """A criterion of one stretch of a run."""
+
+    by: ClassVar[str]
+
+    def __init__(self, model: Model) -> None: ...
+
+    @property
+    def free(self) -> float:
+        """Largest step that is stable without contact."""
+
+    @property
+    def critical_step(self) -> float:
+        """Largest stable step, nan where it is not known."""
+
+    def assess_step(self, dt: float) -> StepAssessment:
+        """Return the assessment of a step."""
+
+
 class PencilCriterion:
     """Criterion from the linear laws: exact for any mesh and any combination of closed contacts.
 
@@ -115,7 +134,7 @@ class PencilCriterion:
         The closed contacts of the stretch at its step, if they are known.
     """
 
-    by = "pencil"
+    by: ClassVar[str] = "pencil"
 
     def __init__(self, model: Model, closed: ClosedContacts | None = None) -> None:
         self.model = model
@@ -330,7 +349,7 @@ class RunCriterion:
     model
         The model of the whole run.
     kind
-        `PencilCriterion` or `BlackBoxCriterion`.
+        `PencilCriterion`, `BlackBoxCriterion` or `percuss.certificate.decoupled_gaps.DecoupledGapsCriterion`.
     other_step
         The criterion of the same run with another step. If the run has the same stretches with both steps, it also has
         the same critical step, and their criteria are taken over with what they have searched already.
@@ -341,7 +360,7 @@ class RunCriterion:
     def __init__(
         self,
         model: Model,
-        kind: type[PencilCriterion | BlackBoxCriterion],
+        kind: type[Criterion],
         other_step: RunCriterion | None = None,
         *,
         closed: ClosedContacts | None = None,
@@ -350,15 +369,13 @@ class RunCriterion:
         self.closed = closed or closed_contacts(model, model.dt)
         self.by = kind.by
         self.stretches = model.stretches()
-        self.criteria: list[PencilCriterion | BlackBoxCriterion]
+        self.criteria: list[Criterion]
         if other_step is not None and other_step.by == kind.by and other_step._actions() == self._actions():
             self.criteria = other_step.criteria
         else:
             self.criteria = [self._criterion_of(kind, stretch) for stretch in self.stretches]
 
-    def _criterion_of(
-        self, kind: type[PencilCriterion | BlackBoxCriterion], stretch: Stretch
-    ) -> PencilCriterion | BlackBoxCriterion:
+    def _criterion_of(self, kind: type[Criterion], stretch: Stretch) -> Criterion:
         if not issubclass(kind, PencilCriterion):
             return kind(stretch.model)
         # The same laws act in the first step of the run as in this stretch, mostly.
@@ -410,7 +427,7 @@ class BlackBoxCriterion:
         The case as arrays.
     """
 
-    by = "black-box"
+    by: ClassVar[str] = "black-box"
 
     def __init__(self, model: Model) -> None:
         self.model = model

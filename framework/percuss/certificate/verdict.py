@@ -12,12 +12,14 @@ from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import (
     BlackBoxCriterion,
+    Criterion,
     PencilCriterion,
     RunCriterion,
     StepAssessment,
     quoted_names,
 )
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
+from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.pencil import MARGINAL_DISTANCE
 from percuss.errors import InputError
 from percuss.solver.bodies import tangent_as_declared
@@ -60,7 +62,7 @@ class Certificate(TypedDict):
     theta
         theta of Wu's predictor-corrector; None where it has no meaning.
     by
-        Criterion: ``pencil``, ``black-box`` or ``none``.
+        Criterion: ``pencil``, ``decoupled-gaps``, ``energy-at-end``, ``black-box`` or ``none``.
     why, cure
         Reason for the verdict, and the cure of an unstable step.
     ignores
@@ -138,7 +140,7 @@ def settled(case: Case) -> SettledRun:
 
 
 def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCriterion:
-    """Return the criterion of a run: the pencil where it covers all of its laws, else the black box.
+    """Return the criterion of a run: the pencil or a closed form if it covers all of its laws, else the black box.
 
     Parameters
     ----------
@@ -148,7 +150,9 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
         The criterion of the same run with another step, if there is one.
     """
     closed = closed_contacts(model, model.dt)
-    kind = BlackBoxCriterion if closed.unknown else PencilCriterion
+    kind: type[Criterion] = PencilCriterion
+    if closed.unknown:
+        kind = closed_form(model) or BlackBoxCriterion
     return RunCriterion(model, kind, other_step, closed=closed)
 
 

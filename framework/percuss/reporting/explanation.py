@@ -15,6 +15,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
 from percuss.results.exact import why_not_covered
+from percuss.solver.bound_law import OF_END_FORCE
 from percuss.solver.cells import cells_of
 from percuss.solver.contact_problem import contact_problem
 from percuss.solver.contact_rows import law_records
@@ -283,6 +284,9 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     record = records[bound_law.where.index(number)]
     w = float(record["response"])
     judged = "predicted" if record["sees_predicted_gap"] else "current"
+    end_force = model.end_forces(0.5 * model.dt).get(number)
+    if end_force is not None:
+        s = sum(float(side.sees @ side.response) for side in end_force.sides)
     return {
         "at": linear.at,
         "judged": "balanced" if massless[bound_law.where.index(number)] else judged,
@@ -294,6 +298,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
         "active": linear.active,
         "sign": linear.sign,
         "w": w,
+        **{name: float(getattr(linear, name)[bound_law.where.index(number)]) for name in OF_END_FORCE},
         "stiffness": 1.0 / (float(record["sigma"]) + w * s),
     }
 
@@ -352,6 +357,8 @@ def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
         ("explicit", "balanced"): BALANCED_GAP,
         ("end", "balanced"): BALANCED_GAP,
     }.get((law["at"], law["judged"]), "the current gap")
+    if law["sees"]:
+        state += f" + {law['sees']:.6g} F"
     remark = "" if law["sees_acceleration"] or not law["acceleration"] else ", g'' counts as 0"
     left = f"{law['sigma']:.6g} lambda" if law["sigma"] else "0"
     when = "while g < 0" if law["active"] == "gap < 0" else "at all times"
@@ -361,6 +368,13 @@ def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
     else:
         relation = f"{left} = {right}"
     yield f"{relation} {when}, where g is {state}{remark}; {sign}"
+    if pushed := [
+        *([f"lambda pushes N + {law['pushes']:.6g} Sigma"] if law["pushes"] else []),
+        *([f"{law['softens']:.6g} Sigma F_n acts at all times"] if law["softens"] else []),
+    ]:
+        yield "; ".join(pushed)
+    if law["sees"] or pushed:
+        yield "F = Sigma^T u is the mean normal force of the end elements, and s is that of what is seen and pushed"
     if remark:
         right = " ".join(right.split(" ")[:-3]) if right.count(" ") > 2 else right.split(" - ")[0]
     yield (

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
-from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, ROUNDING
+from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, BY_END_FORCE, ROUNDING
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
@@ -80,6 +80,8 @@ def quantity(points: Any, *, linear: bool = True, by_laws: bool = False) -> str:
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
     if (points.stores == BY_CURRENT).any():
         parts.append("(eps_s g_n g_n+1 + eps_m r_n+1/2^2)/2 while closed")
+    if (points.stores == BY_END_FORCE).any():
+        parts.append("what contacts store of the gap that they see - softens F_n F_n+1 / 2")
     if by_laws:
         parts.append(STORED_BY_LAWS)
     return " + ".join(parts) + (" - work" if linear else "")

@@ -12,7 +12,8 @@ from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
 from percuss.methods.kernel_trial import bound_of, kernel_of
 
-COEFFICIENTS = ("sigma", "gap", "rate", "acceleration")
+OF_END_FORCE = ("sees", "pushes", "softens")
+COEFFICIENTS = ("sigma", "gap", "rate", "acceleration", *OF_END_FORCE)
 
 
 @dataclass(frozen=True, eq=False)

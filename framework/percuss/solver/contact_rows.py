@@ -12,6 +12,7 @@ from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
 from percuss.solver.compiled.contact_equation import (
     BY_CURRENT,
     BY_END,
+    BY_END_FORCE,
     BY_KERNEL,
     ENTRY,
     LAW,
@@ -37,13 +38,27 @@ class Side:
     """One side of a contact point: its node, the coefficients of N there, and those of M^-1 N.
 
     At an end without mass 1/m is replaced by ``1 / (k dt^2)``, k the stiffness of the end element, and `beside` is the
-    node beside it; elsewhere that is None.
+    node beside it; elsewhere that is None. Of a law that sees or pushes more than the gap, `response` is that of
+    M^-1 P, `seen` and `pushed` are the coefficients of G and P, and the node beside an end is a side too, where N is
+    zero.
     """
 
     node: int
     normal: Floats  # (dim,)
     response: Floats  # (dim,)
     beside: int | None = None
+    seen: Floats | None = None  # (dim,) None for N
+    pushed: Floats | None = None  # (dim,) None for N
+
+    @property
+    def sees(self) -> Floats:
+        """The coefficients by which the law sees the displacement of the node, (dim,)."""
+        return self.normal if self.seen is None else self.seen
+
+    @property
+    def pushes(self) -> Floats:
+        """The force on the node by a multiplier of 1, (dim,)."""
+        return self.normal if self.pushed is None else self.pushed
 
 
 def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats, massless: Any = None, dt: float = 0.0) -> Any:
@@ -129,7 +144,7 @@ def without_mass(point_sides: Sequence[Side]) -> bool:
 
 
 def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[int, float]]]:
-    """Return S = N^T M^-1 N as its diagonal and its off-diagonal entries.
+    """Return S = N^T M^-1 N as its diagonal and its off-diagonal entries; of other laws G^T M^-1 P.
 
     The equation of a point with a side without mass has the response of such sides alone: what its force moves of the
     other side, and of other points, comes a step later.
@@ -156,7 +171,7 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
     for node_sides in at_node.values():
         for p, first in node_sides:
             for q, second in node_sides:
-                entries[p][q] = entries[p].get(q, 0.0) + float(first.normal @ second.response)
+                entries[p][q] = entries[p].get(q, 0.0) + float(first.sees @ second.response)
     diagonal = np.array([point_sides.pop(p, 0.0) for p, point_sides in enumerate(entries)])
     return diagonal, entries
 
@@ -185,6 +200,9 @@ def point_records(
     compliance = laws["sigma"] + laws["surplus"] * diagonal
     is_spring = (laws["stores"] == BY_END) & (compliance > 0)
     points["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
+    opened = [any(side.seen is not None for side in row) for row in sides]
+    points["stores"][opened] = BY_END_FORCE
+    points["end_stiffness"][opened] = np.nan
     points["first"] = points["last"] = -1
     entries = [
         (place[side.node] + d, normal, response if side.beside is None else 0.0)

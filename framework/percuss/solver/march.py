@@ -25,6 +25,7 @@ from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
 from percuss.solver.compiled.following_loads import FOLLOWER
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, end_records, point_records
+from percuss.solver.end_forces import end_force_records
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
 from percuss.solver.record_arrays import copied_records, empty_records, record_array
@@ -127,7 +128,8 @@ class March:
             *(nodal_force.node for nodal_force in model.nodal_forces),
             *(follower.node for follower in model.followers),
         ]
-        self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes]))
+        beside = [node for end_force in model.end_forces(0.5 * model.dt).values() for node in end_force.nodes]
+        self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes, *beside]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
         # Of linear bodies without viscosity it is the change of the staggered strain energy, of a multi-stage scheme it
         # has no such form.
@@ -238,7 +240,8 @@ class March:
         ]
         self.active_constraints = [index for index, _ in active]
         sides = model.sides(midpoint)
-        sides = [sides[point] for point in self.order]
+        end_forces = self.model.end_forces(midpoint)
+        sides = [end_forces[point].sides if point in end_forces else sides[point] for point in self.order]
         law_records = self.law_records
         if inactive := model.inactive_points(midpoint):
             law_records = law_records.copy()
@@ -252,7 +255,7 @@ class March:
             for i, (_, constraint) in enumerate(active)
         ]
         shares = [
-            (i, point, float(constraint.direction @ side.normal))
+            (i, point, float(constraint.direction @ side.pushes))
             for i, (_, constraint) in enumerate(active)
             for point, point_sides in enumerate(sides)
             for side in point_sides
@@ -285,6 +288,7 @@ class March:
             entries,
             others,
             end_records(sides, self.place),
+            *end_force_records(end_forces, self.order, law_records, self.place, model.mass),
             record_array(constraints, leapfrog_loop.CONSTRAINT),
             record_array(shares, leapfrog_loop.SHARE),
             record_array(nodal_forces, leapfrog_loop.NODAL_FORCE),
@@ -310,6 +314,8 @@ class March:
         after = self._boundary_at(midpoint, before.boundary_dofs)
         carry_over(before.points, after.points)
         after.followers["impulse"] = before.followers["impulse"]
+        for name in ("stored", "active"):
+            after.end_forces[name] = before.end_forces[name]
         self.boundary = after._replace(totals=before.totals)
         self._renew_stepper(midpoint)
 
@@ -580,6 +586,7 @@ class March:
         return [
             *self.stepper.changing_arrays(),
             boundary.points,
+            boundary.end_forces,
             boundary.constraints,
             boundary.followers,
             boundary.totals,

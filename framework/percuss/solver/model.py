@@ -23,6 +23,7 @@ from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
+from percuss.solver.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
@@ -175,6 +176,7 @@ class Model:
             multistage=self.multistage,
             viscous=self.viscosity > 0.0,
         )
+        refuse_end_forces(self)
         refuse_end(integrator, self.stages, self.laws)
         refuse_shifts(integrator, self.stages, self.laws)
         refuse_unseen(integrator, self.tables, self.laws)
@@ -367,6 +369,7 @@ class Model:
             coupling=column(coupling[list(where)]),
             weight=column([1.0] * len(contact_pairs)),
             limits=lambda: column(self.whole._stiffness_limits(dt)[list(where)]),
+            traces=lambda: column(self.whole._trace_stiffness[list(where)]),
         )
 
     @cached_property
@@ -378,6 +381,18 @@ class Model:
             largest = np.maximum(largest, diagonal)
             sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
         return largest, sums / largest
+
+    @cached_property
+    def _trace_stiffness(self) -> Floats:
+        """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
+        largest = np.zeros(len(self.contact_pairs))
+        for start, _ in self.segments(laws=False):
+            largest = np.maximum(largest, trace_stiffness(self, (start + 0.5) * self.dt))
+        return largest
+
+    def end_forces(self, midpoint: float) -> dict[int, EndForce]:
+        """Return what the law of each contact point sees and pushes, at points where that is not the gap alone."""
+        return end_forces(self, midpoint)
 
     def _stiffness_limits(self, dt: float) -> Floats:
         return stiffness_limits(self.bodies.values(), self.contact_pairs, self._moved_nodes, dt)

@@ -63,6 +63,12 @@ class StrictSystem:
         self._middle = 0.5 * self.dt  # middle of the current step, which decides whether a law acts in an interval
         self.scheme = integrator.bind(self.dt)
         self.bound = read_only(law.bind(self.points, self.dt))
+        self._sees = self._pushes = self.normal  # G and P
+        self._softens = np.zeros(len(self.points.names))
+        if isinstance(self.bound, LinearLaw):
+            self._sees = self.normal + self.end_force * self.bound.sees
+            self._pushes = self.normal + self.end_force * self.bound.pushes
+            self._softens = self._softens + self.bound.softens
         self._state_before = self._state_after = np.zeros((len(self.points.names), law.state))
         self._shift = np.zeros(len(self.points.names) if law.shifts else 0)
 
@@ -113,6 +119,7 @@ class StrictSystem:
             shortest = min(self._element_length[end.partition(".")[0]] for end in ends)
             self.initial_gap[p] = 0.0 if gap <= TOUCHING * shortest else gap
         self.delassus = self.normal.T @ (self.response[:, None] * self.normal)
+        self._assemble_end_forces([contact.get("between", [contact.get("body")]) for contact in contacts.values()])
         softer = [min(pair) for pair in sides]
         self.points = ContactPoints(
             names=tuple(contacts),
@@ -124,7 +131,22 @@ class StrictSystem:
             coupling=_locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
             weight=_locked([1.0] * len(sides)),
             limits=self._limits,
+            traces=lambda: _locked(self._traces),
         )
+
+    def _assemble_end_forces(self, contacts: list[list[str]]) -> None:
+        """Set Sigma, (nodes, contacts), and `ContactPoints.trace_stiffness`."""
+        self.end_force = np.zeros_like(self.normal)
+        self._traces = np.zeros(len(contacts))
+        for p, ends in enumerate(contacts):
+            mobility = [self.response[self._nodes[end]] for end in ends]
+            for end, weight in zip(ends, np.divide(mobility, sum(mobility)), strict=True):
+                outer, stiffness = self._nodes[end], self._ends[end.partition(".")[0]][0]
+                inner, outward = (outer - 1, 1.0) if end.endswith(".right") else (outer + 1, -1.0)
+                # An element is in tension where its outer node has moved further outward than its inner one.
+                self.end_force[outer, p] += weight * stiffness * outward
+                self.end_force[inner, p] -= weight * stiffness * outward
+                self._traces[p] += weight**2 * stiffness
 
     def _limits(self) -> Floats:
         """Return `ContactPoints.stiffness_limit`, computed with dense inverses of the matrices of the bodies."""
@@ -157,14 +179,16 @@ class StrictSystem:
         for n in range(self.steps + 1):
             self._middle = (n + 0.5) * dt
             bulk = self.response * (self.force - self.stiffness @ (u + table.viscosity * dt * v))
-            gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
+            if self._acts():
+                bulk = bulk + self.response * (self.end_force @ (self._softens * (self.end_force.T @ u)))
+            gap, rate, acceleration = self.initial_gap + self._sees.T @ u, self._sees.T @ v, self._sees.T @ bulk
             predicted_rate = rate + dt * acceleration
             multiplier = self.multipliers(
                 table, (gap, gap + dt * predicted_rate), (rate, predicted_rate), acceleration, n * dt
             )
-            yield multiplier, gap, u
+            yield multiplier, self.initial_gap + self.normal.T @ u, u
             self._state_before = self._state_after
-            v = v + dt * (bulk + self.response * (self.normal @ multiplier))
+            v = v + dt * (bulk + self.response * (self._pushes @ multiplier))
             u = u + dt * v
             if self._shift.size:
                 u = u + self.response * (self.normal @ self._shift)
@@ -257,6 +281,12 @@ class StrictSystem:
         first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
         return _locked(first, int), _locked(column, int), _locked(off[row, column]), _locked(np.zeros(count))
 
+    def _acts(self) -> bool:
+        """Return whether a linear law acts in the present step."""
+        if not isinstance(self.bound, LinearLaw) or self.bound.during is None:
+            return True
+        return any(start < self._middle < stop for start, stop in self.bound.during)
+
     def _by_linear_law(
         self,
         law: LinearLaw,
@@ -277,10 +307,9 @@ class StrictSystem:
         right = -weights[0] * gap - weights[1] * rate
         if state.acceleration == "bulk":
             right = right - weights[2] * acceleration
-        intervals = [(-math.inf, math.inf)] if law.during is None else law.during
-        acts = any(start < self._middle < stop for start, stop in intervals)
-        active = np.flatnonzero(((gap < 0.0) | (law.active == "all")) & acts)
-        left = np.diag(sigma) + np.asarray(response)[:, None] * self.delassus
+        active = np.flatnonzero(((gap < 0.0) | (law.active == "all")) & self._acts())
+        operator = self._sees.T @ (self.response[:, None] * self._pushes)
+        left = np.diag(sigma) + np.asarray(response)[:, None] * operator
         out = np.zeros(count)
         out[active] = _solved(left[np.ix_(active, active)], right[active], free=law.sign == "free")
         return out

@@ -19,8 +19,9 @@ SWEEPS = 10_000
 
 # How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
 # the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from
-# the current gap, and the energy is that of a stiffness and an inertia between two steps.
-NOTHING, BY_END, BY_CURRENT = 0, 1, 2
+# the current gap, and the energy is that of a stiffness and an inertia between two steps. BY_END_FORCE: the law sees or
+# pushes more than the gap, and `percuss.solver.compiled.end_forces` says what is stored.
+NOTHING, BY_END, BY_CURRENT, BY_END_FORCE = 0, 1, 2, 3
 NEVER = -1  # value of `always` for a law outside its intervals of time, which is active at no gap
 
 # Where the multiplier of a point comes from. WITH_MASS: from its linear law, and moves ends that have mass. BY_KERNEL:

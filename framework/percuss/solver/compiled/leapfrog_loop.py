@@ -21,6 +21,7 @@ from percuss.solver.compiled.contact_equation import (
     solve,
     stored_energy,
 )
+from percuss.solver.compiled.end_forces import show_end_forces, show_gaps, soften_end_elements, work_and_energy
 from percuss.solver.compiled.ends_without_mass import (
     compress_elements,
     find_coming_multipliers,
@@ -96,6 +97,8 @@ class Boundary(NamedTuple):
     entries: Any  # percuss.solver.compiled.contact_equation.ENTRY
     others: Any  # percuss.solver.compiled.contact_equation.OTHER
     ends_without_mass: Any  # percuss.solver.compiled.ends_without_mass.END_WITHOUT_MASS
+    end_forces: Any  # percuss.solver.compiled.end_forces.END_FORCE
+    end_force_entries: Any  # percuss.solver.compiled.end_forces.END_FORCE_ENTRY
     constraints: Any  # CONSTRAINT
     shares: Any  # SHARE
     nodal_forces: Any  # NODAL_FORCE
@@ -327,6 +330,7 @@ def make_step(
     # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
     apply_nodal_forces(boundary, amplitudes, s, dim, dt)
     apply_followers(boundary, loads, amplitudes, s, (first + s) * dt, dim, dt)
+    soften_end_elements(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
     work = impose_velocity(boundary, amplitudes, s, dim, dt)
     # Contact: the multipliers follow from the current or the predicted state. They change the velocities except along
     # prescribed directions, where the constraints take the contact forces as reactions.
@@ -337,7 +341,9 @@ def make_step(
             recall_multipliers(points)
             push_ends_with_mass(points, boundary.entries, boundary_dofs, dt)
         find_contact_states(points, boundary.entries, boundary_dofs, dt)
+        show_end_forces(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
         sound = find_multipliers(laws, points, boundary.others, dt, (first + s) * dt, (dt * dt, dt), dt)
+        show_gaps(points, boundary.end_forces)
         apply_multipliers(points, boundary.entries, boundary_dofs, dt)
         find_shifts(boundary)
     work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
@@ -637,6 +643,11 @@ def update_contact_energy(boundary: Boundary, n: int, dt: float) -> None:
     energy_sum = 0.0
     steady_change = 0.0
     any_contact = False
+    if boundary.end_forces.size > 0:
+        any_contact = True
+        work, energy_sum, steady_change = work_and_energy(
+            points, boundary.end_forces, boundary.end_force_entries, entries, boundary_dofs, total, dt
+        )
     for i in range(points.size):
         p = points[i]
         # Without a force in this step and the one before, a contact may still store energy if its gap is closed, or if

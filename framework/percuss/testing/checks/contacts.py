@@ -46,6 +46,7 @@ def sample_points(count: int) -> ContactPoints:
         coupling=column(np.ones(count)),
         weight=column(np.ones(count)),
         limits=lambda: column(stiffness),
+        traces=lambda: column(0.5 * stiffness),
     )
 
 
@@ -56,6 +57,7 @@ def single_point(points: ContactPoints, index: int) -> ContactPoints:
         names=points.names[index : index + 1],
         **{name: getattr(points, name)[index : index + 1] for name in columns},
         limits=lambda: points.stiffness_limit[index : index + 1],
+        traces=lambda: points.trace_stiffness[index : index + 1],
     )
 
 
@@ -142,7 +144,7 @@ def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
     """Return the values of a law at its contact points: the fields of a linear law, or the multipliers in a state."""
     count = trial.gap.size
     if isinstance(bound, LinearLaw):
-        fields = ("sigma", "gap", "rate", "acceleration")
+        fields = ("sigma", "gap", "rate", "acceleration", "sees", "pushes", "softens")
         values = {name: np.asarray(getattr(bound, name), dtype=float) for name in fields}
         for name, value in values.items():
             if value.shape not in {(), (count,)}:

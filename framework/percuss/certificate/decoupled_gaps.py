@@ -1,0 +1,204 @@
+"""Stability in closed form where the laws of all contacts are Nitsche's: the gap of a closed contact moves by itself.
+
+With the end force ``F = Sigma^T u`` (`percuss.methods.interfaces.LinearLaw`) elements change the gap rate by ``s F``. A
+law ``lambda = -gamma g - F`` of the current state takes that away. With ``P = N + (theta / gamma) Sigma`` and the force
+``(theta / gamma) Sigma F`` that always acts, a closed contact adds ``-g (gamma N + theta Sigma) - N F`` in all, and
+
+    g'' = -s (gamma - theta kappa) g,        kappa = -N^T M^-1 Sigma / s,
+
+whatever else moves. All other motions are those with this gap tied. The eigenvalues of the closed step are therefore
+those of this oscillator, and of the bodies tied at closed contacts with the stiffness
+``K - sum of (theta / gamma) Sigma Sigma^T`` over the open ones, which is symmetric. Ties lower its highest frequency.
+
+Laws that push what they see, evaluated at the end of the step, are springs at the end of the step of what they see:
+energy never grows, whatever is closed, so that the step is stable where that of the bodies with this stiffness is.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from percuss.certificate.criteria import StepAssessment, free_step
+from percuss.certificate.following_loads import why_beyond_pencil
+from percuss.certificate.pencil import Pencil, largest_eigenvalue, largest_step_below
+from percuss.solver.end_forces import end_forces, sees_end_force
+from percuss.solver.integrator_check import unchecked_scheme
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats, LinearLaw
+    from percuss.solver.model import Model
+
+SAME = 1e-12  # relative difference of two numbers of a law that count as equal
+LIMIT = 4.0  # of (omega dt)^2 with central difference
+MOST_POINTS = 2000  # contacts up to which the dense matrix of their end forces is made
+
+
+class _Oscillators(NamedTuple):
+    """Closed gaps and open end elements at a time step; (P,) arrays."""
+
+    frequency_squared: Floats  # s (gamma - theta kappa)
+    softens: Floats  # theta / gamma
+
+
+def closed_form(model: Model) -> type[DecoupledGapsCriterion] | None:
+    """Return the criterion in closed form that covers the laws of all contacts of a model, or None."""
+    stages, (table, *_) = unchecked_scheme(model.case.method.integrator, model.dt)
+    if (
+        stages is not None
+        or model.viscosity
+        or not model.laws
+        or len(model.contact_pairs) > MOST_POINTS
+        or why_beyond_pencil(model)
+        or not all(sees_end_force(bound_law) and _is_spring(bound_law.linear) for bound_law in model.laws)
+    ):
+        return None
+    lines: list[Any] = [bound_law.linear for bound_law in model.laws]
+    softens = np.concatenate([linear.softens for linear in lines])
+    if (softens > 0.0).any() and (softens < 0.0).any():
+        return None
+    # An end in contact belongs to no other contact and lies beside the end of none.
+    found = end_forces(model, 0.5 * model.dt)
+    nodes = [node for end_force in found.values() for node in end_force.nodes]
+    ends = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+    if not all(nodes.count(node) == 1 for node in ends):
+        return None
+    if all(linear.at == "end" and _same(linear.sees, linear.pushes) for linear in lines):
+        return EnergyAtEndCriterion
+    at_current = table.explicit.gap == "current" and table.explicit.response[0] == 0.0
+    return DecoupledGapsCriterion if at_current and all(map(_is_nitsche, lines)) else None
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether the numbers of a law are equal up to round-off."""
+    return bool(np.all(np.abs(one - other) <= SAME * np.maximum(np.abs(one), np.abs(other))))
+
+
+def _is_spring(linear: LinearLaw | None) -> bool:
+    """Return whether a law is a spring of what it sees, in compression alone, at all times."""
+    return (
+        linear is not None
+        and linear.during is None
+        and (linear.active == "gap < 0") == (linear.sign == "free")
+        and not np.any(linear.rate)
+        and not np.any(linear.acceleration)
+        and bool(np.all(np.asarray(linear.gap) > 0.0))
+        and bool(np.all(np.asarray(linear.sigma) > 0.0))
+    )
+
+
+def _is_nitsche(linear: Any) -> bool:
+    """Return whether a law has ``sees = sigma`` and ``softens = pushes``, as Nitsche's at the current state."""
+    sees_stress = _same(linear.sees, linear.sigma / linear.gap)
+    return linear.at == "explicit" and sees_stress and _same(linear.softens, linear.pushes)
+
+
+class DecoupledGapsCriterion:
+    """Criterion of Nitsche's law at the current state, at all contacts, as `closed_form` finds it.
+
+    Parameters
+    ----------
+    model
+        A stretch of a run, `percuss.solver.model.Model.stretches`.
+    """
+
+    by: ClassVar[str] = "decoupled-gaps"
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.pencil = Pencil(model)
+        self._delassus = model.delassus(0.5 * model.dt)
+
+    @cached_property
+    def _end_forces(self) -> list[Any]:
+        found = end_forces(self.model, 0.5 * self.model.dt)
+        return [found[point] for point in range(len(self.model.contact_pairs))]
+
+    @cached_property
+    def _kappa(self) -> Floats:
+        """``-N^T M^-1 Sigma / s``, (P,)."""
+        mass, out = self.model.mass, np.zeros(len(self._end_forces))
+        rows = self.model.sides(0.5 * self.model.dt)
+        for p, (end_force, sides) in enumerate(zip(self._end_forces, rows, strict=True)):
+            out[p] = -sum(float(side.response @ end_force.rows[side.node]) for side in sides if mass[side.node] > 0.0)
+        return out / self._delassus
+
+    def _oscillators(self, dt: float) -> _Oscillators:
+        """Return the closed gaps and open end elements; none has stiffness at a frequency of 0 or less."""
+        gamma, softens = np.zeros(self._delassus.size), np.zeros(self._delassus.size)
+        for bound_law in self.model.laws_at(dt):
+            linear: Any = bound_law.linear
+            gamma[list(bound_law.where)] = linear.gap / linear.sigma
+            softens[list(bound_law.where)] = linear.softens
+        return _Oscillators(self._delassus * gamma * (1.0 - softens * self._kappa), softens)
+
+    def _stiffening(self, dt: float, softens: Floats) -> float:
+        """Return the share of ``(4/dt^2) M - K`` that stiffer end elements of open contacts take; inf without any."""
+        factors = self.pencil.factors(dt)
+        if factors is None:
+            return np.inf
+        harmful = np.flatnonzero(softens < 0.0)
+        if not harmful.size:
+            return 0.0
+        out = np.zeros((harmful.size, harmful.size))
+        for body, factor in zip(self.pencil.bodies, factors, strict=True):
+            axis = self.model.body_of(body.first).mesh.direction
+            columns = np.zeros((body.mass.size, harmful.size))
+            for column, p in enumerate(harmful):
+                for node, row in self._end_forces[p].rows.items():
+                    if body.first <= node < body.first + body.mass.size:
+                        columns[node - body.first, column] += float(row @ axis)
+            if columns.any():
+                out += columns.T @ body.solve(factor, columns)
+        root = np.sqrt(-softens[harmful])
+        return largest_eigenvalue(root[:, None] * out * root)
+
+    @cached_property
+    def free(self) -> float:
+        """Largest step that is stable without contact and without laws."""
+        return free_step(self.pencil)
+
+    def assess_step(self, dt: float) -> StepAssessment:
+        """Return the assessment of a step."""
+        frequency_squared, softens = self._oscillators(dt)
+        too_soft = np.flatnonzero(frequency_squared <= 0.0)
+        if too_soft.size:
+            why = "the law takes all stiffness of the end elements: gamma has to exceed theta kappa"
+            return StepAssessment(False, [int(p) for p in too_soft[:1]], doubt=why)
+        too_stiff = np.flatnonzero(dt**2 * frequency_squared > LIMIT * (1.0 + SAME))
+        if too_stiff.size:
+            return StepAssessment(False, [int(p) for p in too_stiff[:1]])
+        share = self._stiffening(dt, softens)
+        if not share < 1.0:
+            return StepAssessment(False)
+        fastest = int(np.argmax(frequency_squared))
+        return StepAssessment(True, [fastest] if dt**2 * frequency_squared[fastest] / LIMIT >= share else [])
+
+    def _excess(self, dt: float) -> float:
+        """Return the signed distance of a step from the critical one, as `percuss.certificate.pencil.largest_step`."""
+        frequency_squared, softens = self._oscillators(dt)
+        share = self._stiffening(dt, softens)
+        if (frequency_squared <= 0.0).any() or not np.isfinite(share):
+            return 1.0
+        numbers = dt**2 * float(frequency_squared.max()) / LIMIT, share
+        return max((number - 1.0) / (number + 1.0) for number in numbers)
+
+    @cached_property
+    def critical_step(self) -> float:
+        """Largest stable step, with laws bound anew for each step tried."""
+        return self.free if self.free in {0.0, np.inf} else largest_step_below(self._excess, self.free)
+
+
+class EnergyAtEndCriterion(DecoupledGapsCriterion):
+    """Criterion of laws at the end of the step that push what they see, at all contacts.
+
+    Closed contacts need no shorter step. The bodies have to be stable while contacts are open.
+    """
+
+    by: ClassVar[str] = "energy-at-end"
+
+    def _oscillators(self, dt: float) -> _Oscillators:
+        frequency_squared, softens = super()._oscillators(dt)
+        return _Oscillators(np.where(frequency_squared > 0.0, np.finfo(float).tiny, frequency_squared), softens)
