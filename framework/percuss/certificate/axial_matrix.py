@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.lapack import lapack
+from percuss.solver.coupled_masses import pencil_bands, times
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -31,29 +32,51 @@ class AxialMatrix(NamedTuple):
         Diagonal of the stiffness.
     off : (n - 1,) array or (k, n) array
         What stands beside it, as `percuss.solver.entities.Body.axial_band` has it.
+    inverse : (k + 1, n) array
+        Bands of M^-1 where the mass couples nodes, (0, n) where it is diagonal; `mass` is then no part of the matrices.
     """
 
     first: int
     mass: Floats
     diagonal: Floats
     off: Floats
+    inverse: Floats
+
+    @property
+    def coupled(self) -> bool:
+        """Whether the mass couples nodes."""
+        return self.inverse.size > 0
 
     @property
     def tridiagonal(self) -> bool:
-        """Whether the matrix has one diagonal beside the main one."""
-        return self.off.ndim == 1
+        """Whether the matrices are one with one diagonal beside the main one, and a diagonal one."""
+        return self.off.ndim == 1 and not self.coupled
 
     def full(self) -> Floats:
         """Return the stiffness, (n, n)."""
         size = self.mass.size
         stiffness = np.diag(self.diagonal)
-        for k, off in enumerate([self.off] if self.tridiagonal else self.off, start=1):
+        for k, off in enumerate([self.off] if self.off.ndim == 1 else self.off, start=1):
             rows = np.arange(size - k)
             stiffness[rows, rows + k] = stiffness[rows + k, rows] = off[: size - k]
         return stiffness
 
+    def mass_root(self) -> Floats:
+        """Return a matrix L with ``M^-1 = L L^T``, (n, n), of a mass that couples nodes."""
+        inverse = np.diag(self.inverse[0])
+        for k, off in enumerate(self.inverse[1:], start=1):
+            inverse += np.diag(off[:-k], k) + np.diag(off[:-k], -k)
+        return np.linalg.cholesky(inverse)
+
     def factor(self, scale: float) -> Any:
-        """Return a factor of ``scale M - K``, None unless that is positive definite."""
+        """Return a factor of ``scale M - K``, None unless that is positive definite.
+
+        Where the mass couples nodes it is that of ``M^-1 (scale M - K) M^-1``, of which the same holds.
+        """
+        if self.coupled:
+            inverse, stiffness = pencil_bands(self.inverse, self.diagonal, self.off)
+            factor, failed = lapack().dpbtrf(scale * inverse - stiffness, lower=1)
+            return None if failed else factor
         if self.tridiagonal:
             *factor, failed = lapack().dpttrf(
                 scale * self.mass - self.diagonal, -self.off if self.off.size else np.zeros(1)
@@ -65,6 +88,8 @@ class AxialMatrix(NamedTuple):
 
     def solve(self, factor: Any, columns: Floats) -> Floats:
         """Return ``(scale M - K)^-1`` times (n, m) columns, from the `factor`."""
+        if self.coupled:
+            return times(self.inverse, lapack().dpbtrs(factor, times(self.inverse, columns), lower=1)[0])
         if self.tridiagonal:
             return lapack().dpttrs(*factor, columns)[0]  # type: ignore[no-any-return]
         return lapack().dpbtrs(factor, columns, lower=1)[0]  # type: ignore[no-any-return]
@@ -90,7 +115,11 @@ class AxialMatrix(NamedTuple):
 
     def _by_bisection(self) -> float:
         """Return the smallest number s for which ``s M - K`` is positive definite."""
-        low = float((self.diagonal / self.mass).max())  # an entry of the diagonal is no larger than the eigenvalue
+        diagonal = self.diagonal / self.mass
+        if self.coupled:
+            inverse, stiffness = pencil_bands(self.inverse, self.diagonal, self.off)
+            diagonal = stiffness[0] / inverse[0]
+        low = float(diagonal.max())  # the quotient of one direction is no larger than the eigenvalue
         if low == 0.0:
             return 0.0
         high = low

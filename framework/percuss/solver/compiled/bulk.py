@@ -41,6 +41,9 @@ class Bulk(NamedTuple):
     force: Floats  # ((BLOCK + 2) * dim,) work space
     viscous_time: float  # time by which internal forces look ahead along the velocity of half a step before
     ahead: Floats  # ((BLOCK + 2) * dim,) work space for that, or (0,) without viscosity
+    coupling: Floats  # (nodes, 2 k + 1) M^-1 diag(m) of masses that couple nodes, or (0, 0): `coupled_masses`
+    factor: Floats  # (k + 1, nodes) Cholesky factor of M^-1, or (0, 0)
+    change: Floats  # (nodes * dim,) change of the velocities that `mass` alone would give, or (0,)
 
 
 def advance_bars(
