@@ -115,8 +115,7 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
     forces(system.groups, u, a, dim)
     for i in range(nodal):
         a[i] *= inverse_mass[i]
-    if system.masses.change.size > 0:
-        couple_accelerations(system.masses, a, dim)
+    couple_accelerations(system.masses, a, dim)
     for i in range(system.body_forces.size):
         body_force = system.body_forces[i]
         for j in range(body_force.start, body_force.stop):
@@ -165,8 +164,7 @@ def internal_accelerations(system: System, stage: int, u: Floats, f: Floats) -> 
     forces(system.groups_aside, u, f, dim)
     for i in range(nodal):
         f[i] *= -inverse_mass[i]  # the kernels of elements return the force on the nodes, which is -f_int
-    if system.masses.change.size > 0:
-        couple_accelerations(system.masses, f, dim)
+    couple_accelerations(system.masses, f, dim)
     for i in range(nodal, f.size):
         f[i] = 0.0
     keep_ends(boundary.neighbours, boundary.boundary_dofs, f)
