@@ -64,7 +64,7 @@ def carry_to_neighbours(neighbours: Any, boundary_dofs: Any) -> None:
 
 
 def couple_accelerations(masses: Bulk, a: Floats, dim: int) -> None:
-    """Turn the accelerations of nodal masses, ``diag(m)^-1 f``, into ``M^-1 f``, in place, where masses couple nodes."""
+    """Turn the accelerations of nodal masses, ``diag(m)^-1 f``, into ``M^-1 f``, in place, if masses couple nodes."""
     change, coupling = masses.change, masses.coupling
     if change.size == 0:
         return

@@ -1,0 +1,209 @@
+"""Masses that couple nodes: reciprocal mass matrices against dense ones, dispersion relations and identities."""
+
+import copy
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import eigh
+
+import percuss
+from dense import assemble
+from dense import march as dense_march
+from percuss import Lumping, Mass
+from percuss_methods.masses.reciprocal import Reciprocal
+from strategies import hunek, nudged
+
+LEAP_FROG = ("central-difference", "wu-predictor-corrector")
+LAWS = (
+    {"name": "penalty", "beta_s": 0.7},
+    {"name": "bipenalty", "beta_s": 1.5, "ratio": "matched"},
+    {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0},
+    {"name": "lagrange"},
+)
+CONSISTENCIES = (1.0, 0.375, -0.5, -1.5)
+
+
+def ran(case, overrides=None, **options):
+    return percuss.run(percuss.load(case), overrides, compiled=False, **options)
+
+
+def reciprocal_inverse(bars, consistency):
+    """Return M^-1 from the matrices of the elements, with `numpy.linalg.inv` of each."""
+    total, lumped = np.zeros(bars.M.shape), np.diag(bars.M)
+    for name, lengths in bars.lengths.items():
+        given = bars.given[name]
+        for e, h in enumerate(lengths):
+            mass = given["material"]["density"] * given["area"] * h
+            consistent = mass / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+            element = (1.0 - consistency) * 0.5 * mass * np.eye(2) + consistency * consistent
+            half = 0.5 * mass * np.eye(2)
+            i = bars.start[name] + e
+            total[i : i + 2, i : i + 2] += half @ np.linalg.inv(element) @ half
+    return total / np.outer(lumped, lumped)
+
+
+def reciprocal_mass(consistency):
+    return lambda bars: np.linalg.inv(reciprocal_inverse(bars, consistency))
+
+
+def uniform(count, consistency):
+    """Return M^-1, K and the nodal masses of a free bar of equal elements with c = h = 1."""
+    bars = assemble({"bodies": {"a": {"bar": {"length": float(count), "elements": count}, "area": 1.0,
+                                      "material": {"young": 1.0, "density": 1.0}}}})  # fmt: skip
+    return reciprocal_inverse(bars, consistency), bars.K, np.diag(bars.M)
+
+
+# ----------------------------------------------------------------------------------------------------- the matrices
+
+
+@pytest.mark.parametrize("consistency", CONSISTENCIES)
+def test_bands_are_those_of_the_element_matrices(consistency):
+    bar = {"bar": {"length": 3.0, "elements": 9, "grading": 0.2}, "area": 1.5}
+    bars = assemble({"bodies": {"a": bar | {"material": {"young": 1.0, "density": 0.7}}}})
+    element_mass = 0.7 * 1.5 * bars.lengths["a"]
+    bands = Reciprocal(consistency=consistency).inverse(element_mass, Lumping.of_line(9))
+    expected = reciprocal_inverse(bars, consistency)
+    assert bands[0] == pytest.approx(np.diag(expected), rel=1e-13)
+    assert bands[1, :-1] == pytest.approx(np.diag(expected, 1), rel=1e-13)
+    assert np.abs(np.triu(expected, 2)).max() == 0.0
+    assert np.linalg.eigvalsh(expected).min() > 0.0
+    # A body that moves as a whole has its mass: C m = 1.
+    assert expected @ np.diag(bars.M) == pytest.approx(np.ones(10), rel=1e-13)
+
+
+@pytest.mark.parametrize("consistency", [*CONSISTENCIES, 0.0])
+def test_waves_have_the_frequencies_of_the_dispersion_relation(consistency):
+    """(omega h / c)^2 = 2 z + (s - 1) z^2, with z = 1 - cos(kappa h) and s = 1 / (1 - 2 b / 3)."""
+    count = 40
+    inverse, stiffness, _ = uniform(count, consistency)
+    ends = np.zeros(count + 1)
+    ends[[0, -1]] = 1.0
+    s = 1.0 / (1.0 - 2.0 * consistency / 3.0)
+    for k in (1, 7, 20, 33, count):
+        wave = np.cos(np.pi * k * np.arange(count + 1) / count)
+        z = 1.0 - math.cos(math.pi * k / count)
+        # The ends are half elements of the same periodic row, so that standing waves are exact there too.
+        assert inverse @ stiffness @ wave == pytest.approx((2.0 * z + (s - 1.0) * z**2) * wave, abs=1e-12)
+
+
+def test_the_highest_frequencies_are_those_that_the_docstring_tells():
+    count = 50
+    for consistency, squared in ((1.0, 12.0), (0.375, 16.0 / 3.0), (0.0, 4.0), (-1.5, 2.0)):
+        inverse, stiffness, _ = uniform(count, consistency)
+        highest = np.linalg.eigvals(inverse @ stiffness).real.max()
+        assert highest == pytest.approx(squared, rel=1e-12)
+        case = hunek(7, integrator="central-difference", contact={"name": "lagrange"})
+        case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
+        courant = 2.0 / math.sqrt(squared)
+        critical = percuss.stability(percuss.load(case))[0]["courant_critical"]
+        assert critical == pytest.approx(courant, rel=1e-9)
+    # Consistent mass itself has the same highest frequency, sqrt(12) c / h.
+    bars = assemble({"bodies": {"a": {"bar": {"length": 9.0, "elements": 9}, "area": 1.0,
+                                      "material": {"young": 1.0, "density": 1.0}}}})  # fmt: skip
+    consistent = np.zeros((10, 10))
+    for e in range(9):
+        consistent[e : e + 2, e : e + 2] += np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
+    assert eigh(bars.K, consistent, eigvals_only=True)[-1] == pytest.approx(12.0, rel=1e-12)
+
+
+def test_below_the_least_consistency_the_shortest_wave_is_not_the_fastest():
+    """Why the option has that bound: below it the frequency has its maximum inside the range of waves."""
+    z = np.linspace(0.0, 2.0, 2001)
+    for consistency, falls in ((-1.5, False), (-1.6, True)):
+        squared = 2.0 * z + (1.0 / (1.0 - 2.0 * consistency / 3.0) - 1.0) * z**2
+        assert (np.diff(squared) < 0.0).any() == falls
+
+
+def test_long_waves_are_of_fourth_order_at_three_eighths():
+    def error(consistency, kappa):
+        z, s = 1.0 - math.cos(kappa), 1.0 / (1.0 - 2.0 * consistency / 3.0)
+        return abs(math.sqrt(2.0 * z + (s - 1.0) * z**2) / kappa - 1.0)
+
+    for consistency, order in ((1.0, 2), (0.0, 2), (0.375, 4)):
+        assert math.log2(error(consistency, 0.2) / error(consistency, 0.1)) == pytest.approx(order, abs=0.05)
+    # Without steps in time the phase error of long waves is (5/24) (kappa h)^2, for lumped mass -(1/24).
+    assert error(1.0, 0.01) == pytest.approx(5.0 / 24.0 * 1e-4, rel=1e-3)
+    assert error(0.0, 0.01) == pytest.approx(1.0 / 24.0 * 1e-4, rel=1e-3)
+
+
+# -------------------------------------------------------------------------------------------- against dense matrices
+
+
+@st.composite
+def rows(draw):
+    """Draw rows of one to three unlike bars, that hit each other or a wall, held, driven or loaded at the last end."""
+    number = lambda low, high: draw(st.integers(round(100 * low), round(100 * high))) / 100  # noqa: E731
+    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
+    for k, name in enumerate(names):
+        bodies[name] = {
+            "bar": {
+                "length": number(0.5, 3.0),
+                "elements": draw(st.integers(2, 8)),
+                "grading": draw(st.sampled_from([1.0, 0.5, 2.0])),
+            },
+            "material": {"young": number(20, 200), "density": number(0.01, 0.1)},
+            "area": number(0.5, 2.0),
+            "at": at,
+            "velocity": number(0.1, 1.0) * (-1.0 if k else 1.0),
+        }
+        at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
+    contacts = {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+    if draw(st.booleans()):  # two contacts at one end
+        first = bodies["a"]["bar"]["length"]
+        contacts["stop"] = {"body": "a.right", "wall": round(first + draw(st.sampled_from([0.0, 0.01])), 6)}
+    last, end = bodies[names[-1]], f"{names[-1]}.right"
+    ending = draw(st.sampled_from(["wall", "fixed", "loaded", "driven"]))
+    if len(names) == 1 and ending != "wall":
+        contacts.setdefault("start", {"body": "a.left", "wall": -0.01})
+    if ending == "wall":
+        wall = round(last["at"] + last["bar"]["length"] + draw(st.sampled_from([0.0, 0.05])), 6)
+        contacts.setdefault("stop" if len(names) == 1 else "wall", {"body": end, "wall": wall})
+    elif "stop" in contacts and len(names) == 1:
+        del contacts["stop"]
+    loads = {}
+    if ending == "fixed":
+        last["fixed"] = ["right"]
+    if ending == "loaded":
+        loads["push"] = {"constant": number(-1.0, 1.0), "on": end}
+    if ending == "driven":
+        loads["drive"] = {"prescribed-velocity": number(-0.5, 0.5), "on": end}
+    if ending != "driven" and draw(st.booleans()):
+        loads["weight"] = {"gravity": number(-2.0, 2.0)}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "loads": loads,
+        "method": {"integrator": draw(st.sampled_from(LEAP_FROG)), "contact": dict(draw(st.sampled_from(LAWS)))},
+        "time": {"steps": 100, "courant": number(0.15, 0.4), "on_unstable": "warn"},
+        "record": {"probes": [f"{name}.{side}" for name in names for side in ("left", "right")]},
+    }
+
+
+@settings(max_examples=40, deadline=None, derandomize=True, phases=(Phase.generate,))
+@given(rows(), st.sampled_from(CONSISTENCIES))
+def test_rows_of_bars_move_as_dense_matrices_move_them(case, consistency):
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
+    mass = reciprocal_mass(consistency)
+    dense = dense_march(case, mass=mass)
+    peak = np.abs(dense.force).max()
+    assume(0.0 < peak < 1e3)
+    other = dense_march(nudged(case, 1e-12), mass=mass).force
+    assume(np.abs(other - dense.force).max() < 1e-8 * peak)  # else round-off decides about openings
+    result = ran(case)
+    scale = np.abs(dense.u).max()
+    assert np.abs(result.arrays["contact_force"] - dense.force).max() < 1e-7 * peak
+    assert np.abs(result.arrays["gap"] - dense.gap).max() < 1e-8 * max(scale, np.abs(dense.gap).max())
+    ends = [dense.bars.node(probe) for probe in case["record"]["probes"]]
+    assert np.abs(result.arrays["displacement"][..., 0] - dense.u[:, ends]).max() < 1e-8 * scale
+    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+    assert np.abs(energy - dense.energy).max() < 1e-9 * dense.energy.max()
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    assert result.summary["momentum"]["error"] < 1e-12
+    if result.summary["certificate"]["stable"] == "yes":
+        assert result.summary["energy_growth"]["kept"] is not False
