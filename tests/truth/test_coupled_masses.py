@@ -1,9 +1,7 @@
 """Masses that couple nodes: reciprocal mass matrices against dense ones, dispersion relations and identities."""
 
-import copy
 import itertools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from scipy.linalg import eigh
 import percuss
 from dense import assemble
 from dense import march as dense_march
-from percuss import Lumping, Mass
+from percuss import Lumping
 from percuss_methods.masses.reciprocal import Reciprocal
 from strategies import hunek, nudged
 

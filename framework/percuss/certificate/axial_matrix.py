@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.lapack import lapack
-from percuss.solver.coupled_masses import pencil_bands, times
+from percuss.solver.coupled_masses import highest_eigenvalue, times
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-
-BRACKET = 2.0  # factor between two trials for a bracket of the highest eigenvalue
 
 
 class AxialMatrix(NamedTuple):
@@ -32,25 +30,21 @@ class AxialMatrix(NamedTuple):
         Diagonal of the stiffness.
     off : (n - 1,) array or (k, n) array
         What stands beside it, as `percuss.solver.entities.Body.axial_band` has it.
-    inverse : (k + 1, n) array
-        Bands of M^-1 where the mass couples nodes, (0, n) where it is diagonal; `mass` is then no part of the matrices.
+    coupled : (2, b, n) array
+        Bands of M^-1 and of ``M^-1 K M^-1`` where the mass couples nodes (`percuss.solver.coupled_masses`), in the
+        place of `mass`; (2, 0, n) where it is diagonal.
     """
 
     first: int
     mass: Floats
     diagonal: Floats
     off: Floats
-    inverse: Floats
-
-    @property
-    def coupled(self) -> bool:
-        """Whether the mass couples nodes."""
-        return self.inverse.size > 0
+    coupled: Floats
 
     @property
     def tridiagonal(self) -> bool:
         """Whether the matrices are one with one diagonal beside the main one, and a diagonal one."""
-        return self.off.ndim == 1 and not self.coupled
+        return self.off.ndim == 1 and not self.coupled.size
 
     def full(self) -> Floats:
         """Return the stiffness, (n, n)."""
@@ -63,18 +57,16 @@ class AxialMatrix(NamedTuple):
 
     def mass_root(self) -> Floats:
         """Return a matrix L with ``M^-1 = L L^T``, (n, n), of a mass that couples nodes."""
-        inverse = np.diag(self.inverse[0])
-        for k, off in enumerate(self.inverse[1:], start=1):
-            inverse += np.diag(off[:-k], k) + np.diag(off[:-k], -k)
-        return np.linalg.cholesky(inverse)
+        root: Floats = np.linalg.cholesky(times(self.coupled[0], np.eye(self.mass.size)))
+        return root
 
     def factor(self, scale: float) -> Any:
         """Return a factor of ``scale M - K``, None unless that is positive definite.
 
         Where the mass couples nodes it is that of ``M^-1 (scale M - K) M^-1``, of which the same holds.
         """
-        if self.coupled:
-            inverse, stiffness = pencil_bands(self.inverse, self.diagonal, self.off)
+        if self.coupled.size:
+            inverse, stiffness = self.coupled
             factor, failed = lapack().dpbtrf(scale * inverse - stiffness, lower=1)
             return None if failed else factor
         if self.tridiagonal:
@@ -88,8 +80,9 @@ class AxialMatrix(NamedTuple):
 
     def solve(self, factor: Any, columns: Floats) -> Floats:
         """Return ``(scale M - K)^-1`` times (n, m) columns, from the `factor`."""
-        if self.coupled:
-            return times(self.inverse, lapack().dpbtrs(factor, times(self.inverse, columns), lower=1)[0])
+        if self.coupled.size:
+            inverse = self.coupled[0]
+            return times(inverse, lapack().dpbtrs(factor, times(inverse, columns), lower=1)[0])
         if self.tridiagonal:
             return lapack().dpttrs(*factor, columns)[0]  # type: ignore[no-any-return]
         return lapack().dpbtrs(factor, columns, lower=1)[0]  # type: ignore[no-any-return]
@@ -116,20 +109,11 @@ class AxialMatrix(NamedTuple):
     def _by_bisection(self) -> float:
         """Return the smallest number s for which ``s M - K`` is positive definite."""
         diagonal = self.diagonal / self.mass
-        if self.coupled:
-            inverse, stiffness = pencil_bands(self.inverse, self.diagonal, self.off)
+        if self.coupled.size:
+            inverse, stiffness = self.coupled
             diagonal = stiffness[0] / inverse[0]
-        low = float(diagonal.max())  # the quotient of one direction is no larger than the eigenvalue
-        if low == 0.0:
-            return 0.0
-        high = low
-        while self.factor(high) is None:
-            low, high = high, BRACKET * high
-        while True:
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                return high
-            low, high = (low, middle) if self.factor(middle) is not None else (middle, high)
+        # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
+        return highest_eigenvalue(float(diagonal.max()), lambda scale: self.factor(scale) is not None)
 
     def highest_mode(self) -> tuple[float, Floats]:
         """Return the largest eigenvalue of ``M^-1 K`` [1/time^2] and its mode, scaled to the masses."""

@@ -47,7 +47,7 @@ class ClosedMatrix:
         for body, size in zip(pencil.bodies, sizes, strict=True):
             place = np.arange(at, at + size)
             free = size == pencil.model.body_of(body.first).mass.size
-            if body.coupled:  # with M^-1 = L L^T, L takes the place of M^-1/2
+            if body.coupled.size:  # with M^-1 = L L^T, L takes the place of M^-1/2
                 root_matrix = body.mass_root()
                 self.scaled[np.ix_(place, place)] = root_matrix.T @ body.full() @ root_matrix
                 self.normal[place] = root_matrix.T @ pencil.normals(body.first, size)

@@ -8,6 +8,7 @@ are banded, though M is full.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,13 +21,14 @@ from percuss.methods.plugin_calls import answer
 from percuss.solver.cells import lumping_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Collection, Iterable
 
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
     from percuss.methods.interfaces import Floats, Mesh
     from percuss.solver.entities import Body
 
+BRACKET = 2.0  # factor between two trials for a bracket of the highest eigenvalue
 SAME_TRANSLATION = 1e-9  # largest deviation of C m from 1 that counts as round-off
 
 
@@ -43,7 +45,7 @@ def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats
     Raises
     ------
     InputError
-        If the elements of the body have more than two nodes, or are so few that both ends are coupled.
+        If the elements of the body have more than two nodes.
     PluginError
         If the matrix is not positive definite, or gives a body that moves as a whole another mass than its nodes have.
     """
@@ -72,12 +74,37 @@ def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats
         raise breach(method, "inverse", f"{message}, expected 1 for the masses m of `nodal`: translation has that mass")
     if last == 0:  # 1/m to round-off
         return diagonal
-    if mesh.lengths.size <= last:
-        message = f"expected more than {last} elements in body '{spec.name}', found {mesh.lengths.size}"
-        advice = f"The mass {method.name} would couple both of its ends: give it more elements, or take another mass."
-        raise InputError([case.problem(("bodies", spec.name), message, advice)])
     band.flags.writeable = False
     return band
+
+
+def refuse_coupled_ends(case: Case, bodies: Iterable[Body], acted: Collection[int]) -> None:
+    """Refuse supports, drives and loads on an end whose motion the mass couples to the other end of its body.
+
+    Parameters
+    ----------
+    case, bodies
+        The case and its bodies.
+    acted
+        Nodes on which a support, a drive or a load acts.
+
+    Raises
+    ------
+    InputError
+        With one problem for each such body.
+    """
+    problems = []
+    for body in bodies:
+        reach, count = body.inverse.shape[0] - 1, body.stiffness.size
+        if count <= reach and not {body.start, body.stop - 1}.isdisjoint(acted):
+            name = case.method.mass.name
+            message = f"expected more than {reach} elements in body '{body.name}', found {count}"
+            advice = (
+                f"The mass {name} couples both of its ends, and a support, a drive or a load acts on one: take more."
+            )
+            problems.append(case.problem(("bodies", body.name), message, advice))
+    if problems:
+        raise InputError(problems)
 
 
 def times(band: Floats, columns: Floats) -> Floats:
@@ -154,6 +181,39 @@ def pencil_bands(band: Floats, diagonal: Floats, off: Floats) -> tuple[Floats, F
     for d in range(rows):
         stiffness[d, : size - d] = product.diagonal(-d)
     return inverse, stiffness
+
+
+def highest_eigenvalue(low: float, definite: Callable[[float], bool]) -> float:
+    """Return the smallest number s for which ``s M - K`` is positive definite, the square of a frequency.
+
+    Parameters
+    ----------
+    low
+        A number that is not larger.
+    definite
+        Whether the matrix is positive definite for a number.
+    """
+    if low == 0.0:
+        return 0.0
+    high = low
+    while not definite(high):
+        low, high = high, BRACKET * high
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return high
+        low, high = (low, middle) if definite(middle) else (middle, high)
+
+
+def highest_frequency(body: Body) -> float:
+    """Return the highest angular frequency of a body whose mass couples nodes, without supports [1/time]."""
+    inverse, stiffness = pencil_bands(body.inverse, *body.axial_band)
+
+    def definite(square: float) -> bool:
+        return lapack().dpbtrf(square * inverse - stiffness, lower=1)[1] == 0  # type: ignore[no-any-return]
+
+    # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
+    return math.sqrt(highest_eigenvalue(float((stiffness[0] / inverse[0]).max()), definite))
 
 
 def rows_for_the_loop(bodies: Iterable[Body]) -> tuple[Floats, Floats]:

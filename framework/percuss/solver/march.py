@@ -124,11 +124,7 @@ class March:
         model, dim = self.model, self.dim
         self.probes = recording.probe_nodes(model)
         contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-        acted_nodes = [
-            *(constraint.node for constraint in model.constraints),
-            *(nodal_force.node for nodal_force in model.nodal_forces),
-            *(follower.node for follower in model.followers),
-        ]
+        acted_nodes = model.acted_nodes
         self.moved_by = {node: model.body_of(node).response(node) for node in acted_nodes if model.couples_nodes}
         beside = [
             node

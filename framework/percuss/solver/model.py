@@ -23,7 +23,7 @@ from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
-from percuss.solver.coupled_masses import inverse_mass
+from percuss.solver.coupled_masses import inverse_mass, refuse_coupled_ends
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
@@ -136,6 +136,7 @@ class Model:
         loads = supports_and_loads(case, bodies, problems)
         _raise(problems)
         self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
+        refuse_coupled_ends(case, bodies.values(), self.acted_nodes)
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -291,6 +292,15 @@ class Model:
     def courant(self) -> float:
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.omega
+
+    @property
+    def acted_nodes(self) -> list[int]:
+        """Nodes on which a support, a drive or a load acts, each as often as that is so."""
+        return [
+            *(constraint.node for constraint in self.constraints),
+            *(nodal_force.node for nodal_force in self.nodal_forces),
+            *(follower.node for follower in self.followers),
+        ]
 
     def node(self, address: Address) -> int:
         """Return the node at an end of a body."""

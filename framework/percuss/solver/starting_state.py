@@ -60,10 +60,7 @@ def starting_velocity(model: Model) -> Floats:
 
 def _carry_to_neighbours(model: Model, velocity: Floats, before: Floats) -> None:
     """Change the velocities beside the ends on which loads, supports and drives act, as `before` has become theirs."""
-    ends = [constraint.node for constraint in model.constraints]
-    ends += [nodal_force.node for nodal_force in model.nodal_forces]
-    ends += [follower.node for follower in model.followers]
-    for end in dict.fromkeys(ends):
+    for end in dict.fromkeys(model.acted_nodes):
         response = model.body_of(end).response(end)
         for node, value in response.items():
             if node != end:

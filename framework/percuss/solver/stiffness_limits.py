@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.coupled_masses import pencil_bands, times
+from percuss.solver.coupled_masses import highest_frequency, pencil_bands, times
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -45,7 +45,8 @@ def stiffness_limits(
     for body in bodies:
         ends = [node for node in (body.start, body.stop - 1) if node in uses]
         if ends:
-            step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
+            highest = highest_frequency(body) if body.inverse.size else float(body.frequency.max())
+            step = min(dt, LARGEST_COURANT * 2.0 / highest)
             matrix = (body.stiffness,) if not body.mesh.cells else body.axial_band
             arrays = [array.tobytes() for array in (body.mass, body.inverse, *matrix)]
             alike = (step, *(node - body.start for node in ends), *arrays)
