@@ -1,5 +1,6 @@
 """Masses that couple nodes: reciprocal mass matrices against dense ones, dispersion relations and identities."""
 
+import copy
 import itertools
 import math
 
@@ -205,3 +206,128 @@ def test_rows_of_bars_move_as_dense_matrices_move_them(case, consistency):
     assert result.summary["momentum"]["error"] < 1e-12
     if result.summary["certificate"]["stable"] == "yes":
         assert result.summary["energy_growth"]["kept"] is not False
+
+
+@pytest.mark.parametrize("scheme", ["velocity-verlet", "noh-bathe"])
+def test_stages_accelerate_as_dense_matrices_do(scheme):
+    """Contact by a penalty, gravity, a load on an end and a held end, in the stages of a scheme."""
+    case = hunek(6, integrator=scheme, contact={"name": "penalty", "beta_s": 0.7}, courant=0.25)
+    case["bodies"]["short"]["bar"]["grading"] = 0.4
+    case["loads"] = {"weight": {"gravity": 0.3}, "push": {"constant": 0.01, "on": "short.left"}}
+    case["time"] = {"steps": 90, "courant": 0.2}
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": 0.8}
+    result = ran(case)
+    bars = assemble(case)
+    mass = np.linalg.inv(reciprocal_inverse(bars, 0.8))
+    free = np.delete(np.arange(bars.x.size), bars.node("long.right"))
+    normal = np.zeros(bars.x.size)
+    normal[[bars.node("short.right"), bars.node("long.left")]] = -1.0, 1.0
+    push = mass.sum(axis=1) * 0.3
+    push[bars.node("short.left")] += 0.01
+    stiffness = 0.7 * min(bars.end("short.right")[0], bars.end("long.left")[0])
+    dt = result.summary["dt"] if "dt" in result.summary else float(np.diff(result.arrays["time"])[0])
+
+    def acceleration(u):
+        pressing = stiffness * max(-float(normal @ u), 0.0) * normal
+        a = np.zeros(u.size)
+        a[free] = np.linalg.solve(mass[np.ix_(free, free)], (push - bars.K @ u + pressing)[free])
+        return a
+
+    u, v = np.zeros(bars.x.size), bars.v.copy()
+    v[bars.node("long.right")] = 0.0
+    a, displacements = acceleration(u), []
+    p = 0.54
+    a0, a1, a2 = p * dt, 0.5 * (p * dt) ** 2, 0.5 * p * dt
+    a3, a4 = (1.0 - p) * dt, 0.5 * ((1.0 - p) * dt) ** 2
+    q1 = (1.0 - 2.0 * p) / (2.0 * p * (1.0 - p))
+    q2, q0 = 0.5 - p * q1, -q1 - (0.5 - p * q1) + 0.5
+    a5, a6, a7 = q0 * a3, (0.5 + q1) * a3, q2 * a3
+    for _ in range(91):
+        displacements.append(u)
+        if scheme == "velocity-verlet":
+            after = u + dt * v + 0.5 * dt**2 * a
+            following = acceleration(after)
+            u, v, a = after, v + 0.5 * dt * (a + following), following
+            continue
+        inside = u + a0 * v + a1 * a
+        first = acceleration(inside)
+        speed = v + a2 * (a + first)
+        after = inside + a3 * speed + a4 * first
+        following = acceleration(after)
+        u, v, a = after, speed + a5 * a + a6 * first + a7 * following, following
+    ends = [bars.node(probe) for probe in case["record"]["probes"]]
+    expected = np.array(displacements)[:, ends]
+    assert result.arrays["contact_force"].max() > 0.0
+    assert np.abs(result.arrays["displacement"][..., 0] - expected).max() < 1e-10 * np.abs(expected).max()
+    assert result.summary["momentum"]["error"] < 1e-12
+
+
+# -------------------------------------------------------------------------------------------------------- stability
+
+
+def dense_pencil(case, consistency):
+    """Return M, K and N of the free nodes of a case."""
+    bars = assemble(case)
+    mass = np.linalg.inv(reciprocal_inverse(bars, consistency))
+    free = np.delete(np.arange(bars.x.size), bars.node("long.right"))
+    normal = np.zeros(bars.x.size)
+    normal[[bars.node("short.right"), bars.node("long.left")]] = -1.0, 1.0
+    return bars, mass[np.ix_(free, free)], bars.K[np.ix_(free, free)], normal[free]
+
+
+@pytest.mark.parametrize("consistency", CONSISTENCIES)
+@pytest.mark.parametrize("law", [*LAWS, {"name": "tied"}])
+@pytest.mark.parametrize("integrator", LEAP_FROG)
+def test_the_critical_step_is_that_of_dense_matrices(consistency, law, integrator):
+    case = hunek(7, integrator=integrator, contact=dict(law), courant=0.2)
+    case["bodies"]["short"] |= {"area": 2.0, "bar": {"length": 10.0, "elements": 7, "grading": 0.3}}
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
+    certificate = ran(case).summary["certificate"]
+    bars, mass, stiffness, normal = dense_pencil(case, consistency)
+    free = 2.0 / math.sqrt(eigh(stiffness, mass, eigvals_only=True)[-1])
+    assert certificate["dt_critical_free"] == pytest.approx(free, rel=1e-10)
+    assert certificate["by"] == "pencil"
+
+    def grows(dt):
+        """Whether the bodies grow without contact, or a power of the amplification matrix of (u_n, u_n-1) with it."""
+        sides = [bars.end("short.right"), bars.end("long.left")]
+        eye, inverse = np.eye(normal.size), np.linalg.inv(mass)
+        step = 2.0 * eye - dt**2 * inverse @ stiffness
+        if law["name"] in {"lagrange", "tied"}:
+            back = eye - np.outer(inverse @ normal, normal) / (normal @ inverse @ normal)
+            top, before = back @ step, -back
+        else:
+            ratio = dt**2 if law.get("ratio") == "matched" else 1.0 / min(side[1] for side in sides) ** 2
+            spring = law["beta_s"] * min(sides)[0]
+            inertia = spring * ratio if law["name"] == "bipenalty" else 0.0
+            if integrator == "central-difference":
+                whole = np.linalg.inv(mass + inertia * np.outer(normal, normal))
+                step = 2.0 * eye - dt**2 * whole @ (stiffness + spring * np.outer(normal, normal))
+                top, before = step, -eye
+            else:
+                s = normal @ inverse @ normal
+                pull = dt**2 * spring / (1.0 + inertia * s) * np.outer(inverse @ normal, normal)
+                top, before = (eye - pull) @ step, -(eye - pull)
+        matrix = np.block([[top, before], [eye, np.zeros_like(eye)]])
+        moduli = np.abs(np.linalg.eigvals(matrix))
+        return dt > free or (moduli > 1.0 + 1e-7).any()
+
+    critical = certificate["dt_critical"]
+    assert critical <= free * (1.0 + 1e-9)
+    for share in (0.3, 0.6, 0.9, 0.99, 0.9999):
+        assert not grows(share * critical)
+    assert grows(1.001 * critical)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("integrator", LEAP_FROG)
+def test_a_chosen_step_is_stable_and_just_above_the_critical_one_is_not(law, integrator):
+    case = hunek(9, integrator=integrator, contact=dict(law), courant="auto", end=0.5)
+    case["time"]["on_unstable"] = "warn"  # central difference has no bound on what bipenalty gains at each opening
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": -1.5}
+    summary = ran(case).summary
+    assert summary["certificate"]["stable"] == "yes"
+    assert summary["certificate"]["margin"] == pytest.approx(0.9, rel=1e-6)
+    above = copy.deepcopy(case)
+    above["time"] = {"end": 0.1, "step": 1.001 * summary["certificate"]["dt_critical"], "on_unstable": "warn"}
+    assert ran(above).summary["certificate"]["stable"] == "no"

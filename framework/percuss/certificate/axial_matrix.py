@@ -57,8 +57,8 @@ class AxialMatrix(NamedTuple):
 
     def mass_root(self) -> Floats:
         """Return a matrix L with ``M^-1 = L L^T``, (n, n), of a mass that couples nodes."""
-        root: Floats = np.linalg.cholesky(times(self.coupled[0], np.eye(self.mass.size)))
-        return root
+        root = np.linalg.cholesky(times(self.coupled[0], np.eye(self.mass.size)))
+        return np.asarray(root, dtype=np.float64)
 
     def factor(self, scale: float) -> Any:
         """Return a factor of ``scale M - K``, None unless that is positive definite.
