@@ -145,7 +145,15 @@ class March:
         coupling, factor = rows_for_the_loop(model.bodies.values())
         change = np.zeros(mass.size if coupling.size else 0)
         self.bulk = bulk.Bulk(
-            mass, inverse, np.zeros(work_space), model.viscosity * model.dt, ahead, coupling, factor, change
+            mass,
+            inverse,
+            np.zeros(work_space),
+            model.viscosity * model.dt,
+            ahead,
+            coupling,
+            factor,
+            change.copy(),
+            change,
         )
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.state_variables = StateVariables.of(model, self.kernel_laws)

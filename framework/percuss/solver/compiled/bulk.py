@@ -43,6 +43,7 @@ class Bulk(NamedTuple):
     ahead: Floats  # ((BLOCK + 2) * dim,) work space for that, or (0,) without viscosity
     coupling: Floats  # (nodes, 2 k + 1) M^-1 diag(m) of masses that couple nodes, or (0, 0): `coupled_masses`
     factor: Floats  # (k + 1, nodes) Cholesky factor of M^-1, or (0, 0)
+    before: Floats  # (nodes * dim,) displacements before the step, or (0,)
     change: Floats  # (nodes * dim,) change of the velocities that `mass` alone would give, or (0,)
 
 

@@ -25,10 +25,11 @@ NEIGHBOUR = np.dtype(
 )
 
 
-def keep_velocities(masses: Bulk, v: Floats) -> None:
-    """Keep the velocities before the bulk update."""
+def keep_state(masses: Bulk, u: Floats, v: Floats) -> None:
+    """Keep displacements and velocities before the bulk update."""
     for i in range(masses.change.size):
         masses.change[i] = v[i]
+        masses.before[i] = u[i]
 
 
 def couple_nodes(masses: Bulk, u: Floats, v: Floats, internal_work: Floats, dim: int, dt: float) -> None:
@@ -49,7 +50,7 @@ def couple_nodes(masses: Bulk, u: Floats, v: Floats, internal_work: Floats, dim:
             j = i * dim + d
             correction = coupled - change[j]
             v[j] += correction
-            u[j] += dt * correction
+            u[j] = masses.before[j] + dt * v[j]  # a correction of u would be rounded twice, to one side
             work += mass[j] * change[j] * correction
     if internal_work.size > 0:  # body forces do no work on corrections, which leave the momentum as it is
         internal_work[0] -= 0.5 * work

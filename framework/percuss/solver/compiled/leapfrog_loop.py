@@ -25,7 +25,7 @@ from percuss.solver.compiled.coupled_masses import (
     carry_to_neighbours,
     couple_nodes,
     coupled_kinetic,
-    keep_velocities,
+    keep_state,
 )
 from percuss.solver.compiled.ends_without_mass import (
     compress_elements,
@@ -333,7 +333,7 @@ def make_step(
     else:
         for i in range(boundary.momentum.size):
             boundary.momentum[i] = 0.0
-        keep_velocities(masses, v)
+        keep_state(masses, u, v)
         bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
         if masses.change.size > 0:
             couple_nodes(masses, u, v, boundary.internal_work, dim, dt)
