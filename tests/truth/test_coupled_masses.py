@@ -331,3 +331,307 @@ def test_a_chosen_step_is_stable_and_just_above_the_critical_one_is_not(law, int
     above = copy.deepcopy(case)
     above["time"] = {"end": 0.1, "step": 1.001 * summary["certificate"]["dt_critical"], "on_unstable": "warn"}
     assert ran(above).summary["certificate"]["stable"] == "no"
+
+
+def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_matrices():
+    """Three bars at one point under bipenalty laws of unlike eps_m / eps_s: theta alone does not decide there."""
+    bar = {"bar": {"length": 1.0, "elements": 4}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
+    case = {
+        "percuss": 1,
+        "bodies": {"a": bar | {"velocity": 0.1}, "b": bar | {"at": 1.0}, "c": bar | {"at": 1.0, "area": 0.6}},
+        "contacts": {"ab": {"between": ["a.right", "b.left"]}, "ac": {"between": ["a.right", "c.left"]}},
+        "method": {
+            "integrator": "wu-predictor-corrector",
+            "contact": "lagrange",
+            "mass": {"name": "reciprocal", "consistency": 0.8},
+        },
+        "time": {"steps": 5, "courant": 0.4, "on_unstable": "warn"},
+    }  # fmt: skip
+    for name, stiffness, inertia in (("ab", 9.0, 0.3), ("ac", 5.0, 1e-9)):
+        case["contacts"][name]["method"] = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": inertia}
+    from percuss.certificate.closed_contacts import closed_contacts
+    from percuss.certificate.pencil import Pencil
+    from percuss.certificate.unequal_contacts import ClosedMatrix
+    from percuss.solver.model import Model
+
+    model = Model(percuss.load(case))
+    inverse = reciprocal_inverse(assemble(case), 0.8)
+    stiffness, size = assemble(case).K, inverse.shape[0]
+    normals = np.zeros((size, 2))
+    normals[[4, 5], 0], normals[[4, 10], 1] = (-1.0, 1.0), (-1.0, 1.0)
+    laws, dt = closed_contacts(model, model.dt), model.dt
+    left = np.diag([1.0 / 9.0, 1.0 / 5.0]) + np.array([[0.3 / 9.0], [1e-9 / 5.0]]) * (normals.T @ inverse @ normals)
+    back = np.eye(size) - dt**2 * inverse @ normals @ np.linalg.solve(left, normals.T)
+    top = back @ (2.0 * np.eye(size) - dt**2 * inverse @ stiffness)
+    values = np.linalg.eigvals(np.block([[top, -back], [np.eye(size), np.zeros((size, size))]]))
+    moving = values[np.abs(values - 1.0) > 1e-5]  # rigid motions are defective eigenvalues at 1
+    expected = np.abs(moving).max()
+    assert ClosedMatrix(Pencil(model)).radius(dt, laws, [0, 1]) == pytest.approx(expected, abs=1e-9)
+
+
+# -------------------------------------------------------------------------------------------------------- identities
+
+
+def test_without_consistency_it_is_lumped_to_the_last_bit():
+    case = hunek(12)
+    lumped = percuss.run(percuss.load(case))
+    reciprocal = percuss.run(percuss.load(case), {"method.mass": {"name": "reciprocal", "consistency": 0.0}})
+    for name in ("contact_force", "gap", "displacement", "kinetic_energy"):
+        assert (lumped.arrays[name] == reciprocal.arrays[name]).all()
+    # With hardly any it is nearly that, by the way of all masses that couple nodes.
+    nearly = percuss.run(percuss.load(case), {"method.mass": {"name": "reciprocal", "consistency": 1e-9}})
+    assert 0.0 < np.abs(nearly.arrays["displacement"] - lumped.arrays["displacement"]).max() < 1e-8
+
+
+@pytest.mark.parametrize("contact", [{"name": "bipenalty", "beta_s": 0.5}, {"name": "lagrange"}])
+def test_a_row_that_is_turned_in_the_plane_moves_as_on_the_line(contact):
+    case = hunek(6, contact=contact)
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": 0.7}
+    case["loads"] = {"push": {"constant": 0.02, "on": "short.left"}}
+    turned = copy.deepcopy(case)
+    for body in turned["bodies"].values():
+        body["bar"]["direction"] = [0.6, 0.8]
+        body["at"] = [0.6 * body.get("at", 0.0), 0.8 * body.get("at", 0.0)]
+    line, plane = ran(case), ran(turned)
+    assert np.abs(plane.arrays["contact_force"] - line.arrays["contact_force"]).max() < 1e-12
+    along = plane.arrays["displacement"] @ np.array([0.6, 0.8])
+    assert np.abs(along - line.arrays["displacement"][..., 0]).max() < 1e-12
+    assert plane.summary["energy"]["ledger_error"] < 1e-12
+
+
+@pytest.mark.parametrize("consistency", CONSISTENCIES)
+def test_a_body_that_moves_or_falls_as_a_whole_stays_unstrained(consistency):
+    bar = {"length": 2.0, "elements": 9, "grading": 0.3}
+    body = {"bar": bar, "material": {"young": 100.0, "density": 0.01}, "area": 1.0, "velocity": 0.2}
+    case = {
+        "percuss": 1,
+        "bodies": {"a": body},
+        "contacts": {"floor": {"body": "a.left", "wall": -5.0}},
+        "loads": {"weight": {"gravity": -3.0}},
+        "method": {"mass": {"name": "reciprocal", "consistency": consistency}},
+        "time": {"step": 2e-4, "steps": 300},
+    }
+    result = ran(case)
+    assert result.arrays["elastic_energy"].max() < 1e-20
+    time = result.arrays["time"]
+    assert np.abs(result.arrays["displacement"][:, 0, 0] - (0.2 * time - 1.5 * time**2)).max() < 1e-12
+
+
+def test_other_methods_balance_with_it():
+    """Viscosity, bodies that are not linear, loads that follow the motion, laws that shift, laws with a kernel."""
+    for change in (
+        {"method.integrator": "viscous-central-difference", "method.contact": "penalty"},
+        {"bodies.long.element": "green-bar"},
+        {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
+        {"loads": {"end": {"absorbing": {}, "on": "short.left"}}},
+        {"loads": {"end": {"spring-dashpot": {"stiffness": 3.0, "damping": 0.4}, "on": "short.left"}}},
+        {"method.integrator": "central-difference", "method.contact": "decomposition-contact-response"},
+        {"method.contact": "uzawa"},
+        {"method.contact": "hunt-crossley"},
+        {"loads": {"shake": {"harmonic": {"value": 0.2, "frequency": 3.0}, "on": "long.right", "as": "velocity",
+                             "from": 0.1, "until": 0.3}}, "bodies.long.fixed": []},
+    ):  # fmt: skip
+        case = hunek(10, courant=0.3, end=0.5)
+        case["method"]["mass"] = {"name": "reciprocal", "consistency": 0.9}
+        result = ran(case, change)
+        assert result.arrays["contact_force"].max() > 0.0, change
+        assert result.summary["energy"]["ledger_error"] < 1e-12, change
+        assert result.summary["momentum"]["error"] < 1e-12, change
+
+
+# ---------------------------------------------------------------------------------------------------------- accuracy
+
+
+@pytest.mark.parametrize("integrator", LEAP_FROG)
+def test_a_smooth_pulse_converges_with_second_order(integrator):
+    errors = []
+    for refine in (1, 2):
+        result = percuss.run(
+            percuss.load("cases/smooth-pulse.yaml"),
+            {
+                "refine": refine, "time.courant": 0.5, "method.contact": "lagrange", "method.integrator": integrator,
+                "method.mass": {"name": "reciprocal"},
+            },
+        )  # fmt: skip
+        errors.append(result.summary["exact"]["displacement_error"])
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_consistency_that_the_docstring_gives_for_a_step_cancels_its_error():
+    """b = 3 (1 - C^2) / (2 (4 - C^2)): errors of space and of time cancel in fourth order."""
+    courant, kappa = 0.6, np.array([0.1, 0.2])
+    consistency = 1.5 * (1.0 - courant**2) / (4.0 - courant**2)
+    z, s = 1.0 - np.cos(kappa), 1.0 / (1.0 - 2.0 * consistency / 3.0)
+    omega = 2.0 / courant * np.arcsin(0.5 * courant * np.sqrt(2.0 * z + (s - 1.0) * z**2))
+    errors = np.abs(omega / kappa - 1.0)
+    assert math.log2(errors[1] / errors[0]) == pytest.approx(4.0, abs=0.05)
+    assert 4.0 * s * courant**2 <= 4.0  # below the critical step, as for every C up to 1
+    results = [
+        percuss.run(
+            percuss.load("cases/smooth-pulse.yaml"),
+            {"time.courant": 0.5, "method.contact": "lagrange", "method.mass": mass},
+        ).summary["exact"]["contacts"]["joint"]["force_error_l1"]
+        for mass in ("lumped", {"name": "reciprocal", "consistency": 0.3}, {"name": "reciprocal", "consistency": 1.0})
+    ]
+    assert results[1] < results[0] / 10.0
+    assert (
+        results[2] > 5.0 * results[0]
+    )  # the element matrices as they are make waves faster than lumped ones slow them
+
+
+# ---------------------------------------------------------------------------------------------- unknown, and refused
+
+
+def test_what_only_the_step_itself_could_tell_is_unknown():
+    case = hunek(5, courant=0.3, end=0.05)
+    case["method"]["mass"] = "reciprocal"
+    for change, reason in (
+        ({"method.contact": "uzawa"}, "has a kernel of its own"),
+        ({"method.integrator": "viscous-central-difference", "method.contact": "penalty"}, "viscous"),
+        ({"method.integrator": "noh-bathe", "method.contact": "lagrange"}, "end of a step of stages"),
+        ({"loads": {"end": {"absorbing": {}, "on": "short.left"}}}, ""),
+    ):
+        certificate = ran(case, change).summary["certificate"]
+        assert certificate["stable"] == "unknown", change
+        assert "the mass reciprocal, which couples nodes, is examined with linear laws alone" in certificate["why"]
+        assert reason in certificate["why"]
+        with pytest.raises(percuss.InputError, match="which couples nodes"):
+            ran(case, change | {"time.courant": "auto"})
+
+
+def test_criteria_that_do_not_cover_it_say_so():
+    from percuss.certificate.waves import waves
+    from percuss.solver.model import Model
+
+    case = hunek(5, contact={"name": "penalty", "beta_s": 0.5})
+    case["method"]["mass"] = "reciprocal"
+    rows = percuss.stability(percuss.load(case), by=("pencil", "closed-form", "black-box"))
+    assert [row["courant_critical"] is None for row in rows] == [False, True, True]
+    assert all("the mass reciprocal couples nodes" in row["reason"] for row in rows[1:])
+    with pytest.raises(percuss.PercussError, match="waves are measured with diagonal masses"):
+        waves(Model(percuss.load(case)))
+
+
+def test_bars_whose_ends_it_couples_are_refused_where_something_acts():
+    case = hunek(1)
+    case["bodies"]["long"]["bar"]["elements"] = 1
+    case["method"]["mass"] = "reciprocal"
+    with pytest.raises(percuss.InputError, match="expected more than 1 elements in body 'long', found 1"):
+        ran(case)
+    del case["bodies"]["long"]["fixed"]
+    result = ran(case, {"time.courant": 0.3})  # contact alone may couple the ends
+    assert result.arrays["contact_force"].max() > 0.0
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+
+
+def test_elements_of_more_nodes_are_refused():
+    case = hunek(4)
+    case["method"]["mass"] = "reciprocal"
+    case["bodies"]["long"]["element"] = "quadratic-bar"
+    with pytest.raises(percuss.InputError, match="expected elements of two nodes with the mass reciprocal"):
+        ran(case)
+
+
+# ------------------------------------------------------------------------------------------- inverses of other masses
+
+
+SOURCE = '''
+from dataclasses import dataclass
+
+import numpy as np
+
+from percuss import Mass
+
+
+@dataclass(frozen=True)
+class Mine(Mass):
+    """A mass of a test.
+
+    Formula: as it says.
+    """
+
+    name = "mine"
+    summary = "a mass of a test"
+    references = ("none",)
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def inverse(self, element_mass, lumping):
+        lumped = lumping.at_nodes(element_mass)
+        full = np.diag(lumped)
+{body}
+        full = full / np.outer(lumped, lumped)
+        bands = np.zeros(({bands}, lumped.size))
+        for k in range({bands}):
+            bands[k, : lumped.size - k] = np.diag(full, -k)
+        return {answer}
+'''
+PENTADIAGONAL = """
+        second = np.zeros((lumped.size - 2, lumped.size))
+        for i in range(lumped.size - 2):
+            second[i, i : i + 3] = 1.0, -2.0, 1.0
+        full = full + 0.1 * element_mass.mean() * second.T @ second
+"""
+
+
+def plugin(tmp_path, body="", bands=1, answer="bands"):
+    path = tmp_path / "mine.py"
+    path.write_text(SOURCE.format(body=body, bands=bands, answer=answer))
+    return path
+
+
+def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do(tmp_path):
+    case = hunek(7, courant=0.2)
+    case["bodies"]["short"]["bar"]["grading"] = 0.5
+    case["loads"] = {"push": {"constant": 0.02, "on": "short.left"}, "weight": {"gravity": 0.1}}
+    case["method"]["mass"] = "mine"
+
+    def mass(bars):
+        lumped, total = np.diag(bars.M), bars.M.copy()
+        for name, lengths in bars.lengths.items():
+            given, nodes = bars.given[name], slice(bars.start[name], bars.stop[name])
+            second = np.diff(np.eye(lengths.size + 1), 2, axis=0)
+            element = given["material"]["density"] * given["area"] * lengths
+            total[nodes, nodes] += 0.1 * element.mean() * second.T @ second
+        return np.linalg.inv(total / np.outer(lumped, lumped))
+
+    loaded = percuss.load(case, plugins=[plugin(tmp_path, PENTADIAGONAL, 3)])
+    result = percuss.run(loaded, compiled=False)
+    dense = dense_march(case, mass=mass)
+    assert dense.force.max() > 0.01
+    assert np.abs(result.arrays["contact_force"] - dense.force).max() < 1e-10
+    ends = [dense.bars.node(probe) for probe in case["record"]["probes"]]
+    assert np.abs(result.arrays["displacement"][..., 0] - dense.u[:, ends]).max() < 1e-10
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    held = np.delete(np.arange(dense.bars.x.size), dense.bars.node("long.right"))
+    full = dense.bars.M[np.ix_(held, held)]
+    free = 2.0 / math.sqrt(eigh(dense.bars.K[np.ix_(held, held)], full, eigvals_only=True)[-1])
+    assert result.summary["certificate"]["dt_critical_free"] == pytest.approx(free, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("body", "bands", "answer", "reason"),
+    [
+        ("        full = 1.1 * full", 1, "bands", "expected 1 for the masses m of `nodal`"),
+        ("        full = full - np.diag(np.full(lumped.size - 1, 9.0 * lumped.max()), -1)", 2, "bands",
+         "is not positive definite"),
+        ("", 1, "bands[0]", "returned numbers of shape"),
+        ("", 1, "bands[:, 1:]", "returned numbers of shape"),
+        ("", 1, "bands * np.nan", "returned nan"),
+        ("", 1, "np.concatenate([bands, bands])", "longer than the matrix"),
+    ],
+)  # fmt: skip
+def test_an_inverse_that_breaks_its_contract_is_refused_with_its_place(tmp_path, body, bands, answer, reason):
+    path = plugin(tmp_path, body, bands, answer)
+    case = hunek(5) | {}
+    case["method"]["mass"] = "mine"
+    with pytest.raises(percuss.PluginError, match=reason) as refusal:
+        percuss.run(percuss.load(case, plugins=[path]), compiled=False)
+    assert "mine.py" in str(refusal.value)
+
+
+def test_the_kit_asks_masses_about_their_inverse():
+    from percuss.testing import checks_of
+
+    assert "inverse-mass" in {check.name for check, _ in checks_of(Reciprocal)}
