@@ -22,7 +22,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.certificate.axial_matrix import AxialMatrix
 from percuss.certificate.following_loads import end_stiffness
-from percuss.solver.coupled_masses import pencil_bands, with_ends_held
+from percuss.solver.banded_matrices import pencil_bands, with_ends_held
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers

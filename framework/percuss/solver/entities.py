@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import BodyMesh, ContactLaw, Floats, Integers, LoadedEnd, Mesh
+from percuss.solver.banded_matrices import column
 from percuss.solver.cells import axial_matrices, cells_of, lumping_of
-from percuss.solver.coupled_masses import column
 
 if TYPE_CHECKING:
     from percuss.case.specs import BodySpec, LoadSpec

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.coupled_masses import highest_frequency, pencil_bands, times
+from percuss.solver.banded_matrices import pencil_bands, times
+from percuss.solver.coupled_masses import highest_frequency
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence

@@ -9,6 +9,7 @@ import numpy as np
 
 from percuss.errors import InputError, RunError
 from percuss.methods.interfaces import BodyMesh, Lumping, Mass, Mesh, Region
+from percuss.solver.banded_matrices import reversed_band, times
 from percuss.solver.bodies import ElementProbe
 from percuss.solver.cells import (
     PROBING_STRAIN,
@@ -25,7 +26,6 @@ from percuss.solver.compiled.bulk import Group
 from percuss.solver.compiled.cells import elastic_cells, force_cells
 from percuss.solver.compiled.materials import material_slots
 from percuss.solver.compiler.specialise import Specialiser
-from percuss.solver.coupled_masses import reversed_band, times
 from percuss.solver.material_points import points_at_rest
 from percuss.testing.draws import bar_chains, for_all
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
