@@ -119,26 +119,32 @@ def highest_frequency(body: Body) -> float:
     return math.sqrt(highest_eigenvalue(float((stiffness[0] / inverse[0]).max()), definite))
 
 
-def rows_for_the_loop(bodies: Iterable[Body]) -> tuple[Floats, Floats]:
-    """Return ``M^-1 diag(m)`` of all bodies as rows, and the Cholesky factors of M^-1, which the loop reads.
+def arrays_for_the_loop(bodies: Iterable[Body], dim: int) -> tuple[Floats, Floats]:
+    """Return ``M^-1 diag(m) - I`` of all bodies, and D and L of ``M^-1 = L D L^T``, which the loop reads.
 
-    The former is (nodes, 2 k + 1), the entry of node i and node i + d in place k + d; the latter (k + 1, nodes), lower
-    bands. Both are empty, (0, 0), if all mass matrices are diagonal. A diagonal one among others is a band of its own.
+    Both have one column for each degree of freedom, and are empty, (0, 0), if all mass matrices are diagonal. The
+    former has 2 k + 1 rows, the entry of row i and column i + d in place [k + d, i]; the latter k + 1, 1/D and then the
+    off-diagonals of L, the entry of column j in place j. A diagonal mass matrix among others has zeros there.
     """
     bodies = list(bodies)
     width = max(body.inverse.shape[0] for body in bodies) - 1
     if width < 0:
         return np.zeros((0, 0)), np.zeros((0, 0))
-    rows, factors = [], []
+    couplings, factors = [], []
     for body in bodies:
         size = body.mass.size
         band = np.zeros((width + 1, size))
         bands = body.inverse if body.inverse.size else 1.0 / body.mass[None]
         band[: bands.shape[0]] = bands
-        row = np.zeros((size, 2 * width + 1))
-        for d in range(min(width + 1, size)):
-            row[: size - d, width + d] = band[d, : size - d] * body.mass[d:]
-            row[d:, width - d] = band[d, : size - d] * body.mass[: size - d]
-        rows.append(row)
-        factors.append(lapack().dpbtrf(band, lower=1)[0])
-    return np.ascontiguousarray(np.concatenate(rows)), np.ascontiguousarray(np.concatenate(factors, axis=1))
+        coupling = np.zeros((2 * width + 1, size))
+        for d in range(1, min(width + 1, size)):
+            coupling[width + d, : size - d] = band[d, : size - d] * body.mass[d:]
+            coupling[width - d, d:] = band[d, : size - d] * body.mass[: size - d]
+        coupling[width] = -coupling.sum(axis=0)  # rows of M^-1 diag(m) have the sum 1
+        factor = lapack().dpbtrf(band, lower=1)[0]
+        factor[1:] /= factor[0]
+        factor[0] **= -2
+        couplings.append(coupling)
+        factors.append(factor)
+    coupling, factor = np.concatenate(couplings, axis=1), np.concatenate(factors, axis=1)
+    return np.repeat(coupling, dim, axis=1), np.repeat(factor, dim, axis=1)

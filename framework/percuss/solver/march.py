@@ -26,7 +26,7 @@ from percuss.solver.compiled.coupled_masses import NEIGHBOUR, coupled_kinetic
 from percuss.solver.compiled.following_loads import FOLLOWER
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, end_records, point_records
-from percuss.solver.coupled_masses import rows_for_the_loop
+from percuss.solver.coupled_masses import arrays_for_the_loop
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
 from percuss.solver.record_arrays import copied_records, empty_records, record_array
@@ -142,19 +142,10 @@ class March:
         work_space = (bulk.BLOCK + 2) * dim
         ahead = np.zeros(work_space if model.viscosity else 0)
         inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
-        coupling, factor = rows_for_the_loop(model.bodies.values())
-        change = np.zeros(mass.size if coupling.size else 0)
-        self.bulk = bulk.Bulk(
-            mass,
-            inverse,
-            np.zeros(work_space),
-            model.viscosity * model.dt,
-            ahead,
-            coupling,
-            factor,
-            change.copy(),
-            change,
-        )
+        coupling, factor = arrays_for_the_loop(model.bodies.values(), dim)
+        kept = [np.zeros(coupling.shape[1]) for _ in range(3)]
+        viscous_time = model.viscosity * model.dt
+        self.bulk = bulk.Bulk(mass, inverse, np.zeros(work_space), viscous_time, ahead, dim, coupling, factor, *kept)
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.state_variables = StateVariables.of(model, self.kernel_laws)
         shifted = len(self.boundary_nodes) * dim if model.shifts else 0
@@ -583,7 +574,7 @@ class March:
 
     def _kinetic(self, v: Floats) -> float:
         if self.bulk.factor.size:
-            return coupled_kinetic(self.bulk, v, np.empty_like(v), self.dim)
+            return coupled_kinetic(self.bulk, v, np.empty_like(v))
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
         return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
 

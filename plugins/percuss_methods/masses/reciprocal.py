@@ -23,10 +23,10 @@ class Reciprocal(Mass):
 
     A body that moves as a whole has its mass, with any b: ``M^-1 A 1 = 1``. An element that stretches is lighter than
     lumped by the factor ``s = 1 / (1 - 2 b / 3)``, and a wave of a uniform bar has the frequency
-    ``(omega h / c)^2 = 2 z + (s - 1) z^2``, ``z = 1 - cos(kappa h)``: too high by ``(2 b / (3 - 2 b) - 1/3) (kappa h)^2
-    / 8`` of itself if it is long. So b = 3/8 is of fourth order in space, and ``b = 3 (1 - C^2) / (2 (4 - C^2))`` with a
-    leap-frog scheme at the Courant number C, which is below the critical one then. The consistent mass matrix itself is
-    too high by ``(kappa h)^2 / 24``, the matrix with b = 1 by five times that.
+    ``(omega h / c)^2 = 2 z + (s - 1) z^2``, ``z = 1 - cos(kappa h)``: that of a long wave is too high by a share of
+    ``(2 b / (3 - 2 b) - 1/3) (kappa h)^2 / 8``. So b = 3/8 is of fourth order in space; with a leap-frog scheme at the
+    Courant number C it is ``b = 3 (1 - C^2) / (2 (4 - C^2))``, and C is below the critical one then. The consistent
+    mass matrix itself is too high by ``(kappa h)^2 / 24``, the matrix with b = 1 by five times that.
 
     The critical Courant number of a uniform bar without contact is ``1 / sqrt(s)`` from b = -3/2 on: 0.577 with b = 1,
     that of the consistent mass matrix, 0.866 with b = 3/8, and 1.414 with b = -3/2, which is selective mass scaling:

@@ -32,28 +32,44 @@ def keep_state(masses: Bulk, u: Floats, v: Floats) -> None:
         masses.before[i] = u[i]
 
 
-def couple_nodes(masses: Bulk, u: Floats, v: Floats, internal_work: Floats, dim: int, dt: float) -> None:
+def couple_nodes(masses: Bulk, u: Floats, v: Floats, internal_work: Floats, dt: float) -> None:
     """Turn the bulk update with nodal masses into that with M, in place; `masses.change` is its change of velocity."""
-    change, coupling, mass = masses.change, masses.coupling, masses.mass
-    nodes, width = coupling.shape
-    reach = width // 2
+    change = masses.change
     for i in range(change.size):
         change[i] = v[i] - change[i]
-    work = 0.0
-    for i in range(nodes):
-        first = max(reach - i, 0)
-        stop = min(width, nodes - i + reach)
-        for d in range(dim):
-            coupled = 0.0
-            for k in range(first, stop):
-                coupled += coupling[i, k] * change[(i + k - reach) * dim + d]
-            j = i * dim + d
-            correction = coupled - change[j]
-            v[j] += correction
-            u[j] = masses.before[j] + dt * v[j]  # a correction of u would be rounded twice, to one side
-            work += mass[j] * change[j] * correction
+    set_correction(masses)
+    # Displacements are made anew: a correction of them would round twice, to one side.
+    correct(masses.correction, masses.before, u, v, dt)
     if internal_work.size > 0:  # body forces do no work on corrections, which leave the momentum as it is
-        internal_work[0] -= 0.5 * work
+        for i in range(change.size):
+            internal_work[0] -= 0.5 * masses.mass[i] * change[i] * masses.correction[i]
+
+
+def set_correction(masses: Bulk) -> None:
+    """Set `masses.correction` to ``(M^-1 diag(m) - I)`` times `masses.change`, one diagonal after the other."""
+    change, coupling, correction = masses.change, masses.coupling, masses.correction
+    size = change.size
+    reach = coupling.shape[0] // 2
+    stride = masses.stride
+    for i in range(size):
+        correction[i] = coupling[reach, i] * change[i]
+    for k in range(1, reach + 1):
+        shift = min(k * stride, size)
+        add_products(coupling[reach + k, : size - shift], change[shift:], correction[: size - shift])
+        add_products(coupling[reach - k, shift:], change[: size - shift], correction[shift:])
+
+
+def add_products(coefficients: Floats, values: Floats, sums: Floats) -> None:
+    """Add the products of coefficients and values to sums."""
+    for i in range(sums.size):
+        sums[i] += coefficients[i] * values[i]
+
+
+def correct(correction: Floats, before: Floats, u: Floats, v: Floats, dt: float) -> None:
+    """Add a correction to the velocities, and make the displacements from them."""
+    for i in range(v.size):
+        v[i] += correction[i]
+        u[i] = before[i] + dt * v[i]
 
 
 def carry_to_neighbours(neighbours: Any, boundary_dofs: Any) -> None:
@@ -64,21 +80,16 @@ def carry_to_neighbours(neighbours: Any, boundary_dofs: Any) -> None:
         boundary_dofs[neighbour.place].new_v += neighbour.share * (q.new_v - q.bulk_v)
 
 
-def couple_accelerations(masses: Bulk, a: Floats, dim: int) -> None:
+def couple_accelerations(masses: Bulk, a: Floats) -> None:
     """Turn the accelerations of nodal masses, ``diag(m)^-1 f``, into ``M^-1 f``, in place, if masses couple nodes."""
-    change, coupling = masses.change, masses.coupling
+    change = masses.change
     if change.size == 0:
         return
-    nodes, width = coupling.shape
-    reach = width // 2
     for i in range(change.size):
         change[i] = a[i]
-    for i in range(nodes):
-        for d in range(dim):
-            coupled = 0.0
-            for k in range(max(reach - i, 0), min(width, nodes - i + reach)):
-                coupled += coupling[i, k] * change[(i + k - reach) * dim + d]
-            a[i * dim + d] = coupled
+    set_correction(masses)
+    for i in range(change.size):
+        a[i] += masses.correction[i]
 
 
 def keep_ends(neighbours: Any, boundary_dofs: Any, values: Floats) -> None:
@@ -96,20 +107,20 @@ def move_neighbours(neighbours: Any, boundary_dofs: Any, values: Floats) -> None
         values[boundary_dofs[neighbour.place].dof] += neighbour.share * (values[q.dof] - q.bulk_v)
 
 
-def coupled_kinetic(masses: Bulk, v: Floats, work_space: Floats, dim: int) -> float:
-    """Return the kinetic energy ``v M v / 2`` by forward substitution with the Cholesky factor L of M^-1.
+def coupled_kinetic(masses: Bulk, v: Floats, work_space: Floats) -> float:
+    """Return the kinetic energy ``v M v / 2`` by forward substitution, with ``M^-1 = L D L^T``.
 
-    It is half the square of ``L^-1 v``, which is left in `work_space`.
+    It is ``y D^-1 y / 2`` of ``y = L^-1 v``, which is left in `work_space`.
     """
-    factor = masses.factor
-    bands, nodes = factor.shape
+    factor, stride = masses.factor, masses.stride
+    bands = factor.shape[0]
     total = 0.0
-    for i in range(nodes):
-        for d in range(dim):
-            value = v[i * dim + d]
-            for k in range(1, min(bands, i + 1)):
-                value -= factor[k, i - k] * work_space[(i - k) * dim + d]
-            value /= factor[0, i]
-            work_space[i * dim + d] = value
-            total += value * value
+    for i in range(v.size):
+        value = v[i]
+        for k in range(1, bands):
+            j = i - k * stride
+            if j >= 0:
+                value -= factor[k, j] * work_space[j]
+        work_space[i] = value
+        total += factor[0, i] * value * value
     return 0.5 * total

@@ -271,7 +271,7 @@ def advance(
             if uniform.bars.size > 0:
                 kinetic_energy, strain_energy = energies(uniform, u, v, dt)
             else:
-                kinetic_energy = kinetic_of(masses, v, dim)
+                kinetic_energy = kinetic_of(masses, v)
                 add_shifts_to_velocity(boundary, v, dt)
                 strain_energy = elastic(groups, u, v, dim, dt)
                 take_shifts_from_velocity(boundary, v)
@@ -281,10 +281,10 @@ def advance(
     return count
 
 
-def kinetic_of(masses: Bulk, v: Floats, dim: int) -> float:
+def kinetic_of(masses: Bulk, v: Floats) -> float:
     """Return the kinetic energy ``v M v / 2`` of all bodies."""
     if masses.factor.size > 0:
-        return coupled_kinetic(masses, v, masses.change, dim)
+        return coupled_kinetic(masses, v, masses.correction)
     return kinetic(masses.mass, v)
 
 
@@ -336,7 +336,7 @@ def make_step(
         keep_state(masses, u, v)
         bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
         if masses.change.size > 0:
-            couple_nodes(masses, u, v, boundary.internal_work, dim, dt)
+            couple_nodes(masses, u, v, boundary.internal_work, dt)
     for i in range(boundary_dofs.size):
         q = boundary_dofs[i]
         q.bulk_v = v[q.dof]

@@ -115,7 +115,7 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
     forces(system.groups, u, a, dim)
     for i in range(nodal):
         a[i] *= inverse_mass[i]
-    couple_accelerations(system.masses, a, dim)
+    couple_accelerations(system.masses, a)
     for i in range(system.body_forces.size):
         body_force = system.body_forces[i]
         for j in range(body_force.start, body_force.stop):
@@ -164,7 +164,7 @@ def internal_accelerations(system: System, stage: int, u: Floats, f: Floats) -> 
     forces(system.groups_aside, u, f, dim)
     for i in range(nodal):
         f[i] *= -inverse_mass[i]  # the kernels of elements return the force on the nodes, which is -f_int
-    couple_accelerations(system.masses, f, dim)
+    couple_accelerations(system.masses, f)
     for i in range(nodal, f.size):
         f[i] = 0.0
     keep_ends(boundary.neighbours, boundary.boundary_dofs, f)
@@ -313,7 +313,7 @@ def advance(
         work += work_of_body_forces(system, v, dt)
         sound = add_up_work(boundary, work, n, dt)
         if is_recorded(record, n):
-            kinetic_energy = kinetic_of(system.masses, v[:nodal], system.dim)
+            kinetic_energy = kinetic_of(system.masses, v[:nodal])
             strain_energy = elastic(system.groups, u, v[:nodal], system.dim, 0.0)
             write_record(kinetic_energy, strain_energy, boundary, record, u, 0.0, n)
         if not (sound and system.clock[2] == 1.0):
