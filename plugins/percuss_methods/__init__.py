@@ -42,6 +42,7 @@ from percuss_methods.loads.ramp import Ramp
 from percuss_methods.loads.spring_dashpot import SpringDashpot
 from percuss_methods.loads.table import Table
 from percuss_methods.masses.lumped import Lumped
+from percuss_methods.masses.reciprocal import Reciprocal
 from percuss_methods.masses.redistributed import Redistributed
 from percuss_methods.masses.scaled import Scaled
 from percuss_methods.materials.bilinear_plastic import BilinearPlastic
@@ -130,7 +131,7 @@ def percuss_materials() -> list[type]:
 @hookimpl
 def percuss_masses() -> list[type]:
     """Return the built-in mass matrices."""
-    return [Lumped, Redistributed, Scaled]
+    return [Lumped, Redistributed, Reciprocal, Scaled]
 
 
 @hookimpl

@@ -130,9 +130,14 @@ def constrained(A, b, N, g, S):
     return best[1], best[2]
 
 
-def march(case, integrator=None, contact=None):
-    """March a case given as a mapping; `integrator` (a name) and `contact` (a mapping) replace its own."""
+def march(case, integrator=None, contact=None, mass=None):
+    """March a case given as a mapping; `integrator` (a name) and `contact` (a mapping) replace its own.
+
+    `mass` gives another mass matrix than the lumped one, from the bars.
+    """
     bars = assemble(case)
+    if mass is not None:
+        bars.M = mass(bars)
     method = case.get("method", {})
     integrator = integrator or method["integrator"]
     fastest = max(2.0 * math.sqrt(b["material"]["young"] / b["material"]["density"]) / bars.lengths[n].min()
@@ -185,10 +190,10 @@ def march(case, integrator=None, contact=None):
 
     v0 = bars.v.copy()
     u = np.zeros(total)
-    mass = np.diag(bars.M)
     for node, value in held.items():
         v0[node] = value
-    v = v0 - 0.5 * dt * force / mass
+    v = v0.copy()
+    v[free] -= 0.5 * dt * np.linalg.solve(bars.M[np.ix_(free, free)], force[free])
     for node, value in held.items():
         v[node] = value
     Mf, Nf = bars.M[np.ix_(free, free)], N[free]

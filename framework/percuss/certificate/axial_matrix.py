@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.lapack import lapack
+from percuss.solver.banded_matrices import highest_eigenvalue, times
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-
-BRACKET = 2.0  # factor between two trials for a bracket of the highest eigenvalue
 
 
 class AxialMatrix(NamedTuple):
@@ -31,29 +30,45 @@ class AxialMatrix(NamedTuple):
         Diagonal of the stiffness.
     off : (n - 1,) array or (k, n) array
         What stands beside it, as `percuss.solver.entities.Body.axial_band` has it.
+    coupled : (2, b, n) array
+        Bands of M^-1 and of ``M^-1 K M^-1`` where the mass couples nodes (`percuss.solver.banded_matrices`), in the
+        place of `mass`; (2, 0, n) where it is diagonal.
     """
 
     first: int
     mass: Floats
     diagonal: Floats
     off: Floats
+    coupled: Floats
 
     @property
     def tridiagonal(self) -> bool:
-        """Whether the matrix has one diagonal beside the main one."""
-        return self.off.ndim == 1
+        """Whether the matrices are one with one diagonal beside the main one, and a diagonal one."""
+        return self.off.ndim == 1 and not self.coupled.size
 
     def full(self) -> Floats:
         """Return the stiffness, (n, n)."""
         size = self.mass.size
         stiffness = np.diag(self.diagonal)
-        for k, off in enumerate([self.off] if self.tridiagonal else self.off, start=1):
+        for k, off in enumerate([self.off] if self.off.ndim == 1 else self.off, start=1):
             rows = np.arange(size - k)
             stiffness[rows, rows + k] = stiffness[rows + k, rows] = off[: size - k]
         return stiffness
 
+    def mass_root(self) -> Floats:
+        """Return a matrix L with ``M^-1 = L L^T``, (n, n), of a mass that couples nodes."""
+        root = np.linalg.cholesky(times(self.coupled[0], np.eye(self.mass.size)))
+        return np.asarray(root, dtype=np.float64)
+
     def factor(self, scale: float) -> Any:
-        """Return a factor of ``scale M - K``, None unless that is positive definite."""
+        """Return a factor of ``scale M - K``, None unless that is positive definite.
+
+        Where the mass couples nodes it is that of ``M^-1 (scale M - K) M^-1``, of which the same holds.
+        """
+        if self.coupled.size:
+            inverse, stiffness = self.coupled
+            factor, failed = lapack().dpbtrf(scale * inverse - stiffness, lower=1)
+            return None if failed else factor
         if self.tridiagonal:
             *factor, failed = lapack().dpttrf(
                 scale * self.mass - self.diagonal, -self.off if self.off.size else np.zeros(1)
@@ -65,6 +80,9 @@ class AxialMatrix(NamedTuple):
 
     def solve(self, factor: Any, columns: Floats) -> Floats:
         """Return ``(scale M - K)^-1`` times (n, m) columns, from the `factor`."""
+        if self.coupled.size:
+            inverse = self.coupled[0]
+            return times(inverse, lapack().dpbtrs(factor, times(inverse, columns), lower=1)[0])
         if self.tridiagonal:
             return lapack().dpttrs(*factor, columns)[0]  # type: ignore[no-any-return]
         return lapack().dpbtrs(factor, columns, lower=1)[0]  # type: ignore[no-any-return]
@@ -90,17 +108,12 @@ class AxialMatrix(NamedTuple):
 
     def _by_bisection(self) -> float:
         """Return the smallest number s for which ``s M - K`` is positive definite."""
-        low = float((self.diagonal / self.mass).max())  # an entry of the diagonal is no larger than the eigenvalue
-        if low == 0.0:
-            return 0.0
-        high = low
-        while self.factor(high) is None:
-            low, high = high, BRACKET * high
-        while True:
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                return high
-            low, high = (low, middle) if self.factor(middle) is not None else (middle, high)
+        diagonal = self.diagonal / self.mass
+        if self.coupled.size:
+            inverse, stiffness = self.coupled
+            diagonal = stiffness[0] / inverse[0]
+        # The quotient of stiffness and mass of a single direction is no larger than the eigenvalue.
+        return highest_eigenvalue(float(diagonal.max()), lambda scale: self.factor(scale) is not None)
 
     def highest_mode(self) -> tuple[float, Floats]:
         """Return the largest eigenvalue of ``M^-1 K`` [1/time^2] and its mode, scaled to the masses."""

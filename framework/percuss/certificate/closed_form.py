@@ -34,8 +34,8 @@ class ClosedFormCriterion:
     Raises
     ------
     NoClosedFormError
-        If a body is not linear or a bar not uniform, the integrator is a multi-stage scheme or viscous, or an end in
-        contact is fixed, driven or in several contacts.
+        If a body is not linear or a bar not uniform, the mass couples nodes, the integrator is a multi-stage scheme or
+        viscous, or an end in contact is fixed, driven or in several contacts.
     """
 
     by = "closed-form"
@@ -46,6 +46,8 @@ class ClosedFormCriterion:
             raise NoClosedFormError(f"{model.why_not_linear}")
         if model.stages is not None:
             raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
+        if model.couples_nodes:
+            raise NoClosedFormError(f"the mass {model.case.method.mass.name} couples nodes")
         if model.viscosity:
             raise NoClosedFormError(f"{model.case.method.integrator.name} is viscous")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h

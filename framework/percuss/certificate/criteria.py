@@ -42,6 +42,10 @@ UNALIKE = (
     "can grow at any theta"
 )
 NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
+SHORT_AND_COUPLED = (
+    "above theta = 1 contact may damp all of a bar of one or two elements, and the step itself is examined with "
+    "diagonal masses alone"
+)
 EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
 # A mass that removes the predicted overlap of a step whole makes theta 1, and round-off must not make it unstable.
 THETA_ROUNDING = 1e-12
@@ -239,6 +243,8 @@ class PencilCriterion:
             return StepAssessment(definite, limiting, theta)
         if self._black_box is not None:
             return dataclasses.replace(self._black_box.assess_step(dt), theta=theta)
+        if definite and self._short and self.model.couples_nodes:
+            return StepAssessment(False, group, theta, SHORT_AND_COUPLED, conclusive=False)
         return StepAssessment(False, group, theta, NOT_EXCLUDED if len(group) > 1 else "")
 
     def _excess(self, dt: float) -> float:
@@ -300,8 +306,16 @@ class PencilCriterion:
         """
         if self.model.points_without_mass.any():  # their state is not one of displacement and velocity alone
             return None
-        short = any(body.stiffness.size < SHORT_BAR_ELEMENTS for body in self.model.bodies.values())
-        return BlackBoxCriterion(self.model) if short and 2 * self.model.mass.size <= LARGEST_DENSE_STATE else None
+        if self.model.couples_nodes:  # its states are weighted with diagonal masses
+            return None
+        return (
+            BlackBoxCriterion(self.model) if self._short and 2 * self.model.mass.size <= LARGEST_DENSE_STATE else None
+        )
+
+    @cached_property
+    def _short(self) -> bool:
+        """Whether a bar has so few elements that contact can damp all of it."""
+        return any(body.stiffness.size < SHORT_BAR_ELEMENTS for body in self.model.bodies.values())
 
     @cached_property
     def free(self) -> float:

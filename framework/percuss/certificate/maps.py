@@ -123,12 +123,8 @@ def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
 
 def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Sequence[str]) -> dict[str, Any]:
     """Return the row of one criterion; `doubts` are the reasons why the pencil does not cover some of the laws."""
-    if model.why_not_linear:
-        return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
-    if why := following_loads.why_unknown(model):
-        return _row(varied, way, None, f"{why}, which changes the critical step")
-    if way == "pencil" and doubts:
-        return _row(varied, way, None, f"the pencil does not cover this: {'; '.join(doubts)}")
+    if why := _why_unknown(model, way, doubts):
+        return _row(varied, way, None, why)
     try:
         kinds: dict[str, type[PencilCriterion | BlackBoxCriterion]] = {
             "pencil": PencilCriterion,
@@ -149,6 +145,19 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
         row["margin"] = model.dt / critical if critical > 0 else np.inf
         row["theta"] = None if way == "closed-form" else criterion.assess_step(model.dt).theta
     return row
+
+
+def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
+    """Return why a criterion gives no number for a model, whatever its step; empty if it gives one."""
+    if model.why_not_linear:
+        return f"{model.why_not_linear}, and its critical step changes with the strain"
+    if why := following_loads.why_unknown(model):
+        return f"{why}, which changes the critical step"
+    if way == "pencil" and doubts:
+        return f"the pencil does not cover this: {'; '.join(doubts)}"
+    if way == "black-box" and model.couples_nodes:
+        return "; ".join((f"the mass {model.case.method.mass.name} couples nodes: only the pencil covers it", *doubts))
+    return ""
 
 
 def _row(varied: Mapping[str, Any], way: str, critical: float | None, reason: str, model: Any = None) -> dict[str, Any]:

@@ -22,6 +22,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.certificate.axial_matrix import AxialMatrix
 from percuss.certificate.following_loads import end_stiffness
+from percuss.solver.banded_matrices import pencil_bands, with_ends_held
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
@@ -78,7 +79,11 @@ class Pencil:
             lo, hi = int(left_out[0]), body.mass.size - int(left_out[1])
             if hi > lo:
                 off = off[lo : hi - 1] if off.ndim == 1 else off[: hi - lo - 1, lo:hi]
-                self.bodies.append(AxialMatrix(body.start + lo, body.mass[lo:hi], diagonal[lo:hi], off))
+                coupled = np.zeros((2, 0, hi - lo))
+                if body.inverse.size:
+                    inverse = with_ends_held(body.inverse, first=left_out[0], last=left_out[1])
+                    coupled = np.stack(pencil_bands(inverse, diagonal[lo:hi], off))
+                self.bodies.append(AxialMatrix(body.start + lo, body.mass[lo:hi], diagonal[lo:hi], off, coupled))
 
         # Nodes in contact, ascending, and for each its contacts with their N along the axis of the body.
         at_node: dict[int, list[tuple[int, float]]] = {}
@@ -149,7 +154,7 @@ class Pencil:
         side of them. The places are rows and columns, one of each for every pair of contacts on a body.
         """
         couplings, rows, columns = [], [], []
-        for body, (first, mass, _, _) in enumerate(self.bodies):
+        for body, (first, mass, *_) in enumerate(self.bodies):
             contacts = self._contacts_between(first, first + mass.size)
             touched = sorted({p for _, p, _ in contacts})
             if touched:

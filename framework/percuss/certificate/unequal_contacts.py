@@ -45,12 +45,23 @@ class ClosedMatrix:
         rigid = []
         at = 0
         for body, size in zip(pencil.bodies, sizes, strict=True):
-            root = np.sqrt(body.mass)
             place = np.arange(at, at + size)
+            free = size == pencil.model.body_of(body.first).mass.size
+            if body.coupled.size:  # with M^-1 = L L^T, L takes the place of M^-1/2
+                root_matrix = body.mass_root()
+                self.scaled[np.ix_(place, place)] = root_matrix.T @ body.full() @ root_matrix
+                self.normal[place] = root_matrix.T @ pencil.normals(body.first, size)
+                if free:
+                    motion = np.zeros(self.size)
+                    motion[place] = np.linalg.solve(root_matrix, np.ones(size))
+                    rigid.append(motion / np.linalg.norm(motion))
+                at += size
+                continue
+            root = np.sqrt(body.mass)
             self.scaled[np.ix_(place, place)] = body.full() / (root[:, None] * root)
             self.scaled[place, place] = body.diagonal / body.mass
             self.normal[place] = pencil.normals(body.first, size) / root[:, None]
-            if size == pencil.model.body_of(body.first).mass.size:  # A body with all its nodes free moves rigidly.
+            if free:  # A body with all its nodes free moves rigidly.
                 motion = np.zeros(self.size)
                 motion[place] = root / np.linalg.norm(root)
                 rigid.append(motion)

@@ -108,8 +108,8 @@ def settled(case: Case) -> SettledRun:
     if why := following_loads.why_unknown(model):
         message = f"expected loads of which the critical step is known, found that {why}"
         raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
-    if why := unknown_without_mass(model):
-        message = f"expected ends in contact with mass, or linear laws, found that {why}"
+    if why := unknown_by_mass(model):
+        message = f"expected a diagonal mass and ends in contact with mass, or linear laws, found that {why}"
         raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
     if model.why_not_linear:
         message = f"expected linear bodies, found that {model.why_not_linear}"
@@ -175,7 +175,7 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
     """
     if model.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
-    elif why := unknown_without_mass(model):
+    elif why := unknown_by_mass(model):
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model), with_critical_step)
@@ -225,12 +225,19 @@ def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_cr
     }
 
 
-def unknown_without_mass(model: Model) -> str:
-    """Return why no criterion covers the ends without mass of a model; empty if one does, or if there are none."""
-    doubts = closed_contacts(model, model.dt).doubts if model.points_without_mass.any() else ()
-    if not doubts:
+def unknown_by_mass(model: Model) -> str:
+    """Return why no criterion covers the mass of a model; empty if one does.
+
+    Ends without mass, and masses that couple nodes, are examined by the pencil alone.
+    """
+    if model.points_without_mass.any():
+        what = "ends without mass are examined with linear laws in gap or gap rate alone"
+    elif model.couples_nodes:
+        what = f"the mass {model.case.method.mass.name}, which couples nodes, is examined with linear laws alone"
+    else:
         return ""
-    return f"ends without mass are examined with linear laws in gap or gap rate alone, and {'; '.join(doubts)}"
+    doubts = closed_contacts(model, model.dt).doubts
+    return f"{what}, and {'; '.join(doubts)}" if doubts else ""
 
 
 def _unknown_certificate(laws: ClosedContacts, model: Model, why: str) -> Certificate:

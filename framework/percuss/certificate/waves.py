@@ -157,6 +157,11 @@ class _Ends:
                 f"contact '{contact_pair.name}': waves are measured of ends with mass; the mass "
                 f"{model.case.method.mass.name} leaves ends in contact without"
             )
+        if model.couples_nodes:
+            raise PercussError(
+                f"contact '{contact_pair.name}': waves are measured with diagonal masses; the mass "
+                f"{model.case.method.mass.name} couples nodes"
+            )
         motions = Motions(model)
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():

@@ -209,6 +209,19 @@ def _nodal_in_contact_fault(value: Any, element_mass: Any, lumping: Any, first: 
     return "" if np.any(value) else "returned no mass at all"
 
 
+def _inverse_fault(value: Any, element_mass: Any, lumping: Any) -> str:  # noqa: ARG001 - as of `Mass.inverse`
+    if value is None:
+        return ""
+    bands = max(value.shape[0], 1) if isinstance(value, np.ndarray) and value.ndim == 2 else 1
+    fault = _numbers_fault(value, (bands, lumping.nodes))
+    if fault:
+        return fault
+    ended = [k for k in range(1, bands) if np.any(np.asarray(value)[k, max(lumping.nodes - k, 0) :])]
+    if ended:
+        return f"returned an off-diagonal {ended[0]} longer than the matrix, expected 0 in its last {ended[0]} places"
+    return ""
+
+
 def _element_numbers_fault(value: Any, body: Any, property_: float) -> str:  # noqa: ARG001 - arguments of the method
     return _numbers_fault(value, (body.mesh.lengths.size,))
 
@@ -262,6 +275,7 @@ CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("shapes", "mesh"): _mesh_fault,
     ("masses", "nodal"): _nodal_fault,
     ("masses", "nodal_in_contact"): _nodal_in_contact_fault,
+    ("masses", "inverse"): _inverse_fault,
     ("elements", "bind"): _element_arrays_fault,
     ("elements", "rule"): _rule_fault,
     ("elements", "reference_nodes"): _reference_nodes_fault,

@@ -226,6 +226,8 @@ def refuse_end_forces(model: Contacts) -> None:
             reason = f"{what}, which is evaluated in leap-frog schemes alone"
         elif model.viscosity:
             reason = f"{what}, and that of {integrator} has a viscous part, which is not known when it is evaluated"
+        elif model.couples_nodes:
+            reason = f"{what}, which moves other nodes than its own where the mass couples nodes"
         elif model.points_without_mass[list(bound_law.where)].any():
             reason = f"{what}, and an end without mass is in static balance with it"
         for node in bodies.values():

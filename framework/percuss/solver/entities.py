@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import BodyMesh, ContactLaw, Floats, Integers, LoadedEnd, Mesh
+from percuss.solver.banded_matrices import column
 from percuss.solver.cells import axial_matrices, cells_of, lumping_of
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class Body:
     volumes: Floats  # (n, points) of the quadrature points, one of a two-node element
     velocity: Floats  # (dim,)
     may_lack_mass: Any  # (n + 1,), whether a node is an end in contact at which nothing else acts
+    inverse: Floats  # (k + 1, nodes) bands of M^-1 where the mass couples nodes, (0, nodes) where it is diagonal
 
     @property
     def why_not_linear(self) -> str:
@@ -53,6 +55,13 @@ class Body:
         """The node beside each end without mass."""
         ends = ((self.start, self.start + 1), (self.stop - 1, self.stop - 2))
         return {node: beside for node, beside in ends if self.mass[node - self.start] == 0.0}
+
+    def response(self, node: int) -> dict[int, float]:
+        """Return the accelerations by a unit force on a node with mass, by node, that of the node itself first."""
+        if self.inverse.size == 0:
+            return {node: 1.0 / float(self.mass[node - self.start])}
+        entries = column(self.inverse, node - self.start)
+        return {self.start + row: value for row, value in entries.items()}
 
     def node(self, region: str) -> int:
         """Return the node of the model at an end of the body."""

@@ -22,10 +22,12 @@ from percuss.solver.build import Kernels, LoopParts, bind, bind_plain, keep
 from percuss.solver.cells import cell_arrays, has_cells
 from percuss.solver.compiled import bulk, custom_laws, following_loads, leapfrog_loop
 from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
+from percuss.solver.compiled.coupled_masses import NEIGHBOUR, coupled_kinetic
 from percuss.solver.compiled.following_loads import FOLLOWER
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, end_records, point_records
 from percuss.solver.end_forces import end_force_records
+from percuss.solver.coupled_masses import arrays_for_the_loop
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
 from percuss.solver.record_arrays import copied_records, empty_records, record_array
@@ -123,13 +125,16 @@ class March:
         model, dim = self.model, self.dim
         self.probes = recording.probe_nodes(model)
         contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-        acted_nodes = [
-            *(constraint.node for constraint in model.constraints),
-            *(nodal_force.node for nodal_force in model.nodal_forces),
-            *(follower.node for follower in model.followers),
+        acted_nodes = model.acted_nodes
+        self.moved_by = {node: model.body_of(node).response(node) for node in acted_nodes if model.couples_nodes}
+        beside = [
+            node
+            for end in (*contact_nodes, *acted_nodes)
+            if model.couples_nodes
+            for node in model.body_of(end).response(end)
         ]
-        beside = [node for end_force in model.end_forces(0.5 * model.dt).values() for node in end_force.nodes]
-        self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes, *beside]))
+        beside += [node for end_force in model.end_forces(0.5 * model.dt).values() for node in end_force.nodes]
+        self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
         # Of linear bodies without viscosity it is the change of the staggered strain energy, of a multi-stage scheme it
         # has no such form.
@@ -139,7 +144,10 @@ class March:
         work_space = (bulk.BLOCK + 2) * dim
         ahead = np.zeros(work_space if model.viscosity else 0)
         inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
-        self.bulk = bulk.Bulk(mass, inverse, np.zeros(work_space), model.viscosity * model.dt, ahead)
+        coupling, factor = arrays_for_the_loop(model.bodies.values(), dim)
+        kept = [np.zeros(coupling.shape[1]) for _ in range(3)]
+        viscous_time = model.viscosity * model.dt
+        self.bulk = bulk.Bulk(mass, inverse, np.zeros(work_space), viscous_time, ahead, dim, coupling, factor, *kept)
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.state_variables = StateVariables.of(model, self.kernel_laws)
         shifted = len(self.boundary_nodes) * dim if model.shifts else 0
@@ -251,7 +259,7 @@ class March:
         )
         self.nested_laws = custom_laws.nest(self.kernel_laws, points, others, *self.state_variables.of_laws())
         constraints = [
-            (self.place[constraint.node], i * dim, model.mass[constraint.node], constraint.column, 0.0)
+            (self.place[constraint.node], i * dim, self._mass_held(constraint.node), constraint.column, 0.0)
             for i, (_, constraint) in enumerate(active)
         ]
         shares = [
@@ -262,14 +270,14 @@ class March:
             if side.node == constraint.node and constraint.active(midpoint)
         ]
         nodal_forces = [
-            (self.place[nodal_force.node], i * dim, 1.0 / model.mass[nodal_force.node], nodal_force.column)
+            (self.place[nodal_force.node], i * dim, model.mobility(nodal_force.node), nodal_force.column)
             for i, nodal_force in enumerate(model.nodal_forces, start=len(active))
         ]
         followers = [
             (
                 self.place[follower.node],
                 i * dim,
-                1.0 / model.mass[follower.node],
+                model.mobility(follower.node),
                 follower.column,
                 follower.switched_on,
                 follower.load.stop,
@@ -289,6 +297,7 @@ class March:
             others,
             end_records(sides, self.place),
             *end_force_records(end_forces, self.order, law_records, self.place, model.mass),
+            self._neighbours(),
             record_array(constraints, leapfrog_loop.CONSTRAINT),
             record_array(shares, leapfrog_loop.SHARE),
             record_array(nodal_forces, leapfrog_loop.NODAL_FORCE),
@@ -306,6 +315,21 @@ class March:
             self.shifts,
             self.shifts_before,
         )
+
+    def _mass_held(self, node: int) -> float:
+        """Return the mass that a reaction accelerates along with a node: its own where the mass is diagonal."""
+        return 1.0 / self.model.mobility(node) if self.model.couples_nodes else float(self.model.mass[node])
+
+    def _neighbours(self) -> Any:
+        """Return the records of the nodes beside the ends on which loads, supports and drives act."""
+        rows = [
+            (self.place[node] + d, self.place[end] + d, value / response[end])
+            for end, response in self.moved_by.items()
+            for node, value in response.items()
+            if node != end
+            for d in range(self.dim)
+        ]
+        return record_array(rows, NEIGHBOUR)
 
     def switch(self, midpoint: float) -> None:
         """Change to the drives and laws that are active at `midpoint`, and continue all sums over the steps."""
@@ -555,6 +579,8 @@ class March:
         return self._kinetic(initial_velocity(self.model).ravel())
 
     def _kinetic(self, v: Floats) -> float:
+        if self.bulk.factor.size:
+            return coupled_kinetic(self.bulk, v, np.empty_like(v))
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
         return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
 

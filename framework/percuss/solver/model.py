@@ -24,6 +24,7 @@ from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
 from percuss.solver.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
+from percuss.solver.coupled_masses import inverse_mass, refuse_coupled_ends
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
@@ -136,6 +137,7 @@ class Model:
         loads = supports_and_loads(case, bodies, problems)
         _raise(problems)
         self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
+        refuse_coupled_ends(case, bodies.values(), self.acted_nodes)
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -294,6 +296,15 @@ class Model:
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.omega
 
+    @property
+    def acted_nodes(self) -> list[int]:
+        """Nodes on which a support, a drive or a load acts, each as often as that is so."""
+        return [
+            *(constraint.node for constraint in self.constraints),
+            *(nodal_force.node for nodal_force in self.nodal_forces),
+            *(follower.node for follower in self.followers),
+        ]
+
     def node(self, address: Address) -> int:
         """Return the node at an end of a body."""
         return self.bodies[address.body].node(address.region)
@@ -439,17 +450,35 @@ class Model:
                 free = normal.copy()
                 for direction in directions.get(node, ()):
                     free -= (direction @ free) * direction
-                pair_sides.append(self._side(node, normal, free))
+                pair_sides += self._sides_of(node, normal, free)
             sides.append(pair_sides)
         return sides
 
-    def _side(self, node: int, normal: Floats, free: Floats) -> Side:
-        """Return a side of a contact point, with `free` the part of its normal along which no constraint holds it."""
-        if self.mass[node] > 0.0:
-            return Side(node, normal, free / self.mass[node])
+    def _sides_of(self, node: int, normal: Floats, free: Floats) -> list[Side]:
+        """Return a side of a contact point, with `free` the part of its normal along which no constraint holds it.
+
+        Where the mass couples nodes, those that a force on the side moves too follow, with no normal of their own.
+        """
         body = self.body_of(node)
+        if self.mass[node] > 0.0 and body.inverse.size:
+            return [
+                Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
+                for moved, response in body.response(node).items()
+            ]
+        if self.mass[node] > 0.0:
+            return [Side(node, normal, free / self.mass[node])]
         stiffness = float(body.stiffness[body.end_element(node)])
-        return Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])
+        return [Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])]
+
+    @property
+    def couples_nodes(self) -> bool:
+        """Whether the mass of a body couples its nodes, so that M^-1 is banded."""
+        return any(body.inverse.size for body in self.bodies.values())
+
+    def mobility(self, node: int) -> float:
+        """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
+        body = self.body_of(node)
+        return body.response(node)[node] if body.inverse.size else 1.0 / self.mass[node]
 
     @cached_property
     def points_without_mass(self) -> Any:
@@ -582,6 +611,7 @@ def _bodies_of(case: Case) -> dict[str, Body]:
             volumes=volumes_of(spec.element, view),
             velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
             may_lack_mass=may_lack_mass,
+            inverse=inverse_mass(case, spec, mesh, mass),
         )
         start = bodies[name].stop
     return bodies

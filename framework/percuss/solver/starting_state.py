@@ -30,22 +30,41 @@ def starting_velocity(model: Model) -> Floats:
     With this starting velocity the scheme is of second order.
     """
     velocity = initial_velocity(model)
+    before = velocity.copy()
     for nodal_force in model.nodal_forces:
-        velocity[nodal_force.node] -= (
-            _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force / model.mass[nodal_force.node]
-        )
+        impulse = _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force
+        if model.couples_nodes:
+            velocity[nodal_force.node] -= impulse * model.mobility(nodal_force.node)
+        else:
+            velocity[nodal_force.node] -= impulse / model.mass[nodal_force.node]
     for follower in model.followers:
         speed = float(velocity[follower.node] @ follower.direction)
         motion = max(-follower.switched_on, 0.0), 0.0, speed
         force = answer(follower.load.load, "follow", follower.numbers, *motion)
         duration = _impulse_before_start(follower.load, model.dt)
-        velocity[follower.node] -= duration * force * follower.direction / model.mass[follower.node]
+        if model.couples_nodes:
+            velocity[follower.node] -= duration * force * follower.direction * model.mobility(follower.node)
+        else:
+            velocity[follower.node] -= duration * force * follower.direction / model.mass[follower.node]
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]
-        velocity[body.start : body.stop] -= _impulse_before_start(body_force.load, model.dt) * body_force.acceleration
+        fall = _impulse_before_start(body_force.load, model.dt) * body_force.acceleration
+        velocity[body.start : body.stop] -= fall
+        before[body.start : body.stop] -= fall
     _impose_velocities(model, velocity, -0.5 * model.dt)
+    if model.couples_nodes:
+        _carry_to_neighbours(model, velocity, before)
     return velocity
+
+
+def _carry_to_neighbours(model: Model, velocity: Floats, before: Floats) -> None:
+    """Change the velocities beside the ends on which loads, supports and drives act, as `before` has become theirs."""
+    for end in dict.fromkeys(model.acted_nodes):
+        response = model.body_of(end).response(end)
+        for node, value in response.items():
+            if node != end:
+                velocity[node] += value / response[end] * (velocity[end] - before[end])
 
 
 def _impose_velocities(model: Model, velocity: Floats, time: float) -> None:

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.solver.banded_matrices import pencil_bands, times
+from percuss.solver.coupled_masses import highest_frequency
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
@@ -43,9 +46,10 @@ def stiffness_limits(
     for body in bodies:
         ends = [node for node in (body.start, body.stop - 1) if node in uses]
         if ends:
-            step = min(dt, LARGEST_COURANT * 2.0 / float(body.frequency.max()))
+            highest = highest_frequency(body) if body.inverse.size else float(body.frequency.max())
+            step = min(dt, LARGEST_COURANT * 2.0 / highest)
             matrix = (body.stiffness,) if not body.mesh.cells else body.axial_band
-            arrays = [array.tobytes() for array in (body.mass, *matrix)]
+            arrays = [array.tobytes() for array in (body.mass, body.inverse, *matrix)]
             alike = (step, *(node - body.start for node in ends), *arrays)
             if alike not in of_alike:
                 of_alike[alike] = list(end_reserves(body, step, ends).values())
@@ -71,6 +75,10 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     ends
         The end nodes in contact, one or both.
     """
+    if body.inverse.size:
+        inverse, stiffness = pencil_bands(body.inverse, *body.axial_band)
+        places = [node - body.start for node in ends]
+        return _reserves(4.0 / dt**2 * inverse - stiffness, places, ends, lower=True, coupling=body.inverse)
     banded = np.zeros((2, body.mass.size))
     if body.mesh.cells:
         diagonal, off = body.axial_band
@@ -93,8 +101,13 @@ def end_reserves(body: Body, dt: float, ends: Sequence[int]) -> dict[int, float]
     return _reserves(banded, [node - body.start for node in ends], ends, lower=lower)
 
 
-def _reserves(banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool) -> dict[int, float]:
-    """Return `end_reserves` at the nodes `ends`, which are the rows `places` of a banded matrix."""
+def _reserves(
+    banded: Floats, places: Sequence[int], ends: Sequence[int], *, lower: bool, coupling: Floats | None = None
+) -> dict[int, float]:
+    """Return `end_reserves` at the nodes `ends`, which are the rows `places` of a banded matrix.
+
+    Where the mass couples nodes, that matrix is ``C ((4/dt^2) M - K) C`` with C = M^-1, whose bands are `coupling`.
+    """
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
     try:
@@ -103,7 +116,11 @@ def _reserves(banded: Floats, places: Sequence[int], ends: Sequence[int], *, low
         return dict.fromkeys(ends, 0.0)
     unit = np.zeros((banded.shape[1], len(ends)))
     unit[places, np.arange(len(ends))] = 1.0
-    stiffness = np.linalg.inv(cho_solve_banded((factor, lower), unit)[list(places)])
+    if coupling is not None:
+        compliance = times(coupling, cho_solve_banded((factor, lower), times(coupling, unit)))
+    else:
+        compliance = cho_solve_banded((factor, lower), unit)
+    stiffness = np.linalg.inv(compliance[list(places)])
     diagonal = np.diag(stiffness)
     if len(ends) == 2:
         # The matrix [[a, c], [c, b]] minus (1 - |c| / sqrt(a b)) times its diagonal is positive semi-definite, so

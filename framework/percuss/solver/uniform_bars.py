@@ -76,6 +76,7 @@ def _is_uniform(body: Body) -> bool:
     return not (
         body.why_not_linear
         or body.ends_without_mass
+        or body.inverse.size
         or np.any(stiffness != stiffness[0])
         or np.any(inner_mass != inner_mass[:1])
     )

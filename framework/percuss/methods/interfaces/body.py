@@ -372,7 +372,10 @@ class Lumping:
 
 
 class Mass(Component, contract="masses"):
-    """A rule that turns element masses into nodal masses; the mass matrix is always diagonal.
+    """A rule that turns element masses into nodal masses, and may couple neighbouring nodes.
+
+    An explicit step needs the inverse of the mass matrix. Of `nodal` it is diagonal; a rule that overrides `inverse`
+    gives a banded one instead, as reciprocal mass matrices are.
 
     An end in contact may have no mass: such a rule overrides `nodal_in_contact`, and percuss keeps that end in static
     balance with its contact, in the same equation as all other contacts (`percuss.ContactPoints.delassus`).
@@ -405,3 +408,23 @@ class Mass(Component, contract="masses"):
             then has mass.
         """
         return self.nodal(element_mass, lumping)
+
+    def inverse(self, element_mass: Floats, lumping: Lumping) -> Floats | None:  # noqa: ARG002
+        """Return the bands of M^-1 of a body; None, as by default, if M is the diagonal matrix of `nodal`.
+
+        It is asked of lines of two-node elements alone; with more nodes a mass that overrides it is refused.
+
+        Parameters
+        ----------
+        element_mass, lumping
+            As of `nodal`.
+
+        Returns
+        -------
+        (k + 1, nodes) array or None
+            The diagonal of the symmetric matrix, then its k off-diagonals, the entry of column j in place j, with
+            zeros where a row has ended [1/mass]. The matrix is positive definite, and ``M^-1 m = 1`` for the masses m
+            of `nodal`: a body that moves as a whole has their sum, and falls as it would with them. percuss refuses a
+            matrix that breaks this.
+        """
+        return None

@@ -41,6 +41,13 @@ class Bulk(NamedTuple):
     force: Floats  # ((BLOCK + 2) * dim,) work space
     viscous_time: float  # time by which internal forces look ahead along the velocity of half a step before
     ahead: Floats  # ((BLOCK + 2) * dim,) work space for that, or (0,) without viscosity
+    # Of masses that couple nodes, else empty, as `percuss.solver.coupled_masses.arrays_for_the_loop` has them.
+    stride: int  # number of degrees of freedom of a node
+    coupling: Floats  # (2 k + 1, nodes * dim) M^-1 diag(m) - I
+    factor: Floats  # (k + 1, nodes * dim) 1/D and L of M^-1 = L D L^T
+    correction: Floats  # (nodes * dim,) work space
+    before: Floats  # (nodes * dim,) displacements before the step, or (0,)
+    change: Floats  # (nodes * dim,) change of the velocities that `mass` alone would give, or (0,)
 
 
 def advance_bars(

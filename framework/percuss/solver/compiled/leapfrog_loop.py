@@ -22,6 +22,12 @@ from percuss.solver.compiled.contact_equation import (
     stored_energy,
 )
 from percuss.solver.compiled.end_forces import show_end_forces, show_gaps, soften_end_elements, work_and_energy
+from percuss.solver.compiled.coupled_masses import (
+    carry_to_neighbours,
+    couple_nodes,
+    coupled_kinetic,
+    keep_state,
+)
 from percuss.solver.compiled.ends_without_mass import (
     compress_elements,
     find_coming_multipliers,
@@ -99,6 +105,7 @@ class Boundary(NamedTuple):
     ends_without_mass: Any  # percuss.solver.compiled.ends_without_mass.END_WITHOUT_MASS
     end_forces: Any  # percuss.solver.compiled.end_forces.END_FORCE
     end_force_entries: Any  # percuss.solver.compiled.end_forces.END_FORCE_ENTRY
+    neighbours: Any  # percuss.solver.compiled.coupled_masses.NEIGHBOUR
     constraints: Any  # CONSTRAINT
     shares: Any  # SHARE
     nodal_forces: Any  # NODAL_FORCE
@@ -267,7 +274,7 @@ def advance(
             if uniform.bars.size > 0:
                 kinetic_energy, strain_energy = energies(uniform, u, v, dt)
             else:
-                kinetic_energy = kinetic(masses.mass, v)
+                kinetic_energy = kinetic_of(masses, v)
                 add_shifts_to_velocity(boundary, v, dt)
                 strain_energy = elastic(groups, u, v, dim, dt)
                 take_shifts_from_velocity(boundary, v)
@@ -275,6 +282,13 @@ def advance(
         if not sound:
             return s - 1
     return count
+
+
+def kinetic_of(masses: Bulk, v: Floats) -> float:
+    """Return the kinetic energy ``v M v / 2`` of all bodies."""
+    if masses.factor.size > 0:
+        return coupled_kinetic(masses, v, masses.correction)
+    return kinetic(masses.mass, v)
 
 
 def steps_to_record(record: Record, n: int) -> int:
@@ -322,7 +336,10 @@ def make_step(
     else:
         for i in range(boundary.momentum.size):
             boundary.momentum[i] = 0.0
+        keep_state(masses, u, v)
         bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
+        if masses.change.size > 0:
+            couple_nodes(masses, u, v, boundary.internal_work, dt)
     for i in range(boundary_dofs.size):
         q = boundary_dofs[i]
         q.bulk_v = v[q.dof]
@@ -332,6 +349,7 @@ def make_step(
     apply_followers(boundary, loads, amplitudes, s, (first + s) * dt, dim, dt)
     soften_end_elements(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
     work = impose_velocity(boundary, amplitudes, s, dim, dt)
+    carry_to_neighbours(boundary.neighbours, boundary_dofs)
     # Contact: the multipliers follow from the current or the predicted state. They change the velocities except along
     # prescribed directions, where the constraints take the contact forces as reactions.
     sound = True
@@ -353,9 +371,9 @@ def make_step(
     if boundary.ends_without_mass.size > 0:
         sound = balance_ends_without_mass(boundary, u, v, dt) and sound
     if boundary.internal_work.size > 0:
-        add_work_on_corrections(boundary, amplitudes, s, dt)
+        add_work_on_corrections(boundary, masses, amplitudes, s, dt)
     if boundary.shifts.size > 0:
-        work += add_work_of_shifts(boundary, amplitudes, s, dim, dt)
+        work += add_work_of_shifts(boundary, masses, amplitudes, s, dim, dt)
         apply_shifts(boundary, u)
     keep_state_variables(boundary)
     return add_up_work(boundary, work, first + s, dt) and sound
@@ -396,11 +414,18 @@ def write_back(boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
         u[q.dof] = q.old_u + dt * q.new_v
 
 
-def add_work_on_corrections(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dt: float) -> None:
+def lumped_change(masses: Bulk, q: Any) -> float:
+    """Return the change of a boundary velocity by the bulk update with nodal masses, from which the force follows."""
+    if masses.change.size > 0:
+        return masses.change[q.dof]  # type: ignore[no-any-return]
+    return q.bulk_v - q.old_v  # type: ignore[no-any-return]
+
+
+def add_work_on_corrections(boundary: Boundary, masses: Bulk, amplitudes: LoadAmplitudes, s: int, dt: float) -> None:
     """Add the internal work on the corrections of the boundary velocities, which the bulk update did not know."""
     for i in range(boundary.boundary_dofs.size):
         q = boundary.boundary_dofs[i]
-        force = q.mass * ((q.bulk_v - q.old_v) / dt - amplitudes.body_acceleration[s, q.body])
+        force = q.mass * (lumped_change(masses, q) / dt - amplitudes.body_acceleration[s, q.body])
         boundary.internal_work[0] -= 0.5 * dt * force * (q.new_v - q.bulk_v)
 
 
@@ -422,7 +447,9 @@ def apply_shifts(boundary: Boundary, u: Floats) -> None:
         u[boundary.boundary_dofs[i].dof] += boundary.shifts[i]
 
 
-def add_work_of_shifts(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+def add_work_of_shifts(
+    boundary: Boundary, masses: Bulk, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float
+) -> float:
     """Add the work of shifts to the contact work, and the internal work on them; return that of loads on them.
 
     The strain energy between u_n and the shifted u_{n+1} is ``u_n K u_{n+1} / 2``. A shift changes it by half its
@@ -435,7 +462,7 @@ def add_work_of_shifts(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, d
         q = boundary.boundary_dofs[i]
         moved = boundary.shifts_before[i] + boundary.shifts[i]
         body_force = q.mass * amplitudes.body_acceleration[s, q.body]
-        internal_force = body_force - q.mass * (q.bulk_v - q.old_v) / dt
+        internal_force = body_force - q.mass * lumped_change(masses, q) / dt
         on_bodies += internal_force * moved
         work += body_force * moved
     for i in range(boundary.nodal_forces.size):

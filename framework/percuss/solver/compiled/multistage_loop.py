@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.methods.slots import accelerations, internal_force
-from percuss.solver.compiled.bulk import Bulk, Group, kinetic
+from percuss.solver.compiled.bulk import Bulk, Group
+from percuss.solver.compiled.coupled_masses import couple_accelerations, keep_ends, move_neighbours
 from percuss.solver.compiled.leapfrog_loop import (
     Boundary,
     Record,
@@ -28,6 +29,7 @@ from percuss.solver.compiled.leapfrog_loop import (
     following_forces,
     is_recorded,
     keep_state_variables,
+    kinetic_of,
     save_state,
     snapshot,
     work_of_nodal_forces,
@@ -113,11 +115,13 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
     forces(system.groups, u, a, dim)
     for i in range(nodal):
         a[i] *= inverse_mass[i]
+    couple_accelerations(system.masses, a)
     for i in range(system.body_forces.size):
         body_force = system.body_forces[i]
         for j in range(body_force.start, body_force.stop):
             for d in range(dim):
                 a[j * dim + d] += amplitude[body_force.column] * system.body_force_axes[body_force.axis + d]
+    keep_ends(boundary.neighbours, boundary_dofs, a)
     for i in range(boundary.nodal_forces.size):
         nodal_force = boundary.nodal_forces[i]
         for d in range(dim):
@@ -136,6 +140,7 @@ def accelerate(system: System, stage: int, u: Floats, v: Floats, a: Floats) -> N
             prescribed = (system.speed[1, constraint.column] - system.speed[0, constraint.column]) / system.clock[1]
             a[first + i] = constraint.mass * (prescribed - current)
             add_along(constraint, boundary_dofs, boundary.axes, a, prescribed - current, dim)
+    move_neighbours(boundary.neighbours, boundary_dofs, a)
     # Contact comes last, so that the acceleration it starts from contains loads and constraints.
     if points.size > 0:
         solve_contact(system, stage, u, v, a, nodal)
@@ -159,14 +164,17 @@ def internal_accelerations(system: System, stage: int, u: Floats, f: Floats) -> 
     forces(system.groups_aside, u, f, dim)
     for i in range(nodal):
         f[i] *= -inverse_mass[i]  # the kernels of elements return the force on the nodes, which is -f_int
+    couple_accelerations(system.masses, f)
     for i in range(nodal, f.size):
         f[i] = 0.0
+    keep_ends(boundary.neighbours, boundary.boundary_dofs, f)
     for i in range(boundary.constraints.size):
         constraint = boundary.constraints[i]
         if system.active_constraints[i] == 1:
             current = component_along(constraint, boundary.boundary_dofs, boundary.axes, f, dim)
             f[first + i] = -constraint.mass * current
             add_along(constraint, boundary.boundary_dofs, boundary.axes, f, -current, dim)
+    move_neighbours(boundary.neighbours, boundary.boundary_dofs, f)
 
 
 @called
@@ -305,7 +313,7 @@ def advance(
         work += work_of_body_forces(system, v, dt)
         sound = add_up_work(boundary, work, n, dt)
         if is_recorded(record, n):
-            kinetic_energy = kinetic(system.masses.mass, v[:nodal])
+            kinetic_energy = kinetic_of(system.masses, v[:nodal])
             strain_energy = elastic(system.groups, u, v[:nodal], system.dim, 0.0)
             write_record(kinetic_energy, strain_energy, boundary, record, u, 0.0, n)
         if not (sound and system.clock[2] == 1.0):
@@ -353,6 +361,7 @@ def impose_velocities(system: System, u: Floats, v: Floats, dt: float, after: bo
     """
     boundary, dim = system.boundary, system.dim
     first = system.masses.mass.size + boundary.points.size
+    keep_ends(boundary.neighbours, boundary.boundary_dofs, v)
     for i in range(boundary.constraints.size):
         constraint = boundary.constraints[i]
         if system.active_constraints[i] == 1:
@@ -374,6 +383,7 @@ def impose_velocities(system: System, u: Floats, v: Floats, dt: float, after: bo
                     displacement - component_along(constraint, boundary.boundary_dofs, boundary.axes, u, dim),
                     dim,
                 )
+    move_neighbours(boundary.neighbours, boundary.boundary_dofs, v)
 
 
 @called

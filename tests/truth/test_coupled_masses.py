@@ -1,0 +1,637 @@
+"""Masses that couple nodes: reciprocal mass matrices against dense ones, dispersion relations and identities."""
+
+import copy
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import Phase, assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import eigh
+
+import percuss
+from dense import assemble
+from dense import march as dense_march
+from percuss import Lumping
+from percuss_methods.masses.reciprocal import Reciprocal
+from strategies import hunek, nudged
+
+LEAP_FROG = ("central-difference", "wu-predictor-corrector")
+LAWS = (
+    {"name": "penalty", "beta_s": 0.7},
+    {"name": "bipenalty", "beta_s": 1.5, "ratio": "matched"},
+    {"name": "bipenalty", "beta_s": 0.25, "ratio": 1.0},
+    {"name": "lagrange"},
+)
+CONSISTENCIES = (1.0, 0.375, -0.5, -1.5)
+
+
+def ran(case, overrides=None, **options):
+    return percuss.run(percuss.load(case), overrides, compiled=False, **options)
+
+
+def reciprocal_inverse(bars, consistency):
+    """Return M^-1 from the matrices of the elements, with `numpy.linalg.inv` of each."""
+    total, lumped = np.zeros(bars.M.shape), np.diag(bars.M)
+    for name, lengths in bars.lengths.items():
+        given = bars.given[name]
+        for e, h in enumerate(lengths):
+            mass = given["material"]["density"] * given["area"] * h
+            consistent = mass / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+            element = (1.0 - consistency) * 0.5 * mass * np.eye(2) + consistency * consistent
+            half = 0.5 * mass * np.eye(2)
+            i = bars.start[name] + e
+            total[i : i + 2, i : i + 2] += half @ np.linalg.inv(element) @ half
+    return total / np.outer(lumped, lumped)
+
+
+def reciprocal_mass(consistency):
+    return lambda bars: np.linalg.inv(reciprocal_inverse(bars, consistency))
+
+
+def uniform(count, consistency):
+    """Return M^-1, K and the nodal masses of a free bar of equal elements with c = h = 1."""
+    bars = assemble({"bodies": {"a": {"bar": {"length": float(count), "elements": count}, "area": 1.0,
+                                      "material": {"young": 1.0, "density": 1.0}}}})  # fmt: skip
+    return reciprocal_inverse(bars, consistency), bars.K, np.diag(bars.M)
+
+
+# ----------------------------------------------------------------------------------------------------- the matrices
+
+
+@pytest.mark.parametrize("consistency", CONSISTENCIES)
+def test_bands_are_those_of_the_element_matrices(consistency):
+    bar = {"bar": {"length": 3.0, "elements": 9, "grading": 0.2}, "area": 1.5}
+    bars = assemble({"bodies": {"a": bar | {"material": {"young": 1.0, "density": 0.7}}}})
+    element_mass = 0.7 * 1.5 * bars.lengths["a"]
+    bands = Reciprocal(consistency=consistency).inverse(element_mass, Lumping.of_line(9))
+    expected = reciprocal_inverse(bars, consistency)
+    assert bands[0] == pytest.approx(np.diag(expected), rel=1e-13)
+    assert bands[1, :-1] == pytest.approx(np.diag(expected, 1), rel=1e-13)
+    assert np.abs(np.triu(expected, 2)).max() == 0.0
+    assert np.linalg.eigvalsh(expected).min() > 0.0
+    # A body that moves as a whole has its mass: C m = 1.
+    assert expected @ np.diag(bars.M) == pytest.approx(np.ones(10), rel=1e-13)
+
+
+@pytest.mark.parametrize("consistency", [*CONSISTENCIES, 0.0])
+def test_waves_have_the_frequencies_of_the_dispersion_relation(consistency):
+    """(omega h / c)^2 = 2 z + (s - 1) z^2, with z = 1 - cos(kappa h) and s = 1 / (1 - 2 b / 3)."""
+    count = 40
+    inverse, stiffness, _ = uniform(count, consistency)
+    ends = np.zeros(count + 1)
+    ends[[0, -1]] = 1.0
+    s = 1.0 / (1.0 - 2.0 * consistency / 3.0)
+    for k in (1, 7, 20, 33, count):
+        wave = np.cos(np.pi * k * np.arange(count + 1) / count)
+        z = 1.0 - math.cos(math.pi * k / count)
+        # The ends are half elements of the same periodic row, so that standing waves are exact there too.
+        assert inverse @ stiffness @ wave == pytest.approx((2.0 * z + (s - 1.0) * z**2) * wave, abs=1e-12)
+
+
+def test_the_highest_frequencies_are_those_that_the_docstring_tells():
+    count = 50
+    for consistency, squared in ((1.0, 12.0), (0.375, 16.0 / 3.0), (0.0, 4.0), (-1.5, 2.0)):
+        inverse, stiffness, _ = uniform(count, consistency)
+        highest = np.linalg.eigvals(inverse @ stiffness).real.max()
+        assert highest == pytest.approx(squared, rel=1e-12)
+        case = hunek(7, integrator="central-difference", contact={"name": "lagrange"})
+        case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
+        courant = 2.0 / math.sqrt(squared)
+        critical = percuss.stability(percuss.load(case))[0]["courant_critical"]
+        assert critical == pytest.approx(courant, rel=1e-9)
+    # Consistent mass itself has the same highest frequency, sqrt(12) c / h.
+    bars = assemble({"bodies": {"a": {"bar": {"length": 9.0, "elements": 9}, "area": 1.0,
+                                      "material": {"young": 1.0, "density": 1.0}}}})  # fmt: skip
+    consistent = np.zeros((10, 10))
+    for e in range(9):
+        consistent[e : e + 2, e : e + 2] += np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
+    assert eigh(bars.K, consistent, eigvals_only=True)[-1] == pytest.approx(12.0, rel=1e-12)
+
+
+def test_below_the_least_consistency_the_shortest_wave_is_not_the_fastest():
+    """Why the option has that bound: below it the frequency has its maximum inside the range of waves."""
+    z = np.linspace(0.0, 2.0, 2001)
+    for consistency, falls in ((-1.5, False), (-1.6, True)):
+        squared = 2.0 * z + (1.0 / (1.0 - 2.0 * consistency / 3.0) - 1.0) * z**2
+        assert (np.diff(squared) < 0.0).any() == falls
+
+
+def test_long_waves_are_of_fourth_order_at_three_eighths():
+    def error(consistency, kappa):
+        z, s = 1.0 - math.cos(kappa), 1.0 / (1.0 - 2.0 * consistency / 3.0)
+        return abs(math.sqrt(2.0 * z + (s - 1.0) * z**2) / kappa - 1.0)
+
+    for consistency, order in ((1.0, 2), (0.0, 2), (0.375, 4)):
+        assert math.log2(error(consistency, 0.2) / error(consistency, 0.1)) == pytest.approx(order, abs=0.05)
+    # Without steps in time the phase error of long waves is (5/24) (kappa h)^2, for lumped mass -(1/24).
+    assert error(1.0, 0.01) == pytest.approx(5.0 / 24.0 * 1e-4, rel=1e-3)
+    assert error(0.0, 0.01) == pytest.approx(1.0 / 24.0 * 1e-4, rel=1e-3)
+
+
+# -------------------------------------------------------------------------------------------- against dense matrices
+
+
+@st.composite
+def rows(draw):
+    """Draw rows of one to three unlike bars, that hit each other or a wall, held, driven or loaded at the last end."""
+    number = lambda low, high: draw(st.integers(round(100 * low), round(100 * high))) / 100  # noqa: E731
+    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
+    for k, name in enumerate(names):
+        bodies[name] = {
+            "bar": {
+                "length": number(0.5, 3.0),
+                "elements": draw(st.integers(2, 8)),
+                "grading": draw(st.sampled_from([1.0, 0.5, 2.0])),
+            },
+            "material": {"young": number(20, 200), "density": number(0.01, 0.1)},
+            "area": number(0.5, 2.0),
+            "at": at,
+            "velocity": number(0.1, 1.0) * (-1.0 if k else 1.0),
+        }
+        at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
+    contacts = {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+    if draw(st.booleans()):  # two contacts at one end
+        first = bodies["a"]["bar"]["length"]
+        contacts["stop"] = {"body": "a.right", "wall": round(first + draw(st.sampled_from([0.0, 0.01])), 6)}
+    last, end = bodies[names[-1]], f"{names[-1]}.right"
+    ending = draw(st.sampled_from(["wall", "fixed", "loaded", "driven"]))
+    if len(names) == 1 and ending != "wall":
+        contacts.setdefault("start", {"body": "a.left", "wall": -0.01})
+    if ending == "wall":
+        wall = round(last["at"] + last["bar"]["length"] + draw(st.sampled_from([0.0, 0.05])), 6)
+        contacts.setdefault("stop" if len(names) == 1 else "wall", {"body": end, "wall": wall})
+    elif "stop" in contacts and len(names) == 1:
+        del contacts["stop"]
+    loads = {}
+    if ending == "fixed":
+        last["fixed"] = ["right"]
+    if ending == "loaded":
+        loads["push"] = {"constant": number(-1.0, 1.0), "on": end}
+    if ending == "driven":
+        loads["drive"] = {"prescribed-velocity": number(-0.5, 0.5), "on": end}
+    if ending != "driven" and draw(st.booleans()):
+        loads["weight"] = {"gravity": number(-2.0, 2.0)}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts,
+        "loads": loads,
+        "method": {"integrator": draw(st.sampled_from(LEAP_FROG)), "contact": dict(draw(st.sampled_from(LAWS)))},
+        "time": {"steps": 100, "courant": number(0.15, 0.4), "on_unstable": "warn"},
+        "record": {"probes": [f"{name}.{side}" for name in names for side in ("left", "right")]},
+    }
+
+
+@settings(max_examples=40, deadline=None, derandomize=True, phases=(Phase.generate,))
+@given(rows(), st.sampled_from(CONSISTENCIES))
+def test_rows_of_bars_move_as_dense_matrices_move_them(case, consistency):
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
+    mass = reciprocal_mass(consistency)
+    dense = dense_march(case, mass=mass)
+    peak = np.abs(dense.force).max()
+    assume(0.0 < peak < 1e3)
+    other = dense_march(nudged(case, 1e-12), mass=mass).force
+    assume(np.abs(other - dense.force).max() < 1e-8 * peak)  # else round-off decides about openings
+    result = ran(case)
+    scale = np.abs(dense.u).max()
+    assert np.abs(result.arrays["contact_force"] - dense.force).max() < 1e-7 * peak
+    assert np.abs(result.arrays["gap"] - dense.gap).max() < 1e-8 * max(scale, np.abs(dense.gap).max())
+    ends = [dense.bars.node(probe) for probe in case["record"]["probes"]]
+    assert np.abs(result.arrays["displacement"][..., 0] - dense.u[:, ends]).max() < 1e-8 * scale
+    energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"]
+    assert np.abs(energy - dense.energy).max() < 1e-9 * dense.energy.max()
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    assert result.summary["momentum"]["error"] < 1e-12
+    if result.summary["certificate"]["stable"] == "yes":
+        assert result.summary["energy_growth"]["kept"] is not False
+
+
+@pytest.mark.parametrize("scheme", ["velocity-verlet", "noh-bathe"])
+def test_stages_accelerate_as_dense_matrices_do(scheme):
+    """Contact by a penalty, gravity, a load on an end and a held end, in the stages of a scheme."""
+    case = hunek(6, integrator=scheme, contact={"name": "penalty", "beta_s": 0.7}, courant=0.25)
+    case["bodies"]["short"]["bar"]["grading"] = 0.4
+    case["loads"] = {"weight": {"gravity": 0.3}, "push": {"constant": 0.01, "on": "short.left"}}
+    case["time"] = {"steps": 90, "courant": 0.2}
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": 0.8}
+    result = ran(case)
+    bars = assemble(case)
+    mass = np.linalg.inv(reciprocal_inverse(bars, 0.8))
+    free = np.delete(np.arange(bars.x.size), bars.node("long.right"))
+    normal = np.zeros(bars.x.size)
+    normal[[bars.node("short.right"), bars.node("long.left")]] = -1.0, 1.0
+    push = mass.sum(axis=1) * 0.3
+    push[bars.node("short.left")] += 0.01
+    stiffness = 0.7 * min(bars.end("short.right")[0], bars.end("long.left")[0])
+    dt = result.summary["dt"] if "dt" in result.summary else float(np.diff(result.arrays["time"])[0])
+
+    def acceleration(u):
+        pressing = stiffness * max(-float(normal @ u), 0.0) * normal
+        a = np.zeros(u.size)
+        a[free] = np.linalg.solve(mass[np.ix_(free, free)], (push - bars.K @ u + pressing)[free])
+        return a
+
+    u, v = np.zeros(bars.x.size), bars.v.copy()
+    v[bars.node("long.right")] = 0.0
+    a, displacements = acceleration(u), []
+    p = 0.54
+    a0, a1, a2 = p * dt, 0.5 * (p * dt) ** 2, 0.5 * p * dt
+    a3, a4 = (1.0 - p) * dt, 0.5 * ((1.0 - p) * dt) ** 2
+    q1 = (1.0 - 2.0 * p) / (2.0 * p * (1.0 - p))
+    q2, q0 = 0.5 - p * q1, -q1 - (0.5 - p * q1) + 0.5
+    a5, a6, a7 = q0 * a3, (0.5 + q1) * a3, q2 * a3
+    for _ in range(91):
+        displacements.append(u)
+        if scheme == "velocity-verlet":
+            after = u + dt * v + 0.5 * dt**2 * a
+            following = acceleration(after)
+            u, v, a = after, v + 0.5 * dt * (a + following), following
+            continue
+        inside = u + a0 * v + a1 * a
+        first = acceleration(inside)
+        speed = v + a2 * (a + first)
+        after = inside + a3 * speed + a4 * first
+        following = acceleration(after)
+        u, v, a = after, speed + a5 * a + a6 * first + a7 * following, following
+    ends = [bars.node(probe) for probe in case["record"]["probes"]]
+    expected = np.array(displacements)[:, ends]
+    assert result.arrays["contact_force"].max() > 0.0
+    assert np.abs(result.arrays["displacement"][..., 0] - expected).max() < 1e-10 * np.abs(expected).max()
+    assert result.summary["momentum"]["error"] < 1e-12
+
+
+# -------------------------------------------------------------------------------------------------------- stability
+
+
+def dense_pencil(case, consistency):
+    """Return M, K and N of the free nodes of a case."""
+    bars = assemble(case)
+    mass = np.linalg.inv(reciprocal_inverse(bars, consistency))
+    free = np.delete(np.arange(bars.x.size), bars.node("long.right"))
+    normal = np.zeros(bars.x.size)
+    normal[[bars.node("short.right"), bars.node("long.left")]] = -1.0, 1.0
+    return bars, mass[np.ix_(free, free)], bars.K[np.ix_(free, free)], normal[free]
+
+
+@pytest.mark.parametrize("consistency", CONSISTENCIES)
+@pytest.mark.parametrize("law", [*LAWS, {"name": "tied"}])
+@pytest.mark.parametrize("integrator", LEAP_FROG)
+def test_the_critical_step_is_that_of_dense_matrices(consistency, law, integrator):
+    case = hunek(7, integrator=integrator, contact=dict(law), courant=0.2)
+    case["bodies"]["short"] |= {"area": 2.0, "bar": {"length": 10.0, "elements": 7, "grading": 0.3}}
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
+    certificate = ran(case).summary["certificate"]
+    bars, mass, stiffness, normal = dense_pencil(case, consistency)
+    free = 2.0 / math.sqrt(eigh(stiffness, mass, eigvals_only=True)[-1])
+    assert certificate["dt_critical_free"] == pytest.approx(free, rel=1e-10)
+    assert certificate["by"] == "pencil"
+
+    def grows(dt):
+        """Whether the bodies grow without contact, or a power of the amplification matrix of (u_n, u_n-1) with it."""
+        sides = [bars.end("short.right"), bars.end("long.left")]
+        eye, inverse = np.eye(normal.size), np.linalg.inv(mass)
+        step = 2.0 * eye - dt**2 * inverse @ stiffness
+        if law["name"] in {"lagrange", "tied"}:
+            back = eye - np.outer(inverse @ normal, normal) / (normal @ inverse @ normal)
+            top, before = back @ step, -back
+        else:
+            ratio = dt**2 if law.get("ratio") == "matched" else 1.0 / min(side[1] for side in sides) ** 2
+            spring = law["beta_s"] * min(sides)[0]
+            inertia = spring * ratio if law["name"] == "bipenalty" else 0.0
+            if integrator == "central-difference":
+                whole = np.linalg.inv(mass + inertia * np.outer(normal, normal))
+                step = 2.0 * eye - dt**2 * whole @ (stiffness + spring * np.outer(normal, normal))
+                top, before = step, -eye
+            else:
+                s = normal @ inverse @ normal
+                pull = dt**2 * spring / (1.0 + inertia * s) * np.outer(inverse @ normal, normal)
+                top, before = (eye - pull) @ step, -(eye - pull)
+        matrix = np.block([[top, before], [eye, np.zeros_like(eye)]])
+        moduli = np.abs(np.linalg.eigvals(matrix))
+        return dt > free or (moduli > 1.0 + 1e-7).any()
+
+    critical = certificate["dt_critical"]
+    assert critical <= free * (1.0 + 1e-9)
+    for share in (0.3, 0.6, 0.9, 0.99, 0.9999):
+        assert not grows(share * critical)
+    assert grows(1.001 * critical)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("integrator", LEAP_FROG)
+def test_a_chosen_step_is_stable_and_just_above_the_critical_one_is_not(law, integrator):
+    case = hunek(9, integrator=integrator, contact=dict(law), courant="auto", end=0.5)
+    case["time"]["on_unstable"] = "warn"  # central difference has no bound on what bipenalty gains at each opening
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": -1.5}
+    summary = ran(case).summary
+    assert summary["certificate"]["stable"] == "yes"
+    assert summary["certificate"]["margin"] == pytest.approx(0.9, rel=1e-6)
+    above = copy.deepcopy(case)
+    above["time"] = {"end": 0.1, "step": 1.001 * summary["certificate"]["dt_critical"], "on_unstable": "warn"}
+    assert ran(above).summary["certificate"]["stable"] == "no"
+
+
+def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_matrices():
+    """Three bars at one point under bipenalty laws of unlike eps_m / eps_s: theta alone does not decide there."""
+    bar = {"bar": {"length": 1.0, "elements": 4}, "material": {"young": 1.0, "density": 1.0}, "area": 1.0}
+    case = {
+        "percuss": 1,
+        "bodies": {"a": bar | {"velocity": 0.1}, "b": bar | {"at": 1.0}, "c": bar | {"at": 1.0, "area": 0.6}},
+        "contacts": {"ab": {"between": ["a.right", "b.left"]}, "ac": {"between": ["a.right", "c.left"]}},
+        "method": {
+            "integrator": "wu-predictor-corrector",
+            "contact": "lagrange",
+            "mass": {"name": "reciprocal", "consistency": 0.8},
+        },
+        "time": {"steps": 5, "courant": 0.4, "on_unstable": "warn"},
+    }  # fmt: skip
+    for name, stiffness, inertia in (("ab", 9.0, 0.3), ("ac", 5.0, 1e-9)):
+        case["contacts"][name]["method"] = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": inertia}
+    from percuss.certificate.closed_contacts import closed_contacts
+    from percuss.certificate.pencil import Pencil
+    from percuss.certificate.unequal_contacts import ClosedMatrix
+    from percuss.solver.model import Model
+
+    model = Model(percuss.load(case))
+    inverse = reciprocal_inverse(assemble(case), 0.8)
+    stiffness, size = assemble(case).K, inverse.shape[0]
+    normals = np.zeros((size, 2))
+    normals[[4, 5], 0], normals[[4, 10], 1] = (-1.0, 1.0), (-1.0, 1.0)
+    laws, dt = closed_contacts(model, model.dt), model.dt
+    left = np.diag([1.0 / 9.0, 1.0 / 5.0]) + np.array([[0.3 / 9.0], [1e-9 / 5.0]]) * (normals.T @ inverse @ normals)
+    back = np.eye(size) - dt**2 * inverse @ normals @ np.linalg.solve(left, normals.T)
+    top = back @ (2.0 * np.eye(size) - dt**2 * inverse @ stiffness)
+    values = np.linalg.eigvals(np.block([[top, -back], [np.eye(size), np.zeros((size, size))]]))
+    moving = values[np.abs(values - 1.0) > 1e-5]  # rigid motions are defective eigenvalues at 1
+    expected = np.abs(moving).max()
+    assert ClosedMatrix(Pencil(model)).radius(dt, laws, [0, 1]) == pytest.approx(expected, abs=1e-9)
+
+
+# -------------------------------------------------------------------------------------------------------- identities
+
+
+def test_without_consistency_it_is_lumped_to_the_last_bit():
+    case = hunek(12)
+    lumped = percuss.run(percuss.load(case))
+    reciprocal = percuss.run(percuss.load(case), {"method.mass": {"name": "reciprocal", "consistency": 0.0}})
+    for name in ("contact_force", "gap", "displacement", "kinetic_energy"):
+        assert (lumped.arrays[name] == reciprocal.arrays[name]).all()
+    # With hardly any it is nearly that, by the way of all masses that couple nodes.
+    nearly = percuss.run(percuss.load(case), {"method.mass": {"name": "reciprocal", "consistency": 1e-9}})
+    assert 0.0 < np.abs(nearly.arrays["displacement"] - lumped.arrays["displacement"]).max() < 1e-8
+
+
+@pytest.mark.parametrize("contact", [{"name": "bipenalty", "beta_s": 0.5}, {"name": "lagrange"}])
+def test_a_row_that_is_turned_in_the_plane_moves_as_on_the_line(contact):
+    case = hunek(6, contact=contact)
+    case["method"]["mass"] = {"name": "reciprocal", "consistency": 0.7}
+    case["loads"] = {"push": {"constant": 0.02, "on": "short.left"}}
+    turned = copy.deepcopy(case)
+    for body in turned["bodies"].values():
+        body["bar"]["direction"] = [0.6, 0.8]
+        body["at"] = [0.6 * body.get("at", 0.0), 0.8 * body.get("at", 0.0)]
+    line, plane = ran(case), ran(turned)
+    assert np.abs(plane.arrays["contact_force"] - line.arrays["contact_force"]).max() < 1e-12
+    along = plane.arrays["displacement"] @ np.array([0.6, 0.8])
+    assert np.abs(along - line.arrays["displacement"][..., 0]).max() < 1e-12
+    assert plane.summary["energy"]["ledger_error"] < 1e-12
+
+
+@pytest.mark.parametrize("consistency", CONSISTENCIES)
+def test_a_body_that_moves_or_falls_as_a_whole_stays_unstrained(consistency):
+    bar = {"length": 2.0, "elements": 9, "grading": 0.3}
+    body = {"bar": bar, "material": {"young": 100.0, "density": 0.01}, "area": 1.0, "velocity": 0.2}
+    case = {
+        "percuss": 1,
+        "bodies": {"a": body},
+        "contacts": {"floor": {"body": "a.left", "wall": -5.0}},
+        "loads": {"weight": {"gravity": -3.0}},
+        "method": {"mass": {"name": "reciprocal", "consistency": consistency}},
+        "time": {"step": 2e-4, "steps": 300},
+    }
+    result = ran(case)
+    assert result.arrays["elastic_energy"].max() < 1e-20
+    time = result.arrays["time"]
+    assert np.abs(result.arrays["displacement"][:, 0, 0] - (0.2 * time - 1.5 * time**2)).max() < 1e-12
+
+
+def test_other_methods_balance_with_it():
+    """Viscosity, bodies that are not linear, loads that follow the motion, laws that shift, laws with a kernel."""
+    for change in (
+        {"method.integrator": "viscous-central-difference", "method.contact": "penalty"},
+        {"bodies.long.element": "green-bar"},
+        {"bodies.short.material": {"name": "bilinear-plastic", "young": 100.0, "density": 0.01, "yield_stress": 0.02}},
+        {"loads": {"end": {"absorbing": {}, "on": "short.left"}}},
+        {"loads": {"end": {"spring-dashpot": {"stiffness": 3.0, "damping": 0.4}, "on": "short.left"}}},
+        {"method.integrator": "central-difference", "method.contact": "decomposition-contact-response"},
+        {"method.contact": "uzawa"},
+        {"method.contact": "hunt-crossley"},
+        {"loads": {"shake": {"harmonic": {"value": 0.2, "frequency": 3.0}, "on": "long.right", "as": "velocity",
+                             "from": 0.1, "until": 0.3}}, "bodies.long.fixed": []},
+    ):  # fmt: skip
+        case = hunek(10, courant=0.3, end=0.5)
+        case["method"]["mass"] = {"name": "reciprocal", "consistency": 0.9}
+        result = ran(case, change)
+        assert result.arrays["contact_force"].max() > 0.0, change
+        assert result.summary["energy"]["ledger_error"] < 1e-12, change
+        assert result.summary["momentum"]["error"] < 1e-12, change
+
+
+# ---------------------------------------------------------------------------------------------------------- accuracy
+
+
+@pytest.mark.parametrize("integrator", LEAP_FROG)
+def test_a_smooth_pulse_converges_with_second_order(integrator):
+    errors = []
+    for refine in (1, 2):
+        result = percuss.run(
+            percuss.load("cases/smooth-pulse.yaml"),
+            {
+                "refine": refine, "time.courant": 0.5, "method.contact": "lagrange", "method.integrator": integrator,
+                "method.mass": {"name": "reciprocal"},
+            },
+        )  # fmt: skip
+        errors.append(result.summary["exact"]["displacement_error"])
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_consistency_that_the_docstring_gives_for_a_step_cancels_its_error():
+    """b = 3 (1 - C^2) / (2 (4 - C^2)): errors of space and of time cancel in fourth order."""
+    courant, kappa = 0.6, np.array([0.1, 0.2])
+    consistency = 1.5 * (1.0 - courant**2) / (4.0 - courant**2)
+    z, s = 1.0 - np.cos(kappa), 1.0 / (1.0 - 2.0 * consistency / 3.0)
+    omega = 2.0 / courant * np.arcsin(0.5 * courant * np.sqrt(2.0 * z + (s - 1.0) * z**2))
+    errors = np.abs(omega / kappa - 1.0)
+    assert math.log2(errors[1] / errors[0]) == pytest.approx(4.0, abs=0.05)
+    assert 4.0 * s * courant**2 <= 4.0  # below the critical step, as for every C up to 1
+    results = [
+        percuss.run(
+            percuss.load("cases/smooth-pulse.yaml"),
+            {"time.courant": 0.5, "method.contact": "lagrange", "method.mass": mass},
+        ).summary["exact"]["contacts"]["joint"]["force_error_l1"]
+        for mass in ("lumped", {"name": "reciprocal", "consistency": 0.3}, {"name": "reciprocal", "consistency": 1.0})
+    ]
+    assert results[1] < results[0] / 10.0
+    assert (
+        results[2] > 5.0 * results[0]
+    )  # the element matrices as they are make waves faster than lumped ones slow them
+
+
+# ---------------------------------------------------------------------------------------------- unknown, and refused
+
+
+def test_what_only_the_step_itself_could_tell_is_unknown():
+    case = hunek(5, courant=0.3, end=0.05)
+    case["method"]["mass"] = "reciprocal"
+    for change, reason in (
+        ({"method.contact": "uzawa"}, "has a kernel of its own"),
+        ({"method.integrator": "viscous-central-difference", "method.contact": "penalty"}, "viscous"),
+        ({"method.integrator": "noh-bathe", "method.contact": "lagrange"}, "end of a step of stages"),
+        ({"loads": {"end": {"absorbing": {}, "on": "short.right"}}}, "in contact"),
+    ):
+        certificate = ran(case, change).summary["certificate"]
+        assert certificate["stable"] == "unknown", change
+        assert "the mass reciprocal, which couples nodes, is examined with linear laws alone" in certificate["why"]
+        assert reason in certificate["why"]
+        with pytest.raises(percuss.InputError, match="which couples nodes"):
+            ran(case, change | {"time.courant": "auto"})
+
+
+def test_criteria_that_do_not_cover_it_say_so():
+    from percuss.certificate.waves import waves
+    from percuss.solver.model import Model
+
+    case = hunek(5, contact={"name": "penalty", "beta_s": 0.5})
+    case["method"]["mass"] = "reciprocal"
+    rows = percuss.stability(percuss.load(case), by=("pencil", "closed-form", "black-box"))
+    assert [row["courant_critical"] is None for row in rows] == [False, True, True]
+    assert all("the mass reciprocal couples nodes" in row["reason"] for row in rows[1:])
+    with pytest.raises(percuss.PercussError, match="waves are measured with diagonal masses"):
+        waves(Model(percuss.load(case)))
+
+
+def test_bars_whose_ends_it_couples_are_refused_where_something_acts():
+    case = hunek(1)
+    case["bodies"]["long"]["bar"]["elements"] = 1
+    case["method"]["mass"] = "reciprocal"
+    with pytest.raises(percuss.InputError, match="expected more than 1 elements in body 'long', found 1"):
+        ran(case)
+    del case["bodies"]["long"]["fixed"]
+    result = ran(case, {"time.courant": 0.3})  # contact alone may couple the ends
+    assert result.arrays["contact_force"].max() > 0.0
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+
+
+def test_elements_of_more_nodes_are_refused():
+    case = hunek(4)
+    case["method"]["mass"] = "reciprocal"
+    case["bodies"]["long"]["element"] = "quadratic-bar"
+    with pytest.raises(percuss.InputError, match="expected elements of two nodes with the mass reciprocal"):
+        ran(case)
+
+
+# ------------------------------------------------------------------------------------------- inverses of other masses
+
+
+SOURCE = '''
+from dataclasses import dataclass
+
+import numpy as np
+
+from percuss import Mass
+
+
+@dataclass(frozen=True)
+class Mine(Mass):
+    """A mass of a test.
+
+    Formula: as it says.
+    """
+
+    name = "mine"
+    summary = "a mass of a test"
+    references = ("none",)
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def inverse(self, element_mass, lumping):
+        lumped = lumping.at_nodes(element_mass)
+        full = np.diag(lumped)
+{body}
+        full = full / np.outer(lumped, lumped)
+        bands = np.zeros(({bands}, lumped.size))
+        for k in range({bands}):
+            bands[k, : lumped.size - k] = np.diag(full, -k)
+        return {answer}
+'''
+PENTADIAGONAL = """
+        second = np.zeros((lumped.size - 2, lumped.size))
+        for i in range(lumped.size - 2):
+            second[i, i : i + 3] = 1.0, -2.0, 1.0
+        full = full + 0.1 * element_mass.mean() * second.T @ second
+"""
+
+
+def plugin(tmp_path, body="", bands=1, answer="bands"):
+    path = tmp_path / "mine.py"
+    path.write_text(SOURCE.format(body=body, bands=bands, answer=answer))
+    return path
+
+
+def test_an_inverse_of_five_diagonals_moves_bars_as_dense_matrices_do(tmp_path):
+    case = hunek(7, courant=0.2)
+    case["bodies"]["short"]["bar"]["grading"] = 0.5
+    case["loads"] = {"push": {"constant": 0.02, "on": "short.left"}, "weight": {"gravity": 0.1}}
+    case["method"]["mass"] = "mine"
+
+    def mass(bars):
+        lumped, total = np.diag(bars.M), bars.M.copy()
+        for name, lengths in bars.lengths.items():
+            given, nodes = bars.given[name], slice(bars.start[name], bars.stop[name])
+            second = np.diff(np.eye(lengths.size + 1), 2, axis=0)
+            element = given["material"]["density"] * given["area"] * lengths
+            total[nodes, nodes] += 0.1 * element.mean() * second.T @ second
+        return np.linalg.inv(total / np.outer(lumped, lumped))
+
+    loaded = percuss.load(case, plugins=[plugin(tmp_path, PENTADIAGONAL, 3)])
+    result = percuss.run(loaded, compiled=False)
+    dense = dense_march(case, mass=mass)
+    assert dense.force.max() > 0.01
+    assert np.abs(result.arrays["contact_force"] - dense.force).max() < 1e-10
+    ends = [dense.bars.node(probe) for probe in case["record"]["probes"]]
+    assert np.abs(result.arrays["displacement"][..., 0] - dense.u[:, ends]).max() < 1e-10
+    assert result.summary["energy"]["ledger_error"] < 1e-12
+    held = np.delete(np.arange(dense.bars.x.size), dense.bars.node("long.right"))
+    full = dense.bars.M[np.ix_(held, held)]
+    free = 2.0 / math.sqrt(eigh(dense.bars.K[np.ix_(held, held)], full, eigvals_only=True)[-1])
+    assert result.summary["certificate"]["dt_critical_free"] == pytest.approx(free, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("body", "bands", "answer", "reason"),
+    [
+        ("        full = 1.1 * full", 1, "bands", "expected 1 for the masses m of `nodal`"),
+        ("        full = full - np.diag(np.full(lumped.size - 1, 9.0 * lumped.max()), -1)", 2, "bands",
+         "is not positive definite"),
+        ("", 1, "bands[0]", "returned numbers of shape"),
+        ("", 1, "bands[:, 1:]", "returned numbers of shape"),
+        ("", 1, "bands * np.nan", "returned nan"),
+        ("", 1, "np.concatenate([bands, bands])", "longer than the matrix"),
+    ],
+)  # fmt: skip
+def test_an_inverse_that_breaks_its_contract_is_refused_with_its_place(tmp_path, body, bands, answer, reason):
+    path = plugin(tmp_path, body, bands, answer)
+    case = hunek(5) | {}
+    case["method"]["mass"] = "mine"
+    with pytest.raises(percuss.PluginError, match=reason) as refusal:
+        percuss.run(percuss.load(case, plugins=[path]), compiled=False)
+    assert "mine.py" in str(refusal.value)
+
+
+def test_the_kit_asks_masses_about_their_inverse():
+    from percuss.testing import checks_of
+
+    assert "inverse-mass" in {check.name for check, _ in checks_of(Reciprocal)}
