@@ -21,6 +21,7 @@ from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
 from percuss_methods.elements.spectral_bar import SpectralBarElement
+from percuss_methods.integrators.asynchronous import Asynchronous
 from percuss_methods.integrators.central_difference import CentralDifference
 from percuss_methods.integrators.chung_lee import ChungLee
 from percuss_methods.integrators.explicit_hht import ExplicitHHT
@@ -56,6 +57,7 @@ from percuss_methods.solutions.bars_in_a_row import BarsInARow
 def percuss_integrators() -> list[type]:
     """Return the built-in time integrators."""
     return [
+        Asynchronous,
         CentralDifference,
         ChungLee,
         ExplicitHHT,

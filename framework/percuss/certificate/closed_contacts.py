@@ -32,6 +32,8 @@ BILATERAL = "the law pulls as it pushes from its first step on: a gap that is th
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
+OWN_STEPS = "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
+ASYNCHRONOUS = "gives bodies steps of their own, so that a closed contact does not act as a stiffness"
 VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 
@@ -120,7 +122,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         else:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    if unknown and stages is None:
+    if unknown and stages is None and not model.own_steps:  # of these it is known that nothing is guaranteed
         guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
@@ -175,6 +177,8 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if model.viscosity:
         guarantees.append((NOT_GUARANTEED, DISSIPATES))
+    if model.own_steps and model.contact_pairs:
+        guarantees.append((NOT_GUARANTEED, OWN_STEPS))
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees
@@ -185,6 +189,8 @@ def _why_no_springs(model: Model, stages: Stages | None) -> str:
     integrator = model.case.method.integrator
     if model.viscosity:
         return f"{integrator.name} {VISCOUS}"
+    if model.own_steps:
+        return f"{integrator.name} {ASYNCHRONOUS}"
     return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(integrator) else ""
 
 

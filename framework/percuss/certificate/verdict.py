@@ -32,6 +32,8 @@ SMALLEST_SHARE_OF_FREE_STEP = 1e-4
 DISTANCE_ABOVE_CRITICAL = 1e-6
 # Share of the critical step that is chosen where the case leaves the step open.
 SHARE_OF_CRITICAL_STEP = 0.9
+# Largest number of steps until all bodies act together of which the amplification matrix is computed.
+LONGEST_PERIOD = 256
 
 
 Verdict = Literal["yes", "marginal", "no", "unknown"]
@@ -169,7 +171,7 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
     """
     if model.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
-    elif why := unknown_without_mass(model):
+    elif why := unknown_without_mass(model) or unknown_with_own_steps(model):
         found = _unknown_certificate(closed_contacts(model, model.dt), model, why)
     else:
         found = _certificate_of_linear_bodies(model, criterion or criterion_of(model))
@@ -183,7 +185,7 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
 def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion) -> Certificate:
     free, critical = criterion.free, criterion.critical_step
     assessment = criterion.assess_step(model.dt)
-    if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by:
+    if assessment.conclusive and np.isnan(critical) and criterion.by == BlackBoxCriterion.by and not model.own_steps:
         assessment = dataclasses.replace(
             assessment, conclusive=False, doubt="the closed step is not linear at longer steps"
         )
@@ -223,6 +225,26 @@ def unknown_without_mass(model: Model) -> str:
     if not doubts:
         return ""
     return f"ends without mass are examined with linear laws in gap or gap rate alone, and {'; '.join(doubts)}"
+
+
+def unknown_with_own_steps(model: Model) -> str:
+    """Return why no criterion covers bodies with steps of their own; empty if one does, or if there are none."""
+    if not model.own_steps:
+        return ""
+    name = model.case.method.integrator.name
+    with_kernels = list(dict.fromkeys(bound.law.name for bound in model.laws if bound.linear is None))
+    if with_kernels:
+        laws = " and ".join(with_kernels)
+        return f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
+    if model.followers:
+        load = model.followers[0].load.name
+        return f"load '{load}' acts in every step at an end of a body whose internal forces may not, under {name}"
+    if model.contact_pairs and model.period > LONGEST_PERIOD:
+        return (
+            f"under {name} the bodies act together in every {model.period}-th step alone, and periods of up to "
+            f"{LONGEST_PERIOD} steps are examined"
+        )
+    return ""
 
 
 def _unknown_certificate(laws: ClosedContacts, model: Model, why: str) -> Certificate:

@@ -130,6 +130,14 @@ def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
 
 def _stage_lines(model: Model) -> list[str]:
     """Return the lines about the stages of a multi-stage scheme; none for a leap-frog scheme."""
+    if model.own_steps:
+        steps = ", ".join(
+            f"{number} in '{name}'" for name, number in zip(model.bodies, model.own_steps, strict=True)
+        )
+        return [
+            f"    bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
+            "contacts and loads on ends act in every step",
+        ]
     if model.stages is None:
         return []
     times = ", ".join(f"{time:.6g}" for time in model.stages.times)

@@ -23,7 +23,7 @@ from percuss.solver.stop import Stop
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
     from percuss.methods.interfaces import Exact, Floats
-    from percuss.results.summary import Accounts, ExactEntries, ExactErrors, StopSummary, Summary
+    from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
 
 # Notes that begin with these words are also shown in the row of the run in a table.
 AGAINST_CERTIFICATE, NOT_VALID = "the certificate says no", "not a valid result"
@@ -94,7 +94,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         growth["kept"] = None
     notes = [
         *model.case.notes,
-        *_warnings(march, outcome, certificate),
+        *_warnings(march, outcome, certificate, accounts["energy"]),
         *energy_growth.growth_notes(march, outcome, growth),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
@@ -135,7 +135,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     return result
 
 
-def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[str]:
+def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: EnergySummary) -> list[str]:
     """Return warnings about a run: doubtful stability, ignored couplings, missing errors, energy added by contact."""
     warnings = []
     if certificate["stable"] == "no" and outcome.done > 0:
@@ -151,6 +151,13 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[
         name = march.model.case.method.integrator.name
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
+        )
+    bodies_error = energy["bodies_error"] or 0.0
+    if march.model.own_steps and bodies_error > ledger.BODIES_TOLERANCE:
+        name = march.model.case.method.integrator.name
+        warnings.append(
+            f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by "
+            f"{bodies_error:.3g} of the largest energy"
         )
     total = march.totals
     allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise

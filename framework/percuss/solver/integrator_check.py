@@ -52,6 +52,12 @@ def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, 
                 "LeapFrog.viscosity needs a finite number of at least 0, the same at every step: it is the time of the "
                 f"viscosity over the step; found {viscosity!r}, and {other!r} at half the step",
             )
+        if definition.own_steps and viscosity:
+            raise _plugin_error(
+                integrator,
+                "LeapFrog.own_steps and LeapFrog.viscosity exclude each other: the strain rate of half a step before "
+                "is not known of a body whose forces do not act in every step",
+            )
         return None, (definition,)
     if not isinstance(definition, Stages):
         raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected LeapFrog or Stages")

@@ -129,15 +129,16 @@ class March:
         ]
         self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
-        # Of linear bodies without viscosity it is the change of the staggered strain energy, of a multi-stage scheme it
-        # has no such form.
-        summed = (model.why_not_linear or model.viscosity) and not model.multistage
-        self.internal_work = np.zeros(1 if summed else 0)
+        self.internal_work = np.zeros(1 if model.sums_internal_work else 0)
+        self.own_step = np.array(model.own_steps or [1] * len(model.bodies), dtype=np.int64)
         mass = np.repeat(model.mass, dim)
         work_space = (bulk.BLOCK + 2) * dim
         ahead = np.zeros(work_space if model.viscosity else 0)
         inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
-        self.bulk = bulk.Bulk(mass, inverse, np.zeros(work_space), model.viscosity * model.dt, ahead)
+        self.bulk = bulk.Bulk(
+            mass, inverse, np.zeros(work_space), model.viscosity * model.dt, ahead, np.zeros(1, dtype=np.int64),
+            np.zeros(dim),
+        )  # fmt: skip
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.state_variables = StateVariables.of(model, self.kernel_laws)
         shifted = len(self.boundary_nodes) * dim if model.shifts else 0
@@ -168,7 +169,14 @@ class March:
             array[:] = 0.0
         body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
         dofs = [
-            (node * dim + axis, model.mass[node], body_number[node] * dim + axis, 0, 0, 0, 0)
+            (
+                node * dim + axis,
+                model.mass[node],
+                body_number[node] * dim + axis,
+                *([0.0] * 4),
+                self.own_step[body_number[node]],
+                0.0,
+            )
             for node in self.boundary_nodes
             for axis in range(dim)
         ]
@@ -224,6 +232,7 @@ class March:
                     np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
                     *self.state_variables.of_bodies(bodies),
                     self.internal_work,
+                    self.own_step[[body.number for body in bodies]],
                 )
             )
         return groups, [(element, material) for element, material, _ in kinds]
@@ -373,7 +382,7 @@ class March:
             self._march(outcome, progress, interrupted or threading.Event(), interrupt_after)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
-            outcome.final_displacement = self.u.copy()
+            outcome.final_displacement = self._displacement(outcome.done)
             outcome.points = copied_records(self.boundary.points)
             outcome.totals = self.totals
             outcome.energy_before = outcome.totals.energy_before
@@ -386,6 +395,15 @@ class March:
             outcome.records = -(-outcome.done // every) if outcome.status == "unstable" else outcome.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
         return outcome
+
+    def _displacement(self, step: int) -> Floats:
+        """Return the displacement before a step, of nodes that are ahead of it too, (nodes * dim,)."""
+        displacement = self.u.copy()
+        for body in self.model.bodies.values() if self.model.own_steps else ():
+            inside = [node for node in range(body.start, body.stop) if node not in self.place]
+            dofs = (np.array(inside, dtype=np.int64)[:, None] * self.dim + np.arange(self.dim)).ravel()
+            displacement[dofs] -= -step % self.own_step[body.number] * self.model.dt * self.v[dofs]
+        return displacement
 
     def _start_stepper(self) -> None:
         """Prepare the first step; report the error of a kernel with its law, file and line."""

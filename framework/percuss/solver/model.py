@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from percuss.case.case import Address, Case
 
 
+# Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
+OWN_STEP_TOLERANCE = 1e-9
+
+
 class ContactRows(NamedTuple):
     """The sides of every contact point, and the diagonal and the other entries of S (`contact_rows.delassus_rows`)."""
 
@@ -172,7 +176,7 @@ class Model:
             self.laws,
             self.points_without_mass,
             multistage=self.multistage,
-            viscous=self.viscosity > 0.0,
+            why_not_seen=self._why_end_elements_are_not_seen,
         )
         refuse_end(integrator, self.stages, self.laws)
         refuse_shifts(integrator, self.stages, self.laws)
@@ -280,6 +284,32 @@ class Model:
     def viscosity(self) -> float:
         """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
         return 0.0 if self.multistage else self.tables[0].viscosity
+
+    @cached_property
+    def own_steps(self) -> tuple[int, ...]:
+        """The number of steps from one action of the internal forces of each body to the next, `LeapFrog.own_steps`.
+
+        It is empty where internal forces act in every step in all bodies.
+        """
+        if self.multistage or not self.tables[0].own_steps:
+            return ()
+        ratios = [self.omega / float(body.frequency.max()) for body in self.bodies.values()]
+        numbers = tuple(max(1, int(ratio * (1.0 + OWN_STEP_TOLERANCE))) for ratio in ratios)
+        return numbers if max(numbers) > 1 else ()
+
+    @property
+    def period(self) -> int:
+        """The number of steps after which the internal forces of all bodies act in the same step again."""
+        return math.lcm(*self.own_steps)
+
+    @property
+    def sums_internal_work(self) -> bool:
+        """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
+
+        In linear bodies both are the same if internal forces act in every step and without viscosity. Of a multi-stage
+        scheme the work has no such form.
+        """
+        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps)
 
     @property
     def why_not_linear(self) -> str:
@@ -452,6 +482,14 @@ class Model:
                     advice = "Free one of the ends, or drop the contact."
                     problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
             _raise(problems)
+
+    @property
+    def _why_end_elements_are_not_seen(self) -> str:
+        """The reason why a static balance of the end elements of a body is not that of the step; empty where it is."""
+        name = self.case.method.integrator.name
+        if self.viscosity:
+            return f"the viscous force of {name} in its end element is not part of that"
+        return f"with {name} its end element does not act in every step" if self.own_steps else ""
 
     def _refuse_pairs(self) -> None:
         integrator = self.case.method.integrator

@@ -77,6 +77,7 @@ class StrictSystem:
         self._positions: dict[str, float] = {}
         self._element_length: dict[str, float] = {}
         self._ends: dict[str, tuple[float, float]] = {}  # EA/h and 2c/h
+        self._nodes_of: dict[str, slice] = {}
         first = 0
         for name, body in case["bodies"].items():
             n, area = body["bar"]["elements"], body["area"]
@@ -87,6 +88,7 @@ class StrictSystem:
             self.velocity[first : first + n + 1] = body["velocity"]
             self._nodes |= {f"{name}.left": first, f"{name}.right": first + n}
             self._positions |= {f"{name}.left": body["at"], f"{name}.right": body["at"] + body["bar"]["length"]}
+            self._nodes_of[name] = slice(first, first + n + 1)
             self._element_length[name], self._ends[name] = h, (young * area / h, 2.0 * math.sqrt(young / density) / h)
             for end in body.get("fixed", ()):
                 self.held[self._nodes[f"{name}.{end}"]] = True
@@ -156,7 +158,8 @@ class StrictSystem:
         v = self.velocity - 0.5 * dt * self.response * self.force
         for n in range(self.steps + 1):
             self._middle = (n + 0.5) * dt
-            bulk = self.response * (self.force - self.stiffness @ (u + table.viscosity * dt * v))
+            internal = self._actions(n, own=table.own_steps) * (self.stiffness @ (u + table.viscosity * dt * v))
+            bulk = self.response * (self.force - internal)
             gap, rate, acceleration = self.initial_gap + self.normal.T @ u, self.normal.T @ v, self.normal.T @ bulk
             predicted_rate = rate + dt * acceleration
             multiplier = self.multipliers(
@@ -168,6 +171,15 @@ class StrictSystem:
             u = u + dt * v
             if self._shift.size:
                 u = u + self.response * (self.normal @ self._shift)
+
+    def _actions(self, step: int, *, own: bool) -> Floats:
+        """Return the factor of the internal forces of each node in a step: 1, or m in every m-th, else 0."""
+        fastest = max(frequency for _, frequency in self._ends.values())
+        factor = np.ones(self.mass.size)
+        for name, (_, frequency) in self._ends.items() if own else ():
+            every = math.floor(fastest / frequency * (1.0 + TOUCHING))
+            factor[self._nodes_of[name]] = every if step % every == 0 else 0.0
+        return factor
 
     def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
         """Yield contact forces, gaps and displacements of each step of a multi-stage scheme.

@@ -42,11 +42,18 @@ class LeapFrog(NamedTuple):
         Stiffness-proportional viscosity of linear bodies: the time of the viscosity over the step. Internal forces are
         then ``K (u_n + viscosity dt v_{n-1/2})``, with the velocity of half a step before. At least 0, and the same at
         every step: the critical step is that of the bodies over ``sqrt(1 + 2 viscosity)``.
+    own_steps
+        Whether each body has a time step of its own. The time step of a case is then that of the body with the highest
+        frequency omega; in a body whose highest frequency is omega_b internal forces act in every m-th step alone, from
+        the first step on, m times as strong, with m the largest whole number up to ``omega / omega_b``: the body is at
+        the Courant number of the case or below. Accelerations of whole bodies act with their internal forces; contacts,
+        supports, drives and loads on ends act in every step. Not together with `viscosity`.
     """
 
     explicit: ContactState
     end: ContactState
     viscosity: float = 0.0
+    own_steps: bool = False
 
 
 class Stages(NamedTuple):

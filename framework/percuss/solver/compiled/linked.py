@@ -59,7 +59,7 @@ class LinkedStep(NamedTuple):
 
 
 _LINE = np.zeros(1)
-_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE)
+_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE, np.zeros(1, dtype=np.int64), _LINE)
 _POINTS = np.zeros(0, dtype=POINT).view(np.recarray)
 _OTHERS = np.zeros(0, dtype=OTHER).view(np.recarray)
 _FOLLOWERS = np.zeros(0, dtype=FOLLOWER).view(np.recarray)
