@@ -199,6 +199,43 @@ def test_the_amplification_is_that_of_full_matrices(courant, beta):
         assert found.radius == pytest.approx(radius, rel=1e-6)
 
 
+def test_one_mass_between_two_springs_has_the_resonance_of_the_text():
+    """Fong, Darve, Lew (2008): two potentials of one mass, kicked with steps h and m h, resonate as m h omega nears pi.
+
+    Two bars of one element, tied at one end each and fixed at the other, are such a mass. The step is unstable where the
+    trace of its matrix of a period, of two rows, exceeds 2.
+    """
+    bar = {"bar": {"length": 1.0, "elements": 1}, "area": 1.0, "velocity": 0.1}
+    case = {
+        "percuss": 1,
+        "bodies": {
+            "stiff": {**bar, "material": {"young": 1600.0, "density": 0.01}, "fixed": ["left"]},
+            "soft": {**bar, "at": 1.0, "material": SOFT, "fixed": ["right"]},
+        },
+        "contacts": {"tip": {"between": ["stiff.right", "soft.left"]}},
+        "method": {"integrator": "asynchronous", "contact": "tied"},
+        "time": {"steps": 1, "on_unstable": "warn"},
+    }
+    said, true = [], []
+    courants = np.arange(0.02, 1.0, 0.01)
+    for courant in courants:
+        case["time"]["courant"] = float(courant)
+        model = Model(percuss.load(case))
+        assert model.own_steps == (1, 4)
+        said.append(certificate(model)["stable"])
+        h, fast, slow = model.dt, 1600.0 / 0.01, 100.0 / 0.01  # springs over the mass of the joined ends
+        period = np.eye(2)
+        for n in range(4):
+            kick = np.array([[1.0, 0.0], [-h * (fast + (4.0 * slow if n == 0 else 0.0)), 1.0]])
+            period = np.array([[1.0, h], [0.0, 1.0]]) @ kick @ period
+        true.append(abs(np.trace(period)) - 2.0)
+    sure = np.abs(true) > 1e-6
+    assert (np.array(said) == np.where(np.array(true) > 0.0, "no", "yes"))[sure].all()
+    unstable = courants[np.array(said) == "no"]
+    # omega h = C: half a period of the fast spring is m h at C = pi / 4, up to the dispersion of the step
+    assert 0.7 < unstable.min() < math.pi / 4 < unstable.max() + 0.05 < 0.85
+
+
 @pytest.mark.parametrize("courant", [0.5, 0.7])
 def test_resonance_of_tied_bars_is_found_and_real(courant):
     """Steps of unlike length resonate below the limit of each body; r-RESPA and AVI are known for it."""

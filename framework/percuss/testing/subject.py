@@ -28,6 +28,13 @@ class NotApplicable(Exception):
     """Raised by a check that does not apply to a component; the message gives the reason."""
 
 
+def has_own_steps(subject: Subject, case: Mapping[str, Any]) -> bool:
+    """Return whether bodies of a case have steps of their own: what is known of a law is then not known of the pair."""
+    from percuss.solver.model import Model
+
+    return bool(Model(subject.load(case)).own_steps)
+
+
 def was_not_started(stopped: RunError) -> bool:
     """Return whether a run was refused before its first step because of its certificate, not stopped during it."""
     from percuss.solver.stop import NOT_STARTED
