@@ -159,7 +159,9 @@ def march(case, integrator=None, contact=None):
     own = np.ones(total, dtype=int)
     if integrator == "asynchronous":
         for name, one in case["bodies"].items():
-            frequency = 2.0 * math.sqrt(one["material"]["young"] / one["material"]["density"]) / bars.lengths[name].min()
+            frequency = (
+                2.0 * math.sqrt(one["material"]["young"] / one["material"]["density"]) / bars.lengths[name].min()
+            )
             own[bars.start[name] : bars.stop[name]] = math.floor(fastest / frequency * (1.0 + 1e-9))
     free = np.array([i for i in range(total) if i not in held])
     prescribed = np.array(list(held), dtype=int)

@@ -276,8 +276,14 @@ def test_what_the_certificate_cannot_know_is_unknown_with_the_reason():
     follows["loads"] = {"bed": {"spring-dashpot": {"stiffness": 5.0}, "on": "soft.right"}}
     assert "'bed'" in why(follows)
     odd = two_bars()
-    odd["bodies"]["third"] = copy.deepcopy(odd["bodies"]["soft"]) | {"at": 90.0, "material": {"young": 1.83, "density": 0.01}}
-    odd["bodies"]["fourth"] = copy.deepcopy(odd["bodies"]["soft"]) | {"at": 190.0, "material": {"young": 2.5, "density": 0.01}}
+    odd["bodies"]["third"] = copy.deepcopy(odd["bodies"]["soft"]) | {
+        "at": 90.0,
+        "material": {"young": 1.83, "density": 0.01},
+    }
+    odd["bodies"]["fourth"] = copy.deepcopy(odd["bodies"]["soft"]) | {
+        "at": 190.0,
+        "material": {"young": 2.5, "density": 0.01},
+    }
     assert math.lcm(1, 10, 73, 63) > 256
     assert "45990-th" in why(odd)
     assert "Krylov" in why(two_bars(soft=400))

@@ -32,6 +32,7 @@ BILATERAL = "the law pulls as it pushes from its first step on: a gap that is th
 INTERVALS = "the law acts in intervals of time: what its contacts store jumps as one of them begins"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
+IMPLICIT = "a multiplier that is solved at the end of a step alone gives and takes energy as its contact closes or opens"
 OWN_STEPS = "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
 ASYNCHRONOUS = "gives bodies steps of their own, so that a closed contact does not act as a stiffness"
 VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
@@ -122,7 +123,7 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         else:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
-    if unknown and stages is None and not model.own_steps:  # of these it is known that nothing is guaranteed
+    if unknown and stages is None and not (model.own_steps or model.implicit):  # of these it is known: nothing
         guarantees.append((UNKNOWN, f"nothing is known: {'; '.join(dict.fromkeys(doubts))}"))
     by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
@@ -177,6 +178,8 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if model.viscosity:
         guarantees.append((NOT_GUARANTEED, DISSIPATES))
+    if model.implicit:
+        guarantees.append((NOT_GUARANTEED, IMPLICIT))
     if model.own_steps and model.contact_pairs:
         guarantees.append((NOT_GUARANTEED, OWN_STEPS))
     if stages is not None:
@@ -191,6 +194,8 @@ def _why_no_springs(model: Model, stages: Stages | None) -> str:
         return f"{integrator.name} {VISCOUS}"
     if model.own_steps:
         return f"{integrator.name} {ASYNCHRONOUS}"
+    if model.implicit:
+        return f"{integrator.name} solves for its contacts at the end of a step, together with the bodies"
     return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(integrator) else ""
 
 

@@ -127,8 +127,15 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
         return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
     if why := following_loads.why_unknown(model):
         return _row(varied, way, None, f"{why}, which changes the critical step")
+    if model.implicit:
+        return _row(varied, way, None, f"{model.case.method.integrator.name} is implicit: it has no critical step")
     if model.own_steps and model.contact_pairs:
-        return _row(varied, way, None, f"with {model.case.method.integrator.name} steps resonate: a longer one may be stable, a shorter one not")
+        return _row(
+            varied,
+            way,
+            None,
+            f"with {model.case.method.integrator.name} steps resonate: a longer one may be stable, a shorter one not",
+        )
     if way == "pencil" and doubts:
         return _row(varied, way, None, f"the pencil does not cover this: {'; '.join(doubts)}")
     try:

@@ -105,6 +105,9 @@ def settled(case: Case) -> SettledRun:
     model = Model(case)
     if case.time.courant != "auto":
         return SettledRun(model, None)
+    if model.implicit:
+        message = f"expected an explicit integrator, found the implicit {case.method.integrator.name}"
+        raise InputError([case.problem(("time", "courant"), message, "No step is critical: give one.")])
     if why := following_loads.why_unknown(model):
         message = f"expected loads of which the critical step is known, found that {why}"
         raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
@@ -169,6 +172,8 @@ def certificate(model: Model, criterion: RunCriterion | None = None) -> Certific
         The criterion of this run, if `settled` has searched the critical step already.
 
     """
+    if model.implicit:
+        return _certificate_of_implicit_scheme(model)
     if model.why_not_linear:
         found = _certificate_of_nonlinear_bodies(model)
     elif why := unknown_without_mass(model) or unknown_with_own_steps(model):
@@ -227,6 +232,45 @@ def unknown_without_mass(model: Model) -> str:
     return f"ends without mass are examined with linear laws in gap or gap rate alone, and {'; '.join(doubts)}"
 
 
+def _certificate_of_implicit_scheme(model: Model) -> Certificate:
+    """Return the certificate of a run with an implicit scheme, from what is known of Newmark's family.
+
+    Without contact it is unconditionally stable for ``gamma = 1/2 - alpha``, ``beta >= (1 - alpha)^2 / 4`` and alpha
+    from -1/3 to 0. For alpha = 0 a closed contact with a compliance adds to the stiffness, and a tie of rates takes
+    motions away: both leave the step stable. A gap that is held closed without a compliance has no velocity in the
+    mean, but its velocity changes its sign in every step and the multiplier grows with each, without bound.
+    """
+    beta, gamma, alpha = model.implicit or (0.0, 0.0, 0.0)
+    name = model.case.method.integrator.name
+    found = _unknown_certificate(closed_contacts(model, model.dt), model, "")
+    tolerance = 1e-12
+    known = abs(gamma - (0.5 - alpha)) <= tolerance and beta >= (1.0 - alpha) ** 2 / 4.0 - tolerance
+    if not known or alpha < -1.0 / 3.0 - tolerance:
+        found["why"] = f"with beta {beta:.6g}, gamma {gamma:.6g} and alpha {alpha:.6g} nothing is known of its steps"
+        return found
+    without_contact = "without contact every step is stable"
+    rigid = [
+        bound.law.name
+        for bound in model.laws
+        if bound.linear is not None and np.any(bound.linear.gap) and not np.all(bound.linear.sigma)
+    ]
+    if model.contact_pairs and alpha < 0.0:
+        found["why"] = f"{without_contact}; {name} lags internal forces and not those of contact, which is not examined"
+    elif rigid:
+        found["why"] = (
+            f"{without_contact}; held closed by {rigid[0]}, a gap changes the sign of its velocity in every step, and its "
+            "multiplier grows in proportion to their number: a compliance or alpha below 0 prevents that"
+        )
+    else:
+        found["stable"] = "yes"
+        found["why"] = (
+            "every step is stable, as a closed contact adds to the stiffness"
+            if model.contact_pairs
+            else (without_contact)
+        )
+    return found
+
+
 def unknown_with_own_steps(model: Model) -> str:
     """Return why no criterion covers bodies with steps of their own; empty if one does, or if there are none."""
     if not model.own_steps:
@@ -235,7 +279,9 @@ def unknown_with_own_steps(model: Model) -> str:
     with_kernels = list(dict.fromkeys(bound.law.name for bound in model.laws if bound.linear is None))
     if with_kernels:
         laws = " and ".join(with_kernels)
-        return f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
+        return (
+            f"with {name} contacts are held closed over several steps, and {laws} has a kernel, which does not say so"
+        )
     if model.followers:
         load = model.followers[0].load.name
         return f"load '{load}' acts in every step at an end of a body whose internal forces may not, under {name}"

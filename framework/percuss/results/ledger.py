@@ -9,7 +9,7 @@ dissipated energy are told beside it, and differ from the internal work by an er
 So it is where bodies have steps of their own, ``m f_int(u_n) (u_{n+1} - u_{n-1}) / 2`` over the steps in which the
 forces of a body act: elastic energy is then that between the two such steps around t_{n+1/2}, along the velocities
 there, and differs from the internal work where a contact or load has changed these between the two.
-With a viscous leap-frog scheme the internal work contains what viscosity takes, and the energy dissipated in linear
+Of an implicit scheme (`percuss.solver.implicit`) energies are those of the state at t_n. With it and a viscous leap-frog scheme the internal work contains what viscosity takes, and the energy dissipated in linear
 bodies is the internal work that they do not store.
 
 For multi-stage schemes (`percuss.solver.compiled.multistage_loop`) energies are those of the state at t_{n+1}, and the
@@ -148,8 +148,9 @@ def _bodies_error(march: March, histories: Mapping[str, Floats], largest_energy:
     """Return the largest internal work that bodies neither store nor dissipate, over the largest energy, or None."""
     materials = [body.spec.material for body in march.model.bodies.values()]
     silent = any(material.state > 0 and material.dissipated_in is None for material in materials)
-    # What viscosity dissipates is the difference itself.
-    if "internal_work" not in histories or silent or march.model.viscosity or not largest_energy > 0.0:
+    # What viscosity or an implicit scheme dissipates is the difference itself.
+    takes = bool(march.model.viscosity or march.model.implicit)
+    if "internal_work" not in histories or silent or takes or not largest_energy > 0.0:
         return None
     missing = histories["internal_work"] - histories["elastic_energy"]
     if "dissipated_energy" in histories:

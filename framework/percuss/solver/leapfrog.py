@@ -29,6 +29,7 @@ class LeapFrogStepper:
     """
 
     energy_at = 0.5
+    force_at = 0.0
     levels = 2
     keeps_constraints = False
 

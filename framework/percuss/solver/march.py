@@ -25,6 +25,7 @@ from percuss.solver.compiled.contact_equation import NEVER, SWEEPS
 from percuss.solver.compiled.following_loads import FOLLOWER
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, end_records, point_records
+from percuss.solver.implicit import NOT_COMPILED, ImplicitStepper
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
 from percuss.solver.record_arrays import copied_records, empty_records, record_array
@@ -62,7 +63,7 @@ class Outcome:
     kinetic_before: float  # kinetic energy at -dt/2
     sums_internal_work: bool  # whether the internal work of the bodies is recorded
     dissipates: bool  # whether a material says what it dissipates
-    viscous: bool  # whether the scheme has a viscosity
+    viscous: bool  # whether the scheme takes energy from linear bodies: it has a viscosity, or is implicit
     totals: SimpleNamespace  # `March.totals`, before the trial step
     load_impulse: Floats
     kernels: Kernels
@@ -96,7 +97,9 @@ class March:
         self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
         self._begin()
-        self.kernels = kernels or bind(self.parts, compiled=compiled)
+        self.kernels = kernels or bind(self.parts, compiled=compiled and model.implicit is None)
+        if model.implicit is not None:
+            self.kernels = self.kernels._replace(reasons=(NOT_COMPILED.format(model.case.method.integrator.name),))
         self._is_compiled = False
         self.seconds = {"build": time.perf_counter() - started}
 
@@ -160,9 +163,11 @@ class March:
         """Make the arrays of the state before the first step."""
         model, dim = self.model, self.dim
         self.reactions = np.zeros(len(model.constraints))
-        self.stepper: Stepper = (
-            LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
-        )
+        self.stepper: Stepper
+        if model.implicit is not None:
+            self.stepper = ImplicitStepper(model, model.implicit)
+        else:
+            self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
         self.u, self.v = self.stepper.u, self.stepper.v
         variables = self.state_variables
         for array in (variables.before, variables.after, self.internal_work, self.shifts, self.shifts_before):
@@ -433,7 +438,7 @@ class March:
             kinetic_before=0.0,
             sums_internal_work=self.internal_work.size > 0,
             dissipates=self.state_variables.dissipated.size > 0,
-            viscous=self.model.viscosity > 0,
+            viscous=self.model.viscosity > 0 or self.model.implicit is not None,
             totals=self.totals,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Stages
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
 from percuss.solver.bound_law import BoundLaw, bind_law
@@ -25,6 +25,7 @@ from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
+from percuss.solver.implicit import refuse_in_implicit
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
 from percuss.solver.loads import supports_and_loads
 from percuss.solver.stiffness_limits import stiffness_limits
@@ -181,6 +182,8 @@ class Model:
         refuse_end(integrator, self.stages, self.laws)
         refuse_shifts(integrator, self.stages, self.laws)
         refuse_unseen(integrator, self.tables, self.laws)
+        if self.implicit:
+            refuse_in_implicit(self)
 
     def with_step(self, dt: float) -> Model:
         """Return the model of the whole run with another time step."""
@@ -286,6 +289,12 @@ class Model:
         return 0.0 if self.multistage else self.tables[0].viscosity
 
     @cached_property
+    def implicit(self) -> Implicit | None:
+        """The scheme of an implicit integrator; None for an explicit one."""
+        definition = answer(self.case.method.integrator, "bind", self.dt)
+        return definition if isinstance(definition, Implicit) else None
+
+    @cached_property
     def own_steps(self) -> tuple[int, ...]:
         """The number of steps from one action of the internal forces of each body to the next, `LeapFrog.own_steps`.
 
@@ -306,10 +315,10 @@ class Model:
     def sums_internal_work(self) -> bool:
         """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
 
-        In linear bodies both are the same if internal forces act in every step and without viscosity. Of a multi-stage
-        scheme the work has no such form.
+        In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
+        step. Of a multi-stage scheme the work has no such form.
         """
-        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps)
+        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
 
     @property
     def why_not_linear(self) -> str:
@@ -533,8 +542,10 @@ class Model:
             for bound_law in self.laws
         ]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
-        if self.stages is not None:
+        if self.stages is not None or self.implicit:
             records["stores"] = NOTHING
+        if self.implicit:
+            records["end_stiffness"] = np.nan  # every law is solved for at the end of the step
         return order, records
 
     def ignored_couplings(self) -> list[str]:

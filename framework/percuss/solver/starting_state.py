@@ -43,7 +43,9 @@ def starting_velocity(model: Model) -> Floats:
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]
-        duration = _impulse_before_start(body_force.load, model.dt * (model.own_steps or (1,) * len(bodies))[body.number])
+        duration = _impulse_before_start(
+            body_force.load, model.dt * (model.own_steps or (1,) * len(bodies))[body.number]
+        )
         velocity[body.start : body.stop] -= duration * body_force.acceleration
     _impose_velocities(model, velocity, -0.5 * model.dt)
     return velocity

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw, Stages, Trial
+from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.subject import CheckFailed, NotApplicable
 
@@ -149,6 +149,8 @@ class StrictSystem:
 
     def march(self) -> Histories:
         """Return the histories of all steps and of one more step, whose force is the last one of the histories."""
+        if isinstance(self.scheme, Implicit):
+            raise NotApplicable("the scheme is implicit, and is no step that this system makes")
         records = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
         return Histories(*(np.array(column) for column in zip(*records, strict=True)))
 

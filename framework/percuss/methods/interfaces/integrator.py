@@ -86,8 +86,33 @@ class Stages(NamedTuple):
     velocity: tuple[float, ...] = ()
 
 
+class Implicit(NamedTuple):
+    """An implicit scheme of Newmark's family, with contact solved at the end of the step; a reference, in NumPy and SciPy.
+
+    ``M a_{n+1} + (1 + alpha) K u_{n+1} - alpha K u_n = (1 + alpha) f_{n+1} - alpha f_n + N lambda_{n+1}``, with
+    ``u_{n+1} = u_n + dt v_n + dt^2 ((1/2 - beta) a_n + beta a_{n+1})`` and
+    ``v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1})``.
+
+    It takes linear bodies, supports and forces, and laws that are a line in the gap, or a tie of rates, at the end of
+    the step; a penalty is one there too.
+
+    Attributes
+    ----------
+    beta, gamma
+        Weights of the coming acceleration in displacement and velocity; beta is greater than 0.
+    alpha
+        Weight by which internal forces and loads lag behind, -1 to 0.
+    """
+
+    beta: float
+    gamma: float
+    alpha: float = 0.0
+
+
 class Integrator(Component, contract="integrators"):
-    """An explicit time integrator: a leap-frog scheme, defined by `bind` alone, or a multi-stage scheme with a kernel.
+    """A time integrator: a leap-frog scheme, defined by `bind` alone, or a multi-stage scheme with a kernel.
+
+    A scheme whose `bind` returns `Implicit` is complete as well. It is no contender, and shows what implicit costs.
 
     A scheme whose `bind` returns `LeapFrog` is complete; the framework makes the step. A multi-stage scheme returns
     `Stages` and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that advances displacement u
@@ -141,7 +166,7 @@ class Integrator(Component, contract="integrators"):
     kept: ClassVar[int] = 0
 
     @abstractmethod
-    def bind(self, dt: float) -> LeapFrog | Stages:
+    def bind(self, dt: float) -> LeapFrog | Stages | Implicit:
         """Return the description of a step of length `dt`.
 
         Parameters
@@ -156,6 +181,8 @@ class Integrator(Component, contract="integrators"):
         Stages
             A multi-stage scheme: the framework computes accelerations that include contact, and the class has a kernel
             `step`.
+        Implicit
+            An implicit scheme for linear bodies: the framework factorises, and solves for contact at the end of the step.
         """
 
     def refuses(self, law: Any) -> str | None:  # noqa: ARG002

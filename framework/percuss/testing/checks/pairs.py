@@ -156,8 +156,10 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
                 return
             raise CheckFailed(f"with options {dict(options)} the run was {stopped}") from None
         certificate = result.summary["certificate"]
-        if has_own_steps(subject, full_case) or certificate["stable"] not in {"yes", "unknown"} or (
-            certificate["theta"] is not None and certificate["theta"] >= 1.0
+        if (
+            has_own_steps(subject, full_case)
+            or certificate["stable"] not in {"yes", "unknown"}
+            or (certificate["theta"] is not None and certificate["theta"] >= 1.0)
         ):
             return
         relative_growth = energy_growth(subject, full_case, result)
@@ -388,6 +390,8 @@ def check_certificate(subject: Subject) -> None:
             model = Model(subject.load(subject.placed(case, options, partner)))
         except (InputError, RefusedPair) as refusal:
             raise NotApplicable(str(refusal)) from None
+        if model.implicit:
+            raise NotApplicable("the scheme is implicit, and has no critical step")
         contacts = closed_contacts(model, model.dt)
         if contacts.unknown:
             raise NotApplicable(f"the pencil does not cover {', '.join(contacts.unknown)}: only the step itself tells")
