@@ -202,8 +202,8 @@ def test_the_amplification_is_that_of_full_matrices(courant, beta):
 def test_one_mass_between_two_springs_has_the_resonance_of_the_text():
     """Fong, Darve, Lew (2008): two potentials of one mass, kicked with steps h and m h, resonate as m h omega nears pi.
 
-    Two bars of one element, tied at one end each and fixed at the other, are such a mass. The step is unstable where the
-    trace of its matrix of a period, of two rows, exceeds 2.
+    Two bars of one element, tied at one end each and fixed at the other, are such a mass. The step is unstable where
+    the trace of its matrix of a period, of two rows, exceeds 2.
     """
     bar = {"bar": {"length": 1.0, "elements": 1}, "area": 1.0, "velocity": 0.1}
     case = {

@@ -171,7 +171,7 @@ class ClosedStep:
         self._scale = unit * np.sqrt(lightest) / self.motions.root
         order = self.march.order
         points.initial_gap = unit * BASE_OVERLAP * signs[order]
-        # Within a step of stages, or of several steps, the loop holds contacts closed whose law is linear and acts then.
+        # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
         several = self.model.multistage or bool(self.model.own_steps)
         linear = self._held_by_loop = (points.source == WITH_MASS) & (points.always != NEVER) & several
         if several:

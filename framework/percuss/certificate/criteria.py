@@ -520,7 +520,9 @@ class BlackBoxCriterion:
     def critical_step(self) -> float:
         """Largest stable step within the relative tolerance `SEARCH_TOLERANCE`, or nan where the step is not linear.
 
-        It is nan too where bodies have steps of their own. A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
+        It is nan too where bodies have steps of their own.
+
+        A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
         """
         if self.free in {0.0, np.inf}:
             return self.free

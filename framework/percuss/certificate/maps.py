@@ -123,19 +123,8 @@ def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:
 
 def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Sequence[str]) -> dict[str, Any]:
     """Return the row of one criterion; `doubts` are the reasons why the pencil does not cover some of the laws."""
-    if model.why_not_linear:
-        return _row(varied, way, None, f"{model.why_not_linear}, and its critical step changes with the strain")
-    if why := following_loads.why_unknown(model):
-        return _row(varied, way, None, f"{why}, which changes the critical step")
-    if model.implicit:
-        return _row(varied, way, None, f"{model.case.method.integrator.name} is implicit: it has no critical step")
-    if model.own_steps and model.contact_pairs:
-        return _row(
-            varied,
-            way,
-            None,
-            f"with {model.case.method.integrator.name} steps resonate: a longer one may be stable, a shorter one not",
-        )
+    if why := _why_no_critical_step(model):
+        return _row(varied, way, None, why)
     if way == "pencil" and doubts:
         return _row(varied, way, None, f"the pencil does not cover this: {'; '.join(doubts)}")
     try:
@@ -158,6 +147,20 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
         row["margin"] = model.dt / critical if critical > 0 else np.inf
         row["theta"] = None if way == "closed-form" else criterion.assess_step(model.dt).theta
     return row
+
+
+def _why_no_critical_step(model: Model) -> str:
+    """Return why no criterion has a critical step of a model; empty where one may have it."""
+    name = model.case.method.integrator.name
+    if model.why_not_linear:
+        return f"{model.why_not_linear}, and its critical step changes with the strain"
+    if why := following_loads.why_unknown(model):
+        return f"{why}, which changes the critical step"
+    if model.implicit:
+        return f"{name} is implicit: it has no critical step"
+    if model.own_steps and model.contact_pairs:
+        return f"with {name} steps resonate: a longer one may be stable, a shorter one not"
+    return ""
 
 
 def _row(varied: Mapping[str, Any], way: str, critical: float | None, reason: str, model: Any = None) -> dict[str, Any]:

@@ -258,7 +258,7 @@ def _certificate_of_implicit_scheme(model: Model) -> Certificate:
         found["why"] = f"{without_contact}; {name} lags internal forces and not those of contact, which is not examined"
     elif rigid:
         found["why"] = (
-            f"{without_contact}; held closed by {rigid[0]}, a gap changes the sign of its velocity in every step, and its "
+            f"{without_contact}; held closed by {rigid[0]}, a gap turns its velocity around in every step, and its "
             "multiplier grows in proportion to their number: a compliance or alpha below 0 prevents that"
         )
     else:

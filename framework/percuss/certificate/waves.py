@@ -102,7 +102,8 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         )
     if model.implicit:
         raise PercussError(
-            f"{model.case.method.integrator.name} is implicit: harmonics at an interface are known of a leap-frog step only"
+            f"{model.case.method.integrator.name} is implicit: harmonics at an interface are known of a leap-frog step "
+            "only"
         )
     if model.own_steps:
         raise PercussError(

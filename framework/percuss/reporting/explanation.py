@@ -138,9 +138,9 @@ def _stage_lines(model: Model) -> list[str]:
         ]
     if model.implicit:
         return [
-            "    implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact is solved "
-            "at the end of each step, an explicit penalty too",
-            "    forces, works and energies are those at t_n; what the scheme takes from linear bodies is dissipated energy",
+            "    implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
+            "is solved at the end of each step, an explicit penalty too",
+            "    forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
         ]
     if model.stages is None:
         return []
@@ -342,6 +342,11 @@ def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set
             "    m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2"
         )
     lines += [f"    {_assignments(_numbers_as_text(contact['resolved']))}"] if contact["resolved"] else []
+    if model.implicit:
+        return [
+            *lines,
+            "    solved at the end of the step with N^T K_eff^-1 N of the whole bodies, which adds to sigma",
+        ]
     if contact["row"] is None:
         return [*lines, f"    {law.name} is no row of the contact equation: its own kernel gives the force"]
     lines += [f"    {line}" for line in _linear_law_lines(contact["row"])]

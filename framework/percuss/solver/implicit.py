@@ -172,7 +172,7 @@ class ImplicitStepper:
 
     def _bind_laws(self) -> None:
         """Set for each point, in the order of the loop, the coefficients of its law over that of its multiplier."""
-        linear = [bound_law.linear for bound_law in self.model.laws]
+        linear = [bound_law.linear for bound_law in self.model.laws if bound_law.linear is not None]
 
         def column(name: str) -> Floats:
             return np.concatenate([np.zeros(0), *(np.asarray(getattr(law, name), dtype=float) for law in linear)])
@@ -211,7 +211,8 @@ class ImplicitStepper:
 
     def amplitudes(self, first: int, count: int) -> ImplicitAmplitudes:
         """Return forces at the ends of the steps."""
-        return ImplicitAmplitudes(self._amplitudes((first + 1.0 + np.arange(count)) * self.dt))
+        times = np.asarray((first + 1.0 + np.arange(count)) * self.dt, dtype=np.float64)
+        return ImplicitAmplitudes(self._amplitudes(times))
 
     def _amplitudes(self, times: Floats) -> Floats:
         loads = list(self.model.case.loads.values())

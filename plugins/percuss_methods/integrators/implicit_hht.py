@@ -27,8 +27,8 @@ class ImplicitHHT(Integrator):
     name = "implicit-hht"
     summary = "Implicit reference: trapezoidal rule, or HHT alpha method, contact at the end of the step"
     references = (
-        "Hilber, Hughes, Taylor: Improved numerical dissipation for time integration algorithms in structural dynamics, "
-        "Earthq. Eng. Struct. Dyn. 5 (1977) 283-292, doi 10.1002/eqe.4290050306",
+        "Hilber, Hughes, Taylor: Improved numerical dissipation for time integration algorithms in structural "
+        "dynamics, Earthq. Eng. Struct. Dyn. 5 (1977) 283-292, doi 10.1002/eqe.4290050306",
         "Newmark: A method of computation for structural dynamics, J. Eng. Mech. Div. 85 (1959), "
         "doi 10.1061/JMCEA3.0000098",
         "Doyen, Ern, Piperno: Time-integration schemes for the finite element dynamic Signorini problem, SIAM J. Sci. "

@@ -244,7 +244,7 @@ class ContactLaw(Component, contract="contacts"):
     guarantees
         Properties that hold for all options and integrators: ``"never pulls"``, ``"no penetration"`` (at the end of
         each step), ``"keeps the free step"`` (contact does not lower the critical time step,
-        where all bodies make the same steps). The conformance kit checks them in randomly drawn runs.
+        under schemes with one step for all bodies). The conformance kit checks them in randomly drawn runs.
     stiffening
         Numerical options that make a closed contact stiffer as they grow. The certificate of an unstable step names the
         largest stable value of each.

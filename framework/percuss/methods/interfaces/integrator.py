@@ -87,7 +87,7 @@ class Stages(NamedTuple):
 
 
 class Implicit(NamedTuple):
-    """An implicit scheme of Newmark's family, with contact solved at the end of the step; a reference, in NumPy and SciPy.
+    """An implicit scheme of Newmark's family, contact solved at the end of the step: a reference in NumPy and SciPy.
 
     ``M a_{n+1} + (1 + alpha) K u_{n+1} - alpha K u_n = (1 + alpha) f_{n+1} - alpha f_n + N lambda_{n+1}``, with
     ``u_{n+1} = u_n + dt v_n + dt^2 ((1/2 - beta) a_n + beta a_{n+1})`` and
@@ -182,7 +182,7 @@ class Integrator(Component, contract="integrators"):
             A multi-stage scheme: the framework computes accelerations that include contact, and the class has a kernel
             `step`.
         Implicit
-            An implicit scheme for linear bodies: the framework factorises, and solves for contact at the end of the step.
+            An implicit scheme for linear bodies: the framework solves for motion and contact at the end of the step.
         """
 
     def refuses(self, law: Any) -> str | None:  # noqa: ARG002

@@ -130,9 +130,7 @@ def advance_bodies(
         offset = group.first[b] - lo
         body = group.body[b] * dim
         if not is_due(group.own_step[b], bulk.number[0]):
-            if momentum.size > 0:
-                for d in range(dim):
-                    momentum[body + d] += momentum_along(mass[lo * dim : stop * dim], v[lo * dim : stop * dim], d, dim)
+            add_momentum(momentum, body, mass[lo * dim : stop * dim], v[lo * dim : stop * dim], dim)
             continue
         step = group.own_step[b] * dt
         for d in range(dim):
@@ -158,9 +156,7 @@ def advance_bodies(
             if count > 0:
                 for d in range(dim):
                     force[d] = force[count * dim + d]
-            if momentum.size > 0:
-                for d in range(dim):
-                    momentum[body + d] += momentum_along(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
+            add_momentum(momentum, body, mass[lo * dim : hi * dim], v[lo * dim : hi * dim], dim)
             lo = hi
 
 
@@ -203,6 +199,13 @@ def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
 
 
 momentum_along.reduction = True  # type: ignore[attr-defined]
+
+
+def add_momentum(momentum: Floats, first: int, mass: Floats, v: Floats, dim: int) -> None:
+    """Add the momentum of consecutive nodes to the entries from `first` on; do nothing where no momenta are kept."""
+    if momentum.size > 0:
+        for d in range(dim):
+            momentum[first + d] += momentum_along(mass, v, d, dim)
 
 
 def kinetic(mass: Floats, v: Floats) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.methods.slots import cell_force, energy_density, unbound
-from percuss.solver.compiled.bulk import Bulk, Group, add_internal_work, is_due, momentum_along
+from percuss.solver.compiled.bulk import Bulk, Group, add_internal_work, add_momentum, is_due
 from percuss.solver.compiled.marks import called
 from percuss.solver.compiled.materials import MaterialPoints
 
@@ -101,9 +101,7 @@ def advance_cells(
         lo, hi = group.start[b] * dim, group.stop[b] * dim
         body = group.body[b] * dim
         if not is_due(group.own_step[b], bulk.number[0]):
-            if momentum.size > 0:
-                for d in range(dim):
-                    momentum[body + d] += momentum_along(bulk.mass[lo:hi], v[lo:hi], d, dim)
+            add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
             continue
         step = group.own_step[b] * dt
         for d in range(dim):
@@ -119,9 +117,7 @@ def advance_cells(
                 v[j] += step * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
                 u[j] += step * v[j]
         add_internal_work(group.work, force, v[lo:hi], step)
-        if momentum.size > 0:
-            for d in range(dim):
-                momentum[body + d] += momentum_along(bulk.mass[lo:hi], v[lo:hi], d, dim)
+        add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
 
 
 @called

@@ -12,7 +12,7 @@ from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import STEEL, bar_chains, for_all, round_off, with_examples
 from percuss.testing.strict import StrictSystem
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, has_own_steps, was_not_started
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, gives_own_steps, was_not_started
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
 # A bar that strikes a wall once and leaves it.
@@ -352,7 +352,7 @@ def check_guarantees(subject: Subject) -> None:
     """The declared `guarantees` of a law hold in every drawn run, with every partner and option set.
 
     The possible guarantees are "never pulls", "no penetration" (at the end of each step) and "keeps the free step",
-    the latter where all bodies make the same steps.
+    the latter under schemes with one step for all bodies.
     """
     declared = subject.component.guarantees  # type: ignore[attr-defined]
     for fact in declared:
@@ -368,7 +368,7 @@ def check_guarantees(subject: Subject) -> None:
         try:
             result = subject.run(full_case)
         except (InputError, RunError) as refusal:
-            stopped = isinstance(refusal, RunError) and not has_own_steps(subject, full_case)
+            stopped = isinstance(refusal, RunError) and not gives_own_steps(subject, full_case)
             if stopped and "keeps the free step" in declared and case["time"]["courant"] < 1.0:
                 raise CheckFailed(f"it says that it keeps the free step: {refusal}") from None
             raise NotApplicable(str(refusal)) from None
