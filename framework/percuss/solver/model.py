@@ -25,7 +25,7 @@ from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
-from percuss.solver.implicit import refuse_in_implicit
+from percuss.solver.implicit_check import refuse_in_implicit
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
 from percuss.solver.loads import supports_and_loads
 from percuss.solver.stiffness_limits import stiffness_limits
@@ -183,7 +183,14 @@ class Model:
         refuse_shifts(integrator, self.stages, self.laws)
         refuse_unseen(integrator, self.tables, self.laws)
         if self.implicit:
-            refuse_in_implicit(self)
+            refuse_in_implicit(
+                self.case,
+                self.why_not_linear,
+                self.constraints,
+                self.followers,
+                self.laws,
+                self.points_without_mass,
+            )
 
     def with_step(self, dt: float) -> Model:
         """Return the model of the whole run with another time step."""
