@@ -18,7 +18,7 @@ _MODULES = {
     "studies.comparison": "compare",
     "methods.interfaces": (
         "AllowInf BodyEnd BodyMesh CellElement ContactLaw ContactPoints ContactProblem ContactState DataFile Doc "
-        "Element Exact ExactContact Floats FollowingLoad Ge Gt Integers Integrator Le LeapFrog LinearLaw Load "
+        "Element Exact ExactContact Floats FollowingLoad Ge Gt Implicit Integers Integrator Le LeapFrog LinearLaw Load "
         "LoadedEnd Lt Lumping Mass Material Measure Mesh "
         "ProblemBody ProblemContact ProblemLoad Region Shape Solution Stages Trial Unit end_of_step"
     ),
@@ -55,6 +55,7 @@ __all__ = [
     "FollowingLoad",
     "Ge",
     "Gt",
+    "Implicit",
     "InputError",
     "Integers",
     "Integrator",
@@ -126,6 +127,7 @@ if TYPE_CHECKING:
         FollowingLoad,
         Ge,
         Gt,
+        Implicit,
         Integers,
         Integrator,
         Le,

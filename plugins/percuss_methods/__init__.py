@@ -21,11 +21,13 @@ from percuss_methods.elements.bar import BarElement
 from percuss_methods.elements.green_bar import GreenBarElement
 from percuss_methods.elements.quadratic_bar import QuadraticBarElement
 from percuss_methods.elements.spectral_bar import SpectralBarElement
+from percuss_methods.integrators.asynchronous import Asynchronous
 from percuss_methods.integrators.central_difference import CentralDifference
 from percuss_methods.integrators.chung_lee import ChungLee
 from percuss_methods.integrators.explicit_hht import ExplicitHHT
 from percuss_methods.integrators.explicit_newmark import ExplicitNewmark
 from percuss_methods.integrators.hulbert_chung import HulbertChung
+from percuss_methods.integrators.implicit_hht import ImplicitHHT
 from percuss_methods.integrators.noh_bathe import NohBathe
 from percuss_methods.integrators.tchamwa_wielgosz import TchamwaWielgosz
 from percuss_methods.integrators.velocity_verlet import VelocityVerlet
@@ -57,11 +59,13 @@ from percuss_methods.solutions.bars_in_a_row import BarsInARow
 def percuss_integrators() -> list[type]:
     """Return the built-in time integrators."""
     return [
+        Asynchronous,
         CentralDifference,
         ChungLee,
         ExplicitHHT,
         ExplicitNewmark,
         HulbertChung,
+        ImplicitHHT,
         NohBathe,
         TchamwaWielgosz,
         VelocityVerlet,

@@ -152,14 +152,22 @@ def march(case, integrator=None, contact=None, mass=None):
     for name, one in case["bodies"].items():
         for end in one.get("fixed", ()):
             held[bars.node(f"{name}.{end}")] = 0.0
-    force = np.zeros(total)
+    force, weight = np.zeros(total), np.zeros(total)
     for load in case.get("loads", {}).values():
         if "gravity" in load:
-            force += bars.M @ np.full(total, load["gravity"])
+            weight += bars.M @ np.full(total, load["gravity"])
         elif "prescribed-velocity" in load:
             held[bars.node(load["on"])] = load["prescribed-velocity"]
         else:
             force[bars.node(load["on"])] += load["constant"]
+    # a body with a step of its own feels its forces in every m-th step, m-fold
+    own = np.ones(total, dtype=int)
+    if integrator == "asynchronous":
+        for name, one in case["bodies"].items():
+            frequency = (
+                2.0 * math.sqrt(one["material"]["young"] / one["material"]["density"]) / bars.lengths[name].min()
+            )
+            own[bars.start[name] : bars.stop[name]] = math.floor(fastest / frequency * (1.0 + 1e-9))
     free = np.array([i for i in range(total) if i not in held])
     prescribed = np.array(list(held), dtype=int)
 
@@ -193,20 +201,21 @@ def march(case, integrator=None, contact=None, mass=None):
     for node, value in held.items():
         v0[node] = value
     v = v0.copy()
-    v[free] -= 0.5 * dt * np.linalg.solve(bars.M[np.ix_(free, free)], force[free])
+    v[free] -= 0.5 * dt * np.linalg.solve(bars.M[np.ix_(free, free)], (force + own * weight)[free])
     for node, value in held.items():
         v[node] = value
     Mf, Nf = bars.M[np.ix_(free, free)], N[free]
     out = {name: [] for name in ("force", "gap", "end_force", "u", "v", "energy")}
-    for _ in range(steps + 1):
-        bulk = (force - bars.K @ u)[free]
+    for n in range(steps + 1):
+        bulk = (force + np.where(n % own == 0, own, 0) * (weight - bars.K @ u))[free]
         drift = np.zeros(total)  # motion of this step without contact
         drift[free] = v[free] + dt * np.linalg.solve(Mf, bulk)
         for node, value in held.items():
             drift[node] = value
         predicted = u + dt * drift
         gap, gap_predicted = g0 + N.T @ u, g0 + N.T @ predicted
-        judged = gap if integrator == "central-difference" else gap_predicted
+        current = integrator in {"central-difference", "asynchronous"}
+        judged = gap if current else gap_predicted
         active = [k for k in range(len(laws)) if not exact[k] and judged[k] < 0.0]
         K_p, M_p = np.zeros((free.size, free.size)), np.zeros((free.size, free.size))
         push = np.zeros(free.size)
@@ -217,7 +226,7 @@ def march(case, integrator=None, contact=None, mass=None):
             K_p += eps_s * np.outer(Nf[:, k], Nf[:, k])
         lam = np.zeros(len(laws))
         some = np.flatnonzero(exact)
-        if integrator == "central-difference":
+        if current:
             # the whole acceleration at once; exact contacts see the end of the step
             right = bulk + push
             start = g0 + N.T @ (u + dt * np.where(np.isin(np.arange(total), prescribed), drift, v))
@@ -240,6 +249,7 @@ def march(case, integrator=None, contact=None, mass=None):
         out["end_force"].append([np.nan if exact[k] else both[k][0] * max(-gap_next[k], 0.0) for k in range(len(laws))])
         out["u"].append(u)
         out["v"].append(0.5 * (v + after))
-        out["energy"].append(0.5 * after @ bars.M @ after + 0.5 * u @ bars.K @ u_next)
+        ahead = u_next + (-(n + 1) % own) * dt * after  # at the next action of the forces of the body
+        out["energy"].append(0.5 * after @ bars.M @ after + 0.5 * (ahead - own * dt * after) @ bars.K @ ahead)
         u, v = u_next, after
     return Outcome(bars, dt, *(np.array(out[n]) for n in ("force", "gap", "end_force", "u", "v", "energy")), both)

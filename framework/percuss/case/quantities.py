@@ -169,8 +169,8 @@ QUANTITIES: dict[str, Quantity] = {
         label="energy dissipated in bodies",
         unit="energy",
         axis="time_half",
-        definition="energy that the materials of bodies say they have dissipated up to t_n; of a viscous scheme the "
-        "internal work up to t_n+1/2 that the bodies do not store",
+        definition="energy that the materials of bodies say they have dissipated up to t_n; of a viscous "
+        "or implicit scheme the internal work up to t_n+1/2 that the bodies do not store",
     ),
     "external_work": Quantity(
         label="external work",

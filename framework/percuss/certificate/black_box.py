@@ -10,6 +10,9 @@ The state of a multi-stage scheme includes the rows that the scheme keeps betwee
 Under such a scheme the time loop itself holds every contact with a linear law closed, because within a stage the
 contact force may already have driven the ends apart. Without contact each mode is an independent oscillator, and
 `percuss.certificate.scheme_limit` finds the limit from the kernel of the scheme.
+
+Where bodies have steps of their own, the step that is examined is the period after which all of them act together, and
+contacts are held closed in the same way, as they would open and close within it.
 """
 
 from __future__ import annotations
@@ -170,9 +173,10 @@ class ClosedStep:
         self._scale = unit * np.sqrt(lightest) / self.motions.root
         order = self.march.order
         points.initial_gap = unit * BASE_OVERLAP * signs[order]
-        # Under a multi-stage scheme the loop holds contacts closed whose law is linear and acts at that time.
-        linear = self._held_by_loop = (points.source == WITH_MASS) & (points.always != NEVER) & self.model.multistage
-        if self.model.multistage:
+        # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
+        several = self.model.multistage or bool(self.model.own_steps)
+        linear = self._held_by_loop = (points.source == WITH_MASS) & (points.always != NEVER) & several
+        if several:
             closed = signs[order] < 0
             points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
             points.initial_gap[linear & (points.initial_gap > 0)] = unit * OPEN_GAP
@@ -385,7 +389,8 @@ def examine(
         return ClosedStepStability(np.nan, None, conclusive=False, failure=f"{type(error).__name__}: {error}")
     if not linear:
         return ClosedStepStability(np.nan, None, conclusive=False)
-    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and not step.model.multistage else None
+    one_force = not (step.model.multistage or step.model.own_steps)
+    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and one_force else None
     size = step.parts * step.size
     if size > LARGEST_DENSE_STATE and theta is not None and not step.model.followers:
         # Up to theta = 1 the closed step is bounded wherever the free step is.

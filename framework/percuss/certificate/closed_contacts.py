@@ -42,6 +42,9 @@ DRIVES = (
 OVERSHOOTS = "the force takes back more than the overlap that it sees in one step"
 ALONE = "asks for the internal forces without those of contact, so that a closed contact does not act as a stiffness"
 DISSIPATES = "viscosity takes energy in every step: no balance of elastic and kinetic energy is kept"
+IMPLICIT = "a multiplier solved for at the end of a step gives and takes energy as its contact closes or opens"
+OWN_STEPS = "bodies have steps of their own: internal forces that do not act in every step balance no contact in it"
+ASYNCHRONOUS = "gives bodies steps of their own, so that a closed contact does not act as a stiffness"
 VISCOUS = "is viscous in the bodies and not in their contacts, so that a closed contact does not act as a stiffness"
 OF_LINEAR_BODIES = "the energy of a step is balanced by the work of contacts and loads for linear bodies only"
 
@@ -98,7 +101,8 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
         unknown.append(name)
         doubts.append(reason)
-        guarantees.append(energy or (UNKNOWN, reason))
+        if energy or not (model.own_steps or model.implicit):  # of these it is known: nothing is guaranteed
+            guarantees.append(energy or (UNKNOWN, reason))
 
     stages, (*_, table) = unchecked_scheme(model.case.method.integrator, dt)
     guarantees = _guarantees_without_laws(model, stages)
@@ -192,6 +196,10 @@ def _guarantees_without_laws(model: Model, stages: Stages | None) -> list[tuple[
         guarantees.append((NOT_GUARANTEED, f"{model.why_not_linear}, and {OF_LINEAR_BODIES}"))
     if model.viscosity:
         guarantees.append((NOT_GUARANTEED, DISSIPATES))
+    if model.implicit:
+        guarantees.append((NOT_GUARANTEED, IMPLICIT))
+    if model.own_steps and model.contact_pairs:
+        guarantees.append((NOT_GUARANTEED, OWN_STEPS))
     if stages is not None:
         guarantees.append((UNKNOWN, OTHER.format(model.case.method.integrator.name)))
     return guarantees
@@ -202,6 +210,10 @@ def _why_no_springs(model: Model, stages: Stages | None) -> str:
     integrator = model.case.method.integrator
     if model.viscosity:
         return f"{integrator.name} {VISCOUS}"
+    if model.own_steps:
+        return f"{integrator.name} {ASYNCHRONOUS}"
+    if model.implicit:
+        return f"{integrator.name} solves for its contacts at the end of a step, together with the bodies"
     return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(integrator) else ""
 
 

@@ -50,6 +50,10 @@ class ClosedFormCriterion:
             raise NoClosedFormError(f"the mass {model.case.method.mass.name} couples nodes")
         if model.viscosity:
             raise NoClosedFormError(f"{model.case.method.integrator.name} is viscous")
+        if model.implicit:
+            raise NoClosedFormError(f"{model.case.method.integrator.name} is implicit")
+        if model.own_steps:
+            raise NoClosedFormError(f"with {model.case.method.integrator.name} bodies have steps of their own")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
         for body in model.bodies.values():
             if body.mesh.cells:

@@ -556,10 +556,14 @@ class BlackBoxCriterion:
     def critical_step(self) -> float:
         """Largest stable step within the relative tolerance `SEARCH_TOLERANCE`, or nan where the step is not linear.
 
+        It is nan too where bodies have steps of their own.
+
         A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
         """
         if self.free in {0.0, np.inf}:
             return self.free
+        if self.model.own_steps:  # steps of different lengths resonate: a longer step may be stable, a shorter one not
+            return np.nan
         results = [
             (closed, self._examine(self.free * (1.0 - MARGINAL_DISTANCE), closed)) for closed in self._combinations
         ]

@@ -39,6 +39,8 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
                 limit = largest_stable_value(criterion, law, option, value)
                 if limit is not None:
                     cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
+    if np.isnan(critical) and model.own_steps:
+        cures.append("take another step, or the same step in all bodies: steps of unlike length resonate")
     return ", or ".join(cures) or no_step(model, criterion.free)
 
 

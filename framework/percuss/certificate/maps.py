@@ -149,14 +149,26 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
 
 def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
     """Return why a criterion gives no number for a model, whatever its step; empty if it gives one."""
-    if model.why_not_linear:
-        return f"{model.why_not_linear}, and its critical step changes with the strain"
-    if why := following_loads.why_unknown(model):
-        return f"{why}, which changes the critical step"
+    if why := _why_no_critical_step(model):
+        return why
     if way == "pencil" and doubts:
         return f"the pencil does not cover this: {'; '.join(doubts)}"
     if way == "black-box" and model.couples_nodes:
         return "; ".join((f"the mass {model.case.method.mass.name} couples nodes: only the pencil covers it", *doubts))
+    return ""
+
+
+def _why_no_critical_step(model: Model) -> str:
+    """Return why no criterion has a critical step of a model; empty where one may have it."""
+    name = model.case.method.integrator.name
+    if model.why_not_linear:
+        return f"{model.why_not_linear}, and its critical step changes with the strain"
+    if why := following_loads.why_unknown(model):
+        return f"{why}, which changes the critical step"
+    if model.implicit:
+        return f"{name} is implicit: it has no critical step"
+    if model.own_steps and model.contact_pairs:
+        return f"with {name} steps resonate: a longer one may be stable, a shorter one not"
     return ""
 
 

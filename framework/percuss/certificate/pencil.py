@@ -65,6 +65,9 @@ class Pencil:
         self.bodies: list[AxialMatrix] = []
         for body in model.bodies.values():
             diagonal, off = body.axial_band
+            if model.own_steps:  # m-fold forces in every m-th step are stable where m^2 K is in every step
+                square = float(model.own_steps[body.number] ** 2)
+                diagonal, off = square * diagonal, square * off
             for node in {body.start, body.stop - 1} & springs.keys():
                 diagonal = diagonal.copy()
                 diagonal[node - body.start] += springs[node]

@@ -100,6 +100,16 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         raise PercussError(
             f"{model.case.method.integrator.name} is viscous: its waves fade along the bars, which no harmonics do"
         )
+    if model.implicit:
+        raise PercussError(
+            f"{model.case.method.integrator.name} is implicit: harmonics at an interface are known of a leap-frog step "
+            "only"
+        )
+    if model.own_steps:
+        raise PercussError(
+            f"with {model.case.method.integrator.name} bodies have steps of their own: harmonics at an interface are "
+            "known of bodies that make the same steps only"
+        )
     for body in model.bodies.values():
         if body.mesh.cells:
             raise PercussError(

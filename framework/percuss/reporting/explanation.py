@@ -131,6 +131,18 @@ def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
 
 def _stage_lines(model: Model) -> list[str]:
     """Return the lines about the stages of a multi-stage scheme; none for a leap-frog scheme."""
+    if model.own_steps:
+        steps = ", ".join(f"{number} in '{name}'" for name, number in zip(model.bodies, model.own_steps, strict=True))
+        return [
+            f"    bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
+            "contacts and loads on ends act in every step",
+        ]
+    if model.implicit:
+        return [
+            "    implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
+            "is solved at the end of each step, an explicit penalty too",
+            "    forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
+        ]
     if model.stages is None:
         return []
     times = ", ".join(f"{time:.6g}" for time in model.stages.times)
@@ -277,7 +289,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     """Return the linear law of a contact as the integrator evaluates it, or None where the law has its own kernel."""
     bound_law = next(bound_law for bound_law in model.laws if number in bound_law.where)
     linear = bound_law.linear
-    if linear is None:
+    if linear is None or model.implicit:
         return None
     massless = model.points_without_mass[list(bound_law.where)]
     records = law_records(bound_law, model.tables[-1], bound_law.points.delassus, massless, model.dt)
@@ -335,6 +347,11 @@ def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set
             "    m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2"
         )
     lines += [f"    {_assignments(_numbers_as_text(contact['resolved']))}"] if contact["resolved"] else []
+    if model.implicit:
+        return [
+            *lines,
+            "    solved at the end of the step with N^T K_eff^-1 N of the whole bodies, which adds to sigma",
+        ]
     if contact["row"] is None:
         return [*lines, f"    {law.name} is no row of the contact equation: its own kernel gives the force"]
     lines += [f"    {line}" for line in _linear_law_lines(contact["row"])]

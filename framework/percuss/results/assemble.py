@@ -15,6 +15,7 @@ from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins, resolved_methods
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
+from percuss.solver.implicit import NOT_COMPILED
 from percuss.solver.march import CONTACT_WORK_GROWTH, March, Outcome
 from percuss.solver.model import Model
 from percuss.solver.recording import field_nodes, recorded_elements
@@ -23,7 +24,7 @@ from percuss.solver.stop import Stop
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
     from percuss.methods.interfaces import Exact, Floats
-    from percuss.results.summary import Accounts, ExactEntries, ExactErrors, StopSummary, Summary
+    from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
 
 # Notes that begin with these words are also shown in the row of the run in a table.
 AGAINST_CERTIFICATE, NOT_VALID = "the certificate says no", "not a valid result"
@@ -94,7 +95,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         growth["kept"] = None
     notes = [
         *model.case.notes,
-        *_warnings(march, outcome, certificate),
+        *_warnings(march, outcome, certificate, accounts["energy"]),
         *energy_growth.growth_notes(march, outcome, growth),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]
@@ -135,7 +136,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     return result
 
 
-def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[str]:
+def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: EnergySummary) -> list[str]:
     """Return warnings about a run: doubtful stability, ignored couplings, missing errors, energy added by contact."""
     warnings = []
     if certificate["stable"] == "no" and outcome.done > 0:
@@ -151,6 +152,17 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate) -> list[
         name = march.model.case.method.integrator.name
         warnings.append(
             f"energy_error is what {name} itself takes from the energy or adds to it; energies are those at t_n+1"
+        )
+    if march.model.implicit:
+        warnings.append(
+            f"{NOT_COMPILED.format(march.model.case.method.integrator.name)}, and its time is that of these"
+        )
+    bodies_error = energy["bodies_error"] or 0.0
+    if march.model.own_steps and bodies_error > ledger.BODIES_TOLERANCE:
+        name = march.model.case.method.integrator.name
+        warnings.append(
+            f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by "
+            f"{bodies_error:.3g} of the largest energy"
         )
     total = march.totals
     allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise
@@ -178,7 +190,7 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
         return None, true_error.summary_entries(None, reason)
     contact_names = [contact_pair.name for contact_pair in model.contact_pairs]
     # The impulse lambda dt acts over the step around t_n, in a multi-stage scheme over that from t_n to t_n+1.
-    middle = arrays["time"] + (march.stepper.energy_at - 0.5) * model.dt
+    middle = arrays["time"] + march.stepper.force_at * model.dt
     arrays |= sampled(solution, contact_names, arrays["time"], middle, model.dt)
     contacts = {
         name: true_error.contact_errors(

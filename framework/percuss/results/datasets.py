@@ -21,13 +21,17 @@ _AXES = {
 _TIMES = ("time", "time_half")  # a result without steps has no second one
 
 
-def definition_attributes(source: Literal["leap-frog", "multistage", "exact"]) -> dict[str, dict[str, str]]:
+def definition_attributes(source: Literal["leap-frog", "multistage", "implicit", "exact"]) -> dict[str, dict[str, str]]:
     """Return definition, unit and, for energies, times of each history of a run or of an exact solution."""
     attributes: dict[str, dict[str, str]] = {}
     for name, quantity in QUANTITIES.items():
         definition = quantity.definition
         if source == "multistage":
             definition = quantity.definition_multistage or definition
+        elif source == "implicit" and quantity.of != "contact":
+            # Forces are those of steps around t_n, as of a leap-frog scheme, and everything else that at t_n.
+            definition = quantity.definition_multistage or definition
+            definition = definition.replace("t_n+1/2", "t_n").replace("t_n+1", "t_n")
         elif source == "exact":
             definition = quantity.definition_exact
         if definition:

@@ -58,7 +58,7 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
         if march.model.multistage
         else quantity(
             outcome.points,
-            linear=not (march.model.why_not_linear or march.model.viscosity),
+            linear=not march.model.sums_internal_work,
             by_laws=march.state_variables.stored_by_laws.size > 0,
         ),
         "largest": rise,

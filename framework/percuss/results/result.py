@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from percuss.results.datasets import definition_attributes, fields_dataset, histories_dataset, plain_arrays
 from percuss.results.exact_result import ExactSolutionResult
@@ -85,16 +85,18 @@ class Result:
         forces = self.arrays["contact_force_exact"]
         return {name: (self.arrays["time"], forces[:, k]) for k, name in enumerate(self.coordinates["contact"])}
 
-    def _energies_at_step_end(self) -> bool:
-        """Return whether the energies are those at t_{n+1}, as in a multi-stage scheme."""
-        return bool(self.arrays["time_half"][0] - self.arrays["time"][0] > 0.75 * self.summary["dt"])
+    def _scheme(self) -> Literal["leap-frog", "multistage", "implicit"]:
+        """Return the kind of scheme, which shows in the time of its energies: t_{n+1/2}, t_{n+1} or t_n."""
+        if not self.arrays["time_half"].size:
+            return "leap-frog"
+        after = float(self.arrays["time_half"][0] - self.arrays["time"][0]) / self.summary["dt"]
+        return "multistage" if after > 0.75 else "leap-frog" if after > 0.25 else "implicit"
 
     @cached_property
     def histories(self) -> xr.Dataset:
         """Histories on the axis ``time``; energies carry the coordinate ``time_half(time)``."""
-        # A multi-stage scheme has its energies, and the force of a step, at other times than a leap-frog scheme.
-        multistage = bool(self.arrays["time_half"].size) and self._energies_at_step_end()
-        attributes = definition_attributes("multistage" if multistage else "leap-frog")
+        # Other schemes have their energies, or the force of a step, at other times than a leap-frog scheme.
+        attributes = definition_attributes(self._scheme())
         return histories_dataset(self.arrays, self.coordinates, attributes, self._attributes())
 
     @cached_property

@@ -69,6 +69,18 @@ class Contacts(Protocol):
         """Time of the viscosity of a leap-frog scheme over the step."""
 
     @property
+    def implicit(self) -> Any:
+        """The parameters of an implicit scheme, or None."""
+
+    @property
+    def own_steps(self) -> tuple[int, ...]:
+        """The steps of the bodies, empty where internal forces act in every step."""
+
+    @property
+    def couples_nodes(self) -> bool:
+        """Whether the mass of a body couples its nodes."""
+
+    @property
     def points_without_mass(self) -> Any:
         """Whether each contact point has a side without mass, (P,)."""
 
@@ -226,6 +238,8 @@ def refuse_end_forces(model: Contacts) -> None:
             reason = f"{what}, which is evaluated in leap-frog schemes alone"
         elif model.viscosity:
             reason = f"{what}, and that of {integrator} has a viscous part, which is not known when it is evaluated"
+        elif model.implicit or model.own_steps:
+            reason = f"{what}, and under {integrator} the internal forces of a step are not those at its begin"
         elif model.couples_nodes:
             reason = f"{what}, which moves other nodes than its own where the mass couples nodes"
         elif model.points_without_mass[list(bound_law.where)].any():

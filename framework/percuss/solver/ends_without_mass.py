@@ -69,7 +69,7 @@ def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) 
 
 
 def refuse_without_mass(
-    case: Case, bodies: Iterable[Body], laws: Iterable[BoundLaw], massless: Any, *, multistage: bool, viscous: bool
+    case: Case, bodies: Iterable[Body], laws: Iterable[BoundLaw], massless: Any, *, multistage: bool, why_not_seen: str
 ) -> None:
     """Refuse ends without mass where their static balance with the contact is not that of a linear end element.
 
@@ -79,15 +79,17 @@ def refuse_without_mass(
         The case, its bodies and its bound laws.
     massless : (P,) bool array
         Contact points with a side without mass.
-    multistage, viscous
-        Whether the integrator is a multi-stage scheme, or a leap-frog scheme with viscosity.
+    multistage
+        Whether the integrator is a multi-stage scheme.
+    why_not_seen
+        Why the force of an end element in a leap-frog step is not that of the static balance; empty where it is.
 
     Raises
     ------
     InputError
         If a body is not linear, or has no node with mass beside an end without mass.
     RefusedPair
-        If the integrator is a multi-stage scheme or viscous, or the law of a contact gives no force in static balance.
+        If the integrator is a multi-stage scheme or one of such forces, or a law gives no force in static balance.
     """
     if not massless.any():
         return
@@ -108,8 +110,8 @@ def refuse_without_mass(
             reason = _why_no_balance(bound_law)
             if multistage:
                 reason = f"{BALANCE}, and {integrator} evaluates contact in the stages of its step"
-            elif viscous:
-                reason = f"{BALANCE}, and the viscous force of {integrator} in its end element is not part of that"
+            elif why_not_seen:
+                reason = f"{BALANCE}, and {why_not_seen}"
         if reason:
             raise RefusedPair(integrator, law.name, reason, name)
 

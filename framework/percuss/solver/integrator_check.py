@@ -10,7 +10,7 @@ import numpy as np
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import breach, line_in_plugin
-from percuss.methods.interfaces import ContactState, Integrator, LeapFrog, Stages
+from percuss.methods.interfaces import ContactState, Implicit, Integrator, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver.compiler.specialise import Specialiser
 
@@ -27,7 +27,7 @@ NO_END = "its stages do not say (`end`) at which state a law evaluated at the en
 def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
     """Return the stages of an integrator, None for a leap-frog scheme, and the states that its contact laws use.
 
-    There is one table of states for a leap-frog scheme, and one for each stage of a multi-stage scheme.
+    There is one table of states for a leap-frog or an implicit scheme, and one for each stage of a multi-stage scheme.
 
     Raises
     ------
@@ -52,9 +52,23 @@ def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, 
                 "LeapFrog.viscosity needs a finite number of at least 0, the same at every step: it is the time of the "
                 f"viscosity over the step; found {viscosity!r}, and {other!r} at half the step",
             )
+        if definition.own_steps and viscosity:
+            raise _plugin_error(
+                integrator,
+                "LeapFrog.own_steps and LeapFrog.viscosity exclude each other: the strain rate of half a step before "
+                "is not known of a body whose forces do not act in every step",
+            )
         return None, (definition,)
+    if isinstance(definition, Implicit):
+        if not (np.isfinite(definition).all() and definition.beta > 0.0 and -1.0 <= definition.alpha <= 0.0):
+            message = "Implicit needs finite numbers, beta greater than 0 and alpha from -1 to 0"
+            raise _plugin_error(integrator, f"{message}; found {tuple(definition)}")
+        response = (definition.beta * dt * dt, definition.gamma * dt, 1.0)  # of the mass alone, as dt vanishes
+        state = ContactState("predicted", "predicted", "none", response)
+        return None, (LeapFrog(state, state),)
     if not isinstance(definition, Stages):
-        raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected LeapFrog or Stages")
+        expected = "LeapFrog, Stages or Implicit"
+        raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected {expected}")
     ends = ends_of(definition, dt)
     velocities = velocities_of(definition)
     numbers = np.array([*definition.times, *definition.numbers, *ends.ravel(), *velocities.ravel()], dtype=float)

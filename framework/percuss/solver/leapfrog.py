@@ -29,6 +29,7 @@ class LeapFrogStepper:
     """
 
     energy_at = 0.5
+    force_at = 0.0
     levels = 2
     keeps_constraints = False
 
@@ -78,8 +79,13 @@ class LeapFrogStepper:
                 amplitudes.force[:, column] = amplitude(spec, t, model.dt, average=True)
         for body_force in model.body_forces:
             column = loads.index(body_force.load) + 1
+            factor = amplitudes.force[:, column]
+            if model.own_steps and (own_step := model.own_steps[body_force.body]) > 1:
+                # It acts together with the internal forces of the body, for as many steps.
+                factor = own_step * amplitude(body_force.load, t, own_step * model.dt, average=True)
+                factor[(first + np.arange(count)) % own_step > 0] = 0.0
             amplitudes.body_acceleration[:, body_force.body * dim : (body_force.body + 1) * dim] += (
-                amplitudes.force[:, column, None] * body_force.acceleration
+                factor[:, None] * body_force.acceleration
             )
         return amplitudes
 
@@ -98,15 +104,19 @@ class LeapFrogStepper:
         return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return displacement and velocity after one step without loads given in time, (2, nodes * dim)."""
+        """Return displacement and velocity after one step without loads given in time, (2, nodes * dim).
+
+        Where bodies have steps of their own, these are as many steps as it takes until all of them act together.
+        """
+        period = self.model.period
         if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
             arrays = np.empty_like(state)
-            amplitudes = self._zeros(1)
+            amplitudes = self._zeros(period)
             amplitudes.force[:, [follower.column for follower in self.model.followers]] = 1.0
             self._single = arrays, arrays[0], arrays[1], amplitudes
         after, u, v, no_loads = self._single
         after[:] = state
-        self._advance(kernels, no_loads, record, 1, 1, u, v)
+        self._advance(kernels, no_loads, record, period, period, u, v)
         return after.copy()
 
     def load_impulse(self, amplitudes: Any) -> Floats:

@@ -26,8 +26,9 @@ from percuss.solver.compiled.coupled_masses import NEIGHBOUR, coupled_kinetic
 from percuss.solver.compiled.following_loads import FOLLOWER
 from percuss.solver.compiler.specialise import compile_error
 from percuss.solver.contact_rows import carry_over, end_records, point_records
-from percuss.solver.end_forces import end_force_records
 from percuss.solver.coupled_masses import arrays_for_the_loop
+from percuss.solver.end_forces import end_force_records
+from percuss.solver.implicit import NOT_COMPILED, ImplicitStepper
 from percuss.solver.leapfrog import LeapFrogStepper
 from percuss.solver.multistage import MultistageStepper
 from percuss.solver.record_arrays import copied_records, empty_records, record_array
@@ -65,7 +66,7 @@ class Outcome:
     kinetic_before: float  # kinetic energy at -dt/2
     sums_internal_work: bool  # whether the internal work of the bodies is recorded
     dissipates: bool  # whether a material says what it dissipates
-    viscous: bool  # whether the scheme has a viscosity
+    viscous: bool  # whether the scheme takes energy from linear bodies: it has a viscosity, or is implicit
     totals: SimpleNamespace  # `March.totals`, before the trial step
     load_impulse: Floats
     kernels: Kernels
@@ -99,7 +100,9 @@ class March:
         self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
         self._arrays()
         self._begin()
-        self.kernels = kernels or bind(self.parts, compiled=compiled)
+        self.kernels = kernels or bind(self.parts, compiled=compiled and model.implicit is None)
+        if model.implicit is not None:
+            self.kernels = self.kernels._replace(reasons=(NOT_COMPILED.format(model.case.method.integrator.name),))
         self._is_compiled = False
         self.seconds = {"build": time.perf_counter() - started}
 
@@ -136,18 +139,31 @@ class March:
         beside += [node for end_force in model.end_forces(0.5 * model.dt).values() for node in end_force.nodes]
         self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *self.probes]))
         self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
-        # Of linear bodies without viscosity it is the change of the staggered strain energy, of a multi-stage scheme it
-        # has no such form.
-        summed = (model.why_not_linear or model.viscosity) and not model.multistage
-        self.internal_work = np.zeros(1 if summed else 0)
+        self.internal_work = np.zeros(1 if model.sums_internal_work else 0)
+        self.own_step = np.array(model.own_steps or [1] * len(model.bodies), dtype=np.int64)
         mass = np.repeat(model.mass, dim)
         work_space = (bulk.BLOCK + 2) * dim
         ahead = np.zeros(work_space if model.viscosity else 0)
         inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
         coupling, factor = arrays_for_the_loop(model.bodies.values(), dim)
-        kept = [np.zeros(coupling.shape[1]) for _ in range(3)]
-        viscous_time = model.viscosity * model.dt
-        self.bulk = bulk.Bulk(mass, inverse, np.zeros(work_space), viscous_time, ahead, dim, coupling, factor, *kept)
+        correction, before, change = (np.zeros(coupling.shape[1]) for _ in range(3))
+        viscous_time, work = model.viscosity * model.dt, np.zeros(work_space)
+        number = np.zeros(1, dtype=np.int64)
+        self.bulk = bulk.Bulk(
+            mass,
+            inverse,
+            work,
+            viscous_time,
+            ahead,
+            dim,
+            coupling,
+            factor,
+            correction,
+            before,
+            change,
+            number,
+            np.zeros(dim),
+        )
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.state_variables = StateVariables.of(model, self.kernel_laws)
         shifted = len(self.boundary_nodes) * dim if model.shifts else 0
@@ -169,16 +185,25 @@ class March:
         """Make the arrays of the state before the first step."""
         model, dim = self.model, self.dim
         self.reactions = np.zeros(len(model.constraints))
-        self.stepper: Stepper = (
-            LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
-        )
+        self.stepper: Stepper
+        if model.implicit is not None:
+            self.stepper = ImplicitStepper(model, model.implicit)
+        else:
+            self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
         self.u, self.v = self.stepper.u, self.stepper.v
         variables = self.state_variables
         for array in (variables.before, variables.after, self.internal_work, self.shifts, self.shifts_before):
             array[:] = 0.0
         body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
         dofs = [
-            (node * dim + axis, model.mass[node], body_number[node] * dim + axis, 0, 0, 0, 0)
+            (
+                node * dim + axis,
+                model.mass[node],
+                body_number[node] * dim + axis,
+                *([0.0] * 4),
+                self.own_step[body_number[node]],
+                0.0,
+            )
             for node in self.boundary_nodes
             for axis in range(dim)
         ]
@@ -234,6 +259,7 @@ class March:
                     np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
                     *self.state_variables.of_bodies(bodies),
                     self.internal_work,
+                    self.own_step[[body.number for body in bodies]],
                 )
             )
         return groups, [(element, material) for element, material, _ in kinds]
@@ -403,7 +429,7 @@ class March:
             self._march(outcome, progress, interrupted or threading.Event(), interrupt_after)
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
-            outcome.final_displacement = self.u.copy()
+            outcome.final_displacement = self._displacement(outcome.done)
             outcome.points = copied_records(self.boundary.points)
             outcome.totals = self.totals
             outcome.energy_before = outcome.totals.energy_before
@@ -416,6 +442,15 @@ class March:
             outcome.records = -(-outcome.done // every) if outcome.status == "unstable" else outcome.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
         return outcome
+
+    def _displacement(self, step: int) -> Floats:
+        """Return the displacement before a step, of nodes that are ahead of it too, (nodes * dim,)."""
+        displacement = self.u.copy()
+        if self.model.own_steps:
+            ahead = np.repeat(-step % self.own_step, [body.mass.size for body in self.model.bodies.values()])
+            ahead[self.boundary_nodes] = 0  # they are advanced by one step at a time
+            displacement -= np.repeat(ahead, self.dim) * self.model.dt * self.v
+        return displacement
 
     def _start_stepper(self) -> None:
         """Prepare the first step; report the error of a kernel with its law, file and line."""
@@ -445,7 +480,7 @@ class March:
             kinetic_before=0.0,
             sums_internal_work=self.internal_work.size > 0,
             dissipates=self.state_variables.dissipated.size > 0,
-            viscous=self.model.viscosity > 0,
+            viscous=self.model.viscosity > 0 or self.model.implicit is not None,
             totals=self.totals,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
-from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog, Stages
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
 from percuss.solver.bound_law import BoundLaw, bind_law
@@ -23,16 +23,21 @@ from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
 from percuss.solver.contact_rows import Side, delassus_rows, law_records
-from percuss.solver.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
 from percuss.solver.coupled_masses import inverse_mass, refuse_coupled_ends
+from percuss.solver.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
+from percuss.solver.implicit_check import refuse_in_implicit
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
 from percuss.solver.loads import supports_and_loads
 from percuss.solver.stiffness_limits import stiffness_limits
 
 if TYPE_CHECKING:
     from percuss.case.case import Address, Case
+
+
+# Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
+OWN_STEP_TOLERANCE = 1e-9
 
 
 class ContactRows(NamedTuple):
@@ -168,6 +173,12 @@ class Model:
             message = f"expected linear bodies with the viscous {integrator.name}, found that {self.why_not_linear}"
             advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
             _raise([self.case.problem(("method", "integrator"), message, advice)])
+        if self.couples_nodes and (self.implicit or self.own_steps):
+            mass = self.case.method.mass.name
+            what = "an implicit scheme" if self.implicit else "bodies with steps of their own"
+            message = f"expected a diagonal mass with {integrator.name}, found {mass}, which couples nodes"
+            advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
+            _raise([self.case.problem(("method", "mass"), message, advice)])
         self._check_movable()
         self._set(laws=self._bound_laws(self.dt))
         refuse_without_mass(
@@ -176,12 +187,21 @@ class Model:
             self.laws,
             self.points_without_mass,
             multistage=self.multistage,
-            viscous=self.viscosity > 0.0,
+            why_not_seen=self._why_end_elements_are_not_seen,
         )
         refuse_end_forces(self)
         refuse_end(integrator, self.stages, self.laws)
         refuse_shifts(integrator, self.stages, self.laws)
         refuse_unseen(integrator, self.tables, self.laws)
+        if self.implicit:
+            refuse_in_implicit(
+                self.case,
+                self.why_not_linear,
+                self.constraints,
+                self.followers,
+                self.laws,
+                self.points_without_mass,
+            )
 
     def with_step(self, dt: float) -> Model:
         """Return the model of the whole run with another time step."""
@@ -285,6 +305,38 @@ class Model:
     def viscosity(self) -> float:
         """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
         return 0.0 if self.multistage else self.tables[0].viscosity
+
+    @cached_property
+    def implicit(self) -> Implicit | None:
+        """The scheme of an implicit integrator; None for an explicit one."""
+        definition = answer(self.case.method.integrator, "bind", self.dt)
+        return definition if isinstance(definition, Implicit) else None
+
+    @cached_property
+    def own_steps(self) -> tuple[int, ...]:
+        """The number of steps from one action of the internal forces of each body to the next, `LeapFrog.own_steps`.
+
+        It is empty where internal forces act in every step in all bodies.
+        """
+        if self.multistage or not self.tables[0].own_steps:
+            return ()
+        ratios = [self.omega / float(body.frequency.max()) for body in self.bodies.values()]
+        numbers = tuple(max(1, int(ratio * (1.0 + OWN_STEP_TOLERANCE))) for ratio in ratios)
+        return numbers if max(numbers) > 1 else ()
+
+    @property
+    def period(self) -> int:
+        """The number of steps after which the internal forces of all bodies act in the same step again."""
+        return math.lcm(*self.own_steps)
+
+    @property
+    def sums_internal_work(self) -> bool:
+        """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
+
+        In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
+        step. Of a multi-stage scheme the work has no such form.
+        """
+        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
 
     @property
     def why_not_linear(self) -> str:
@@ -498,6 +550,14 @@ class Model:
                     problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
             _raise(problems)
 
+    @property
+    def _why_end_elements_are_not_seen(self) -> str:
+        """The reason why a static balance of the end elements of a body is not that of the step; empty where it is."""
+        name = self.case.method.integrator.name
+        if self.viscosity:
+            return f"the viscous force of {name} in its end element is not part of that"
+        return f"with {name} its end element does not act in every step" if self.own_steps else ""
+
     def _refuse_pairs(self) -> None:
         integrator = self.case.method.integrator
         for contact_pair in self.contact_pairs:
@@ -540,8 +600,10 @@ class Model:
             for bound_law in self.laws
         ]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
-        if self.stages is not None:
+        if self.stages is not None or self.implicit:
             records["stores"] = NOTHING
+        if self.implicit:
+            records["end_stiffness"] = np.nan  # every law is solved for at the end of the step
         return order, records
 
     def ignored_couplings(self) -> list[str]:

@@ -52,6 +52,7 @@ class MultistageStepper:
     """
 
     energy_at = 1.0
+    force_at = 0.5
     # An acceleration kept from the step before may contain the reaction of a support or drive that is no longer active:
     # its impulse still has to be counted.
     keeps_constraints = True

@@ -107,10 +107,18 @@ def empty_record(
         field_every=shapes.field_every,
         field=np.full((snapshots, ends.size * dim), np.nan),
         field_dof=(ends[:, None] * dim + np.arange(dim)).ravel(),
+        field_own_step=np.repeat(_steps_at_a_time(model, ends, place), dim),
         field_state=np.full((snapshots, variables.size), np.nan),
         field_variable=variables,
     )
     return record, np.asarray(n * model.dt, dtype=np.float64)
+
+
+def _steps_at_a_time(model: Model, nodes: Integers, place: Mapping[int, int]) -> Integers:
+    """Return the number of steps by which each of some nodes is advanced at a time; boundary nodes are by one."""
+    own_steps = model.own_steps or (1,) * len(model.bodies)
+    numbers = [1 if node in place else own_steps[model.body_of(node).number] for node in nodes.tolist()]
+    return np.array(numbers, dtype=np.int64)
 
 
 def recorded_elements(model: Model) -> dict[str, Integers]:

@@ -31,6 +31,8 @@ class Stepper(Protocol):
     ----------
     energy_at
         Time of the energies recorded in a step, as a fraction of the step after t_n.
+    force_at
+        Middle of the time over which the contact force recorded in a step acts, as a fraction of the step after t_n.
     u, v : (nodes * dim,)
         Displacement and velocity of the nodes, changed in place.
     levels
@@ -40,6 +42,7 @@ class Stepper(Protocol):
     """
 
     energy_at: float
+    force_at: float
     u: Floats
     v: Floats
     levels: int

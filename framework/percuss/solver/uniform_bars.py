@@ -45,6 +45,8 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
         model.dim == 1
         and not model.multistage
         and not model.viscosity
+        and not model.own_steps
+        and not model.implicit
         and not model.body_forces
         and not model.shifts
         and ends.issuperset(boundary_nodes)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import branches, fact
-from percuss.methods.interfaces import Ge, Gt, Le, LeapFrog, Lt
+from percuss.methods.interfaces import Ge, Gt, Le, Lt, Stages
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,7 +65,7 @@ class Candidate:
 def evaluations(integrator: Integrator) -> int:
     """Return how often a step of an integrator computes the internal forces: the number of its stages."""
     stages = integrator.bind(1.0)
-    return 1 if isinstance(stages, LeapFrog) else len(stages.times)
+    return len(stages.times) if isinstance(stages, Stages) else 1
 
 
 def defaults(integrators: list[str], contacts: list[str], registry: Registry) -> list[Candidate]:

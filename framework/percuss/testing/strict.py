@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods.interfaces import ContactPoints, ContactState, LeapFrog, LinearLaw, Stages, Trial
+from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.subject import CheckFailed, NotApplicable
 
@@ -83,6 +83,7 @@ class StrictSystem:
         self._positions: dict[str, float] = {}
         self._element_length: dict[str, float] = {}
         self._ends: dict[str, tuple[float, float]] = {}  # EA/h and 2c/h
+        self._nodes_of: dict[str, slice] = {}
         first = 0
         for name, body in case["bodies"].items():
             n, area = body["bar"]["elements"], body["area"]
@@ -93,6 +94,7 @@ class StrictSystem:
             self.velocity[first : first + n + 1] = body["velocity"]
             self._nodes |= {f"{name}.left": first, f"{name}.right": first + n}
             self._positions |= {f"{name}.left": body["at"], f"{name}.right": body["at"] + body["bar"]["length"]}
+            self._nodes_of[name] = slice(first, first + n + 1)
             self._element_length[name], self._ends[name] = h, (young * area / h, 2.0 * math.sqrt(young / density) / h)
             for end in body.get("fixed", ()):
                 self.held[self._nodes[f"{name}.{end}"]] = True
@@ -169,6 +171,8 @@ class StrictSystem:
 
     def march(self) -> Histories:
         """Return the histories of all steps and of one more step, whose force is the last one of the histories."""
+        if isinstance(self.scheme, Implicit):
+            raise NotApplicable("the scheme is implicit, and is no step that this system makes")
         records = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
         return Histories(*(np.array(column) for column in zip(*records, strict=True)))
 
@@ -178,7 +182,8 @@ class StrictSystem:
         v = self.velocity - 0.5 * dt * self.response * self.force
         for n in range(self.steps + 1):
             self._middle = (n + 0.5) * dt
-            bulk = self.response * (self.force - self.stiffness @ (u + table.viscosity * dt * v))
+            internal = self._actions(n, own=table.own_steps) * (self.stiffness @ (u + table.viscosity * dt * v))
+            bulk = self.response * (self.force - internal)
             if self._acts():
                 bulk = bulk + self.response * (self.end_force @ (self._softens * (self.end_force.T @ u)))
             gap, rate, acceleration = self.initial_gap + self._sees.T @ u, self._sees.T @ v, self._sees.T @ bulk
@@ -192,6 +197,15 @@ class StrictSystem:
             u = u + dt * v
             if self._shift.size:
                 u = u + self.response * (self.normal @ self._shift)
+
+    def _actions(self, step: int, *, own: bool) -> Floats:
+        """Return the factor of the internal forces of each node in a step: 1, or m in every m-th, else 0."""
+        fastest = max(frequency for _, frequency in self._ends.values())
+        factor = np.ones(self.mass.size)
+        for name, (_, frequency) in self._ends.items() if own else ():
+            every = math.floor(fastest / frequency * (1.0 + TOUCHING))
+            factor[self._nodes_of[name]] = every if step % every == 0 else 0.0
+        return factor
 
     def _in_stages(self, stages: Stages) -> Iterator[tuple[Floats, Floats, Floats]]:
         """Yield contact forces, gaps and displacements of each step of a multi-stage scheme.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from percuss.errors import PluginError, RefusedPair, RunError, nearest
-from percuss.methods.interfaces import FAMILIES, Component, DataFile
+from percuss.methods.interfaces import FAMILIES, Component, DataFile, LeapFrog
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 
@@ -26,6 +26,12 @@ class CheckFailed(AssertionError):
 
 class NotApplicable(Exception):
     """Raised by a check that does not apply to a component; the message gives the reason."""
+
+
+def gives_own_steps(subject: Subject, case: Mapping[str, Any]) -> bool:
+    """Return whether the integrator of a case gives bodies steps of their own: less is known of its pairs then."""
+    definition = subject.load(case).method.integrator.bind(1.0)
+    return isinstance(definition, LeapFrog) and definition.own_steps
 
 
 def was_not_started(stopped: RunError) -> bool:

@@ -23,7 +23,7 @@ from percuss.methods.interfaces.body import (
     Shape,
 )
 from percuss.methods.interfaces.contact import ContactLaw, ContactPoints, LinearLaw, Trial
-from percuss.methods.interfaces.integrator import ContactState, Integrator, LeapFrog, Stages, end_of_step
+from percuss.methods.interfaces.integrator import ContactState, Implicit, Integrator, LeapFrog, Stages, end_of_step
 from percuss.methods.interfaces.load import FollowingLoad, Load, LoadedEnd
 from percuss.methods.interfaces.measure import Measure
 from percuss.methods.interfaces.problem import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
@@ -50,6 +50,7 @@ __all__ = [
     "FollowingLoad",
     "Ge",
     "Gt",
+    "Implicit",
     "Integers",
     "Integrator",
     "Le",

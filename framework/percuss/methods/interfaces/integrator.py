@@ -42,11 +42,18 @@ class LeapFrog(NamedTuple):
         Stiffness-proportional viscosity of linear bodies: the time of the viscosity over the step. Internal forces are
         then ``K (u_n + viscosity dt v_{n-1/2})``, with the velocity of half a step before. At least 0, and the same at
         every step: the critical step is that of the bodies over ``sqrt(1 + 2 viscosity)``.
+    own_steps
+        Whether each body has a time step of its own. The time step of a case is then that of the body with the highest
+        frequency omega; in a body whose highest frequency is omega_b internal forces act in every m-th step alone, from
+        the first step on, m times as strong, with m the largest whole number up to ``omega / omega_b``: the body is at
+        the Courant number of the case or below. Accelerations of whole bodies act with their internal forces; contacts,
+        supports, drives and loads on ends act in every step. Not together with `viscosity`.
     """
 
     explicit: ContactState
     end: ContactState
     viscosity: float = 0.0
+    own_steps: bool = False
 
 
 class Stages(NamedTuple):
@@ -79,8 +86,33 @@ class Stages(NamedTuple):
     velocity: tuple[float, ...] = ()
 
 
+class Implicit(NamedTuple):
+    """An implicit scheme of Newmark's family, contact solved at the end of the step: a reference in NumPy and SciPy.
+
+    ``M a_{n+1} + (1 + alpha) K u_{n+1} - alpha K u_n = (1 + alpha) f_{n+1} - alpha f_n + N lambda_{n+1}``, with
+    ``u_{n+1} = u_n + dt v_n + dt^2 ((1/2 - beta) a_n + beta a_{n+1})`` and
+    ``v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1})``.
+
+    It takes linear bodies, supports and forces, and laws that are a line in the gap, or a tie of rates, at the end of
+    the step; a penalty is one there too.
+
+    Attributes
+    ----------
+    beta, gamma
+        Weights of the coming acceleration in displacement and velocity; beta is greater than 0.
+    alpha
+        Weight by which internal forces and loads lag behind, -1 to 0.
+    """
+
+    beta: float
+    gamma: float
+    alpha: float = 0.0
+
+
 class Integrator(Component, contract="integrators"):
-    """An explicit time integrator: a leap-frog scheme, defined by `bind` alone, or a multi-stage scheme with a kernel.
+    """A time integrator: a leap-frog scheme, defined by `bind` alone, or a multi-stage scheme with a kernel.
+
+    A scheme whose `bind` returns `Implicit` is complete as well. It is no contender, and shows what implicit costs.
 
     A scheme whose `bind` returns `LeapFrog` is complete; the framework makes the step. A multi-stage scheme returns
     `Stages` and has a static method ``step(numbers, system, u, v, kept, dt)``, a kernel that advances displacement u
@@ -134,7 +166,7 @@ class Integrator(Component, contract="integrators"):
     kept: ClassVar[int] = 0
 
     @abstractmethod
-    def bind(self, dt: float) -> LeapFrog | Stages:
+    def bind(self, dt: float) -> LeapFrog | Stages | Implicit:
         """Return the description of a step of length `dt`.
 
         Parameters
@@ -149,6 +181,8 @@ class Integrator(Component, contract="integrators"):
         Stages
             A multi-stage scheme: the framework computes accelerations that include contact, and the class has a kernel
             `step`.
+        Implicit
+            An implicit scheme for linear bodies: the framework solves for motion and contact at the end of the step.
         """
 
     def refuses(self, law: Any) -> str | None:  # noqa: ARG002

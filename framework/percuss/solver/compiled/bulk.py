@@ -31,6 +31,7 @@ class Group(NamedTuple):
     before: Floats  # (elements, state variables) as the last step has left them
     after: Floats  # (elements, state variables) as the present step leaves them
     work: Floats  # (1,) sum of the internal work of the steps, or (0,) where it is not summed up
+    own_step: Integers  # (bodies,) steps from one action of the internal forces of each body to the next
 
 
 class Bulk(NamedTuple):
@@ -48,6 +49,8 @@ class Bulk(NamedTuple):
     correction: Floats  # (nodes * dim,) work space
     before: Floats  # (nodes * dim,) displacements before the step, or (0,)
     change: Floats  # (nodes * dim,) change of the velocities that `mass` alone would give, or (0,)
+    number: Integers  # (1,) number of the present step
+    body_acceleration: Floats  # (dim,) work space
 
 
 def advance_bars(
@@ -65,6 +68,10 @@ def advance_bars(
     The element between two blocks belongs to the first of them; its force on the first node of the next block is
     carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies,); where `momentum` is
     not empty, the momentum of each body after the update is added to it.
+
+    A body whose internal forces act in every m-th step alone is advanced by m steps then, and left as it is in the
+    steps between, in which none of its nodes changes its velocity but for those of the boundary. These are written
+    back after every step.
     """
     force, mass, inverse_mass = bulk.force, bulk.mass, bulk.inverse_mass
     for b in range(group.body.size):
@@ -73,6 +80,12 @@ def advance_bars(
         material = MaterialPoints(group.parameters[b], group.before, group.after)
         offset = group.first[b] - lo
         body = group.body[b]
+        if not is_due(group.own_step[b], bulk.number[0]):
+            if momentum.size > 0:
+                momentum[body] += momentum_along(mass[lo:stop], v[lo:stop], 0, 1)
+            continue
+        step = group.own_step[b] * dt
+        body_force = body_acceleration[body] / group.own_step[b]
         force[0] = 0.0
         while lo < stop:
             hi = min(lo + BLOCK, stop)
@@ -81,14 +94,19 @@ def advance_bars(
             if count > 0:
                 set_force(group, material, bulk, offset + lo, 1, u[lo : lo + count + 1], v[lo : lo + count + 1])
                 force[0] += carried
-            add_internal_work(group.work, force[: hi - lo], v[lo:hi], dt)
-            update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], body_acceleration[body], dt)
-            add_internal_work(group.work, force[: hi - lo], v[lo:hi], dt)
+            add_internal_work(group.work, force[: hi - lo], v[lo:hi], step)
+            update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], body_force, step)
+            add_internal_work(group.work, force[: hi - lo], v[lo:hi], step)
             if count > 0:
                 force[0] = force[count]
             if momentum.size > 0:
                 momentum[body] += momentum_along(mass[lo:hi], v[lo:hi], 0, 1)
             lo = hi
+
+
+def is_due(own_step: int, number: int) -> bool:
+    """Return whether the internal forces of a body act in a step."""
+    return own_step == 1 or number % own_step == 0
 
 
 def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, body_acceleration: float, dt: float) -> None:
@@ -118,7 +136,12 @@ def advance_bodies(
         material = MaterialPoints(group.parameters[b], group.before, group.after)
         offset = group.first[b] - lo
         body = group.body[b] * dim
+        if not is_due(group.own_step[b], bulk.number[0]):
+            add_momentum(momentum, body, mass[lo * dim : stop * dim], v[lo * dim : stop * dim], dim)
+            continue
+        step = group.own_step[b] * dt
         for d in range(dim):
+            bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
             force[d] = 0.0
         while lo < stop:
             hi = min(lo + BLOCK, stop)
@@ -130,19 +153,17 @@ def advance_bodies(
                 set_force(group, material, bulk, offset + lo, dim, u[first:after], v[first:after])
                 for d in range(dim):
                     force[d] += force[storage + dim + d]
-            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], dt)
+            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], step)
             for i in range(hi - lo):
                 for d in range(dim):
                     j = (lo + i) * dim + d
-                    v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + body_acceleration[body + d])
-                    u[j] += dt * v[j]
-            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], dt)
+                    v[j] += step * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
+                    u[j] += step * v[j]
+            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], step)
             if count > 0:
                 for d in range(dim):
                     force[d] = force[count * dim + d]
-            if momentum.size > 0:
-                for d in range(dim):
-                    momentum[body + d] += momentum_along(mass[lo * dim : hi * dim], v[lo * dim : hi * dim], d, dim)
+            add_momentum(momentum, body, mass[lo * dim : hi * dim], v[lo * dim : hi * dim], dim)
             lo = hi
 
 
@@ -187,6 +208,13 @@ def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
 momentum_along.reduction = True  # type: ignore[attr-defined]
 
 
+def add_momentum(momentum: Floats, first: int, mass: Floats, v: Floats, dim: int) -> None:
+    """Add the momentum of consecutive nodes to the entries from `first` on; do nothing where no momenta are kept."""
+    if momentum.size > 0:
+        for d in range(dim):
+            momentum[first + d] += momentum_along(mass, v, d, dim)
+
+
 def kinetic(mass: Floats, v: Floats) -> float:
     """Return the kinetic energy ``v M v / 2``."""
     total = 0.0
@@ -200,13 +228,16 @@ kinetic.reduction = True  # type: ignore[attr-defined]
 
 @called
 def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the staggered strain energy of the bodies of one group, ``u_n K u_{n+1} / 2`` of a linear body."""
+    """Return the staggered strain energy of the bodies of one group, ``u_n K u_{n+1} / 2`` of a linear body.
+
+    The two displacements are those one step of the body apart, along its velocities.
+    """
     total = 0.0
     for b in range(group.body.size):
         lo = group.start[b] * dim
         hi = group.stop[b] * dim
         material = MaterialPoints(group.parameters[b], group.before, group.after)
-        total += energy(group.element, material, group.first[b], dim, u[lo:hi], v[lo:hi], dt)
+        total += energy(group.element, material, group.first[b], dim, u[lo:hi], v[lo:hi], group.own_step[b] * dt)
     return total
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.methods.slots import cell_force, energy_density, unbound
-from percuss.solver.compiled.bulk import Bulk, Group, add_internal_work, momentum_along
+from percuss.solver.compiled.bulk import Bulk, Group, add_internal_work, add_momentum, is_due
 from percuss.solver.compiled.marks import called
 from percuss.solver.compiled.materials import MaterialPoints
 
@@ -100,20 +100,24 @@ def advance_cells(
     for b in range(group.body.size):
         lo, hi = group.start[b] * dim, group.stop[b] * dim
         body = group.body[b] * dim
+        if not is_due(group.own_step[b], bulk.number[0]):
+            add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
+            continue
+        step = group.own_step[b] * dt
+        for d in range(dim):
+            bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
         force = group.element.body_force[: hi - lo]
         material = MaterialPoints(group.parameters[b], group.before, group.after)
         velocity = v[lo:hi] if bulk.ahead.size > 0 else v[:0]
         add_up_forces(group.element, material, b, dim, u[lo:hi], velocity, bulk.viscous_time, force)
-        add_internal_work(group.work, force, v[lo:hi], dt)
+        add_internal_work(group.work, force, v[lo:hi], step)
         for i in range(group.stop[b] - group.start[b]):
             for d in range(dim):
                 j = lo + i * dim + d
-                v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + body_acceleration[body + d])
-                u[j] += dt * v[j]
-        add_internal_work(group.work, force, v[lo:hi], dt)
-        if momentum.size > 0:
-            for d in range(dim):
-                momentum[body + d] += momentum_along(bulk.mass[lo:hi], v[lo:hi], d, dim)
+                v[j] += step * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
+                u[j] += step * v[j]
+        add_internal_work(group.work, force, v[lo:hi], step)
+        add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
 
 
 @called
@@ -136,7 +140,7 @@ def elastic_cells(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> fl
         material = MaterialPoints(group.parameters[b], group.before, group.after)
         for e in range(cells.edges[b], cells.edges[b + 1]):
             for k in range(2):
-                gather(cells, e, dim, u[lo:hi], v[lo:hi], dt if k == 0 else 0.0)
+                gather(cells, e, dim, u[lo:hi], v[lo:hi], group.own_step[b] * dt if k == 0 else 0.0)
                 cell_strain(
                     cells.rule,
                     cells.strains[k],

@@ -21,13 +21,13 @@ from percuss.solver.compiled.contact_equation import (
     solve,
     stored_energy,
 )
-from percuss.solver.compiled.end_forces import show_end_forces, show_gaps, soften_end_elements, work_and_energy
 from percuss.solver.compiled.coupled_masses import (
     carry_to_neighbours,
     couple_nodes,
     coupled_kinetic,
     keep_state,
 )
+from percuss.solver.compiled.end_forces import show_end_forces, show_gaps, soften_end_elements, work_and_energy
 from percuss.solver.compiled.ends_without_mass import (
     compress_elements,
     find_coming_multipliers,
@@ -62,6 +62,8 @@ BOUNDARY_DOF = np.dtype(
             "new_v",
             "f8",
         ),  # velocity corrected by loads, constraints and contacts; at the end of the step that at n + 1/2
+        ("own_step", "i8"),  # steps from one action of the internal forces of its body to the next
+        ("new_u", "f8"),  # displacement at n + 1, while that at the next action of these forces takes its place
     ]
 )
 # A constraint prescribes the velocity of a node along a direction, which is `axes` from index `axis` on; `reaction` is
@@ -151,6 +153,7 @@ class Record(NamedTuple):
     field_every: int  # steps between two snapshots, 0 for none
     field: Floats  # (F, recorded nodes * dim) displacement
     field_dof: Integers  # (recorded nodes * dim,)
+    field_own_step: Integers  # (recorded nodes * dim,) steps by which they are advanced at a time
     field_state: Floats  # (F, state variables of the materials of recorded elements)
     field_variable: Integers  # indices of these state variables
 
@@ -252,7 +255,7 @@ def advance(
     while s < count:
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
-            snapshot(record, boundary, u, n)
+            snapshot(record, boundary, u, v, dt, n)
         if n == 0:
             add_initial_strain_energy(groups, boundary.totals[0], u, v, dim, dt)
         # A record needs the state after its step, a snapshot that before its step: bars are not ahead of the ends then.
@@ -276,7 +279,9 @@ def advance(
             else:
                 kinetic_energy = kinetic_of(masses, v)
                 add_shifts_to_velocity(boundary, v, dt)
+                advance_to_next_action(boundary, u, v, first + s, dt)
                 strain_energy = elastic(groups, u, v, dim, dt)
+                return_from_next_action(boundary, u)
                 take_shifts_from_velocity(boundary, v)
             write_record(kinetic_energy, strain_energy, boundary, record, u, dt, first + s - 1)
         if not sound:
@@ -337,6 +342,7 @@ def make_step(
         for i in range(boundary.momentum.size):
             boundary.momentum[i] = 0.0
         keep_state(masses, u, v)
+        masses.number[0] = first + s
         bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
         if masses.change.size > 0:
             couple_nodes(masses, u, v, boundary.internal_work, dt)
@@ -491,6 +497,26 @@ def take_shifts_from_velocity(boundary: Boundary, v: Floats) -> None:
     """Make the velocities what they were, to the last bit."""
     for i in range(boundary.shifts.size):
         v[boundary.boundary_dofs[i].dof] = boundary.boundary_dofs[i].new_v
+
+
+def advance_to_next_action(boundary: Boundary, u: Floats, v: Floats, n: int, dt: float) -> None:
+    """Move boundary degrees of freedom from t_n, along their velocities, to where the rest of their bodies is.
+
+    A body whose internal forces do not act in every step has been advanced to the time at which they act next.
+    """
+    for i in range(boundary.boundary_dofs.size):
+        q = boundary.boundary_dofs[i]
+        if q.own_step > 1:
+            q.new_u = u[q.dof]
+            u[q.dof] += (-n) % q.own_step * dt * v[q.dof]
+
+
+def return_from_next_action(boundary: Boundary, u: Floats) -> None:
+    """Move boundary degrees of freedom back to t_n, to the last bit."""
+    for i in range(boundary.boundary_dofs.size):
+        q = boundary.boundary_dofs[i]
+        if q.own_step > 1:
+            u[q.dof] = q.new_u
 
 
 def sum_of_products(weights: Floats, values: Floats) -> float:
@@ -738,13 +764,18 @@ def track_growth(total: Any, steady_change: float, n: int) -> None:
 
 
 @called
-def snapshot(record: Record, boundary: Boundary, u: Floats, n: int) -> None:
-    """Record the displacements and state variables from which the stress field is computed."""
+def snapshot(record: Record, boundary: Boundary, u: Floats, v: Floats, dt: float, n: int) -> None:
+    """Record the displacements and state variables from which the stress field is computed.
+
+    Nodes that are advanced by several steps at a time are ahead of t_n, and have moved at a constant velocity.
+    """
     r = n // record.field_every
     for k in range(record.field_variable.size):
         record.field_state[r, k] = boundary.state_before[record.field_variable[k]]
     for k in range(record.field_dof.size):
         record.field[r, k] = u[record.field_dof[k]]
+        if record.field_own_step[k] > 1:
+            record.field[r, k] -= (-n) % record.field_own_step[k] * dt * v[record.field_dof[k]]
 
 
 @called

@@ -59,7 +59,8 @@ class LinkedStep(NamedTuple):
 
 
 _LINE, _ROWS = np.zeros(1), np.zeros((1, 1))
-_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE, 1, _ROWS, _ROWS, _LINE, _LINE, _LINE)
+_NUMBER = np.zeros(1, dtype=np.int64)
+_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE, 1, _ROWS, _ROWS, _LINE, _LINE, _LINE, _NUMBER, _LINE)
 _POINTS = np.zeros(0, dtype=POINT).view(np.recarray)
 _OTHERS = np.zeros(0, dtype=OTHER).view(np.recarray)
 _FOLLOWERS = np.zeros(0, dtype=FOLLOWER).view(np.recarray)

@@ -282,7 +282,7 @@ def advance(
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
-            snapshot(record, boundary, u, n)
+            snapshot(record, boundary, u, v, dt, n)
         if n == 0:
             add_initial_strain_energy(system.groups, totals[0], u, v, system.dim, 0.0)
         save_state(boundary_dofs, u, v)

@@ -125,8 +125,9 @@ class _BodyKernels:
             ends = np.array([0]), np.array([self.along.size])
             arrays = cell_arrays(element, [self.body])
             self.group = Group(
-                arrays, self.points.parameters[None], ends[0], *ends, ends[0], *self.points[1:], np.zeros(0)
-            )
+                arrays, self.points.parameters[None], ends[0], *ends, ends[0], *self.points[1:], np.zeros(0),
+                np.ones(1, dtype=np.int64),
+            )  # fmt: skip
             self._force, self._energy = specialiser.bind(force_cells), specialiser.bind(elastic_cells)
         else:
             self.bound = element.bind(self.body)
