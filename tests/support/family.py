@@ -19,6 +19,7 @@ PAGE = places.ROOT / "cases" / "studies" / "README.md"
 COURANT, MESHES = 0.5, (1, 4)
 PRESSED = ("preloaded", "smooth-pulse")  # the bodies stay pressed together
 FIRST = ("central-difference", "penalty")  # to which costs and overlaps are compared
+USUAL = "lumped"  # the mass of all tables but that of the masses
 
 
 def rows(path, plan=STUDY):
@@ -39,15 +40,16 @@ def short(value, digits=2):
 
 def pairs_of(table):
     """Return the pairs of methods that made a run, law by law."""
-    done = table[table["status"] != "refused"]
+    done = table[(table["status"] != "refused") & (table["method.mass"] == USUAL)]
     return sorted(set(zip(done["contact"], done["integrator"], strict=True)))
 
 
 class Point:
-    """The rows of one mesh and one Courant number, by case and pair."""
+    """The rows of one mesh, one Courant number and one mass, by case and pair."""
 
-    def __init__(self, table, refine, courant):
+    def __init__(self, table, refine, courant, mass=USUAL):
         there = table[(table["refine"] == refine) & (table["time.courant"] == courant)]
+        there = there[there["method.mass"] == mass]
         self.rows = {(one["case"], one["contact"], one["integrator"]): one for one in there.to_dict("records")}
 
     def value(self, case, law, integrator, name):
@@ -85,14 +87,10 @@ def summary(table):
     first = {case: seconds_of_a_node(table, case, *reversed(FIRST)) for case in cases}
     for pair in pairs_of(table):
         values = {name: [coarse.value(case, *pair, name) for case in cases] for name in
-                  ("force_error_l1", "energy_kept", "noise", "penetration", "critical Courant number")}  # fmt: skip
+                  ("force_error_l1", "noise", "penetration", "critical Courant number")}  # fmt: skip
         finer = [fine.value(case, *pair, "force_error_l1") for case in cases]
         larger = [wide.value(case, *pair, "force_error_l1") for case in cases]
-        kept = [
-            100.0 * value
-            for case, value in zip(cases, values["energy_kept"], strict=True)
-            if case not in PRESSED and math.isfinite(value)
-        ]  # pressed contacts store what they have not given back
+        kept = kept_where_bodies_part(coarse, cases, pair)  # pressed contacts store what they have not given back
         reference = [coarse.value(case, *reversed(FIRST), "penetration") for case in cases]
         orders = [
             math.log(one / other) / math.log(MESHES[1]) if one > 0 and other > 0 else math.nan
@@ -104,7 +102,7 @@ def summary(table):
             short(100.0 * median(values["force_error_l1"])),
             short(median(orders)),
             short(median([one / other for one, other in zip(larger, values["force_error_l1"], strict=True)])),
-            f"{short(min(kept), 4)} to {short(max(kept), 4)}" if kept else "-",
+            kept_in_words(kept),
             short(median(values["noise"])),
             short(median([one / other for one, other in zip(values["penetration"], reference, strict=True)])),
             short(min(limits), 3) if limits else "-",
@@ -120,9 +118,55 @@ def seconds_of_a_node(table, case, law, integrator):
     return float((there["seconds"] / there["node_steps"]).min()) if len(there) else math.nan
 
 
+def kept_where_bodies_part(point, cases, pair):
+    """Return the energy that the contacts have kept [%] in each case in which the bodies part at the end."""
+    values = ((case, point.value(case, *pair, "energy_kept")) for case in cases)
+    return [100.0 * value for case, value in values if case not in PRESSED and math.isfinite(value)]
+
+
+def kept_in_words(kept):
+    """Return the least and the most of the energies kept."""
+    return f"{short(min(kept), 4)} to {short(max(kept), 4)}" if kept else "-"
+
+
+def masses(table):
+    """Return the table of the other masses: a row a mass and pair, its errors beside those with the usual mass."""
+    cases = list(dict.fromkeys(table["case"]))
+    usual = Point(table, 1, COURANT)
+    lines = [["mass", "law", "integrator", "error", "over lumped", "kept", "noise", "lumped noise", "critical C"]]
+    for mass in dict.fromkeys(table["method.mass"]):
+        point = Point(table, 1, COURANT, mass)
+        for pair in pairs_of(table) if mass != USUAL else ():
+            error, before, noise, noise_before, limit = (
+                {case: place.value(case, *pair, name) for case in cases}
+                for place, name in (
+                    (point, "force_error_l1"),
+                    (usual, "force_error_l1"),
+                    (point, "noise"),
+                    (usual, "noise"),
+                    (point, "critical Courant number"),
+                )
+            )
+            both = [case for case in cases if math.isfinite(error[case]) and math.isfinite(before[case])]
+            if not both:
+                continue
+            limits = [value for value in limit.values() if math.isfinite(value)]
+            lines.append([
+                mass,
+                *pair,
+                short(100.0 * median(error.values())),
+                short(median([error[case] / before[case] for case in both])),
+                kept_in_words(kept_where_bodies_part(point, cases, pair)),
+                short(median([noise[case] for case in both])),
+                short(median([noise_before[case] for case in both])),
+                short(min(limits), 3) if limits else "-",
+            ])  # fmt: skip
+    return lines
+
+
 def refusals(table):
     """Return the reasons for which pairs were refused, each with its pairs."""
-    refused = table[table["status"] == "refused"]
+    refused = table[(table["status"] == "refused") & (table["method.mass"] == USUAL)]
     reasons = {}
     for one in refused.to_dict("records"):
         law, integrator = one["contact"], one["integrator"]
@@ -327,7 +371,7 @@ def advice(tables):
     return markdown(lines)
 
 
-PARTS = ("errors", "medians", "refusals", "findings", "which method when")
+PARTS = ("errors", "medians", "masses", "refusals", "findings", "which method when")
 
 
 def refused(table):
@@ -356,14 +400,15 @@ def main():
     given = sys.argv[1:]
     with tempfile.TemporaryDirectory() as folder:
         table = percuss.open_study(given[0]).table if given else rows(Path(folder) / "family.sqlite")
-    made = {"errors": markdown(errors(table)), "medians": markdown(summary(table)), "refusals": refused(table)}
+    made = {"errors": markdown(errors(table)), "medians": markdown(summary(table)), "masses": markdown(masses(table))}
+    made["refusals"] = refused(table)
     tables = Tables(made["errors"], made["medians"])
     made |= {"findings": findings(tables), "which method when": advice(tables)}
     page = PAGE.read_text(encoding="utf-8")
     for name in PARTS:
         page = pages.between(page, *pages.marks(name), made[name])
     PAGE.write_text(page, encoding="utf-8")
-    sys.stdout.write("".join(f"{name}\n{made[name]}\n" for name in PARTS[3:]))
+    sys.stdout.write("".join(f"{name}\n{made[name]}\n" for name in PARTS[4:]))
 
 
 if __name__ == "__main__":

@@ -69,6 +69,14 @@ def test_the_tables_are_those_of_the_study(tmp_path):
         made.append(family.rows(tmp_path / f"{law}-{scheme}.sqlite", plan))
     table = pd.concat(made, ignore_index=True)
     errors_of, medians_of = cells(family.errors(table)), cells(family.summary(table))
+    for there, made in zip(
+        [line for line in family.read(family.shown(PAGE, "masses")) if tuple(line[1:3]) in SAMPLE],
+        family.masses(table)[1:],
+        strict=True,
+    ):
+        assert there[:3] == made[:3]
+        for one, other in zip(there[3:], made[3:], strict=True):
+            assert close(one, other, 0.06), (there, made)
     tables = {pair: (errors_of[pair], medians_of[pair]) for pair in SAMPLE}
     page = cells(family.read(family.shown(PAGE, "errors"))), cells(family.read(family.shown(PAGE, "medians")))
     for pair, (errors, medians) in tables.items():
