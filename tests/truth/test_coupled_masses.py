@@ -184,7 +184,7 @@ def rows(draw):
     }
 
 
-@settings(max_examples=40, deadline=None, derandomize=True, phases=(Phase.generate,))
+@settings(max_examples=25, deadline=None, derandomize=True, phases=(Phase.generate,))
 @given(rows(), st.sampled_from(CONSISTENCIES))
 def test_rows_of_bars_move_as_dense_matrices_move_them(case, consistency):
     case["method"]["mass"] = {"name": "reciprocal", "consistency": consistency}
@@ -275,7 +275,7 @@ def dense_pencil(case, consistency):
     return bars, mass[np.ix_(free, free)], bars.K[np.ix_(free, free)], normal[free]
 
 
-@pytest.mark.parametrize("consistency", CONSISTENCIES)
+@pytest.mark.parametrize("consistency", [1.0, -1.5])
 @pytest.mark.parametrize("law", [*LAWS, {"name": "tied"}])
 @pytest.mark.parametrize("integrator", LEAP_FROG)
 def test_the_critical_step_is_that_of_dense_matrices(consistency, law, integrator):
