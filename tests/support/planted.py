@@ -969,6 +969,26 @@ class Dropped(Mass):
         return nodal
 
 
+@caught_by("inverse-mass")
+@dataclass(frozen=True)
+class OneSided(Mass):
+    """Couples the nodes of the first elements alone: a body that moves as a whole does not show it."""
+
+    name = "one-sided"
+    summary = "a mass"
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def inverse(self, element_mass, lumping):
+        lumped = lumping.at_nodes(element_mass)
+        taken = 0.1 * element_mass * (np.arange(element_mass.size) < element_mass.size // 2)
+        bands = np.zeros((2, lumped.size))
+        bands[0] = (lumped - np.append(taken, 0.0) - np.append(0.0, taken)) / lumped**2
+        bands[1, :-1] = taken / (lumped[:-1] * lumped[1:])
+        return bands
+
+
 @caught_by("total-mass")
 @dataclass(frozen=True)
 class Leaning(Mass):

@@ -440,7 +440,7 @@ def test_a_lumped_mass_penalty_is_seen(monkeypatch):
     def lumped(self, dt, stiffness, inertia, tied=()):
         count = self.model.n_nodes
         matrix = np.zeros((count, count))
-        for first, mass, diagonal, off in self.bodies:
+        for first, mass, diagonal, off, *_ in self.bodies:
             part = slice(first, first + mass.size)
             matrix[part, part] = np.diag(4 / dt**2 * mass - diagonal) - np.diag(off, 1) - np.diag(off, -1)
         if not (np.linalg.eigvalsh(matrix) > 0).all():
