@@ -13,7 +13,7 @@ from percuss.methods.registry import Registry
 from percuss.studies.candidates import needed_quantities
 
 PAGE = family.PAGE.read_text(encoding="utf-8")
-TABLES = family.Tables(family.shown(PAGE, "errors"), family.shown(PAGE, "medians"))
+TABLES = family.Tables(*(family.shown(PAGE, name) for name in ("errors", "medians", "masses")))
 SAMPLE = (
     ("penalty", "wu-predictor-corrector"),
     ("lagrange", "tchamwa-wielgosz"),
