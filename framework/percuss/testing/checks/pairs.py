@@ -346,6 +346,7 @@ def check_no_contact(subject: Subject) -> None:
 
     This detects a contact force at a distance and a method that needs at least one contact.
     """
+    from percuss.solver.model import Model
 
     def compare_with_free_bodies(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
         case, options, partner = drawn
@@ -369,6 +370,9 @@ def check_no_contact(subject: Subject) -> None:
             raise NotApplicable(str(stopped)) from None
         if open_result.arrays["contact_force"].any():
             raise CheckFailed("bodies that never meet feel a contact force")
+        laws = (bound_law.linear for bound_law in Model(subject.load(subject.placed(open_case, options, partner))).laws)
+        if any(law is not None and np.any(law.softens) for law in laws):
+            raise NotApplicable("what it softens it softens while its contacts are open, too")
         difference = float(np.abs(free_result.arrays["displacement"] - open_result.arrays["displacement"]).max())
         if difference > draws.FLOOR * float(np.abs(free_result.arrays["displacement"]).max()):
             raise CheckFailed(f"bodies that never meet move otherwise by {difference:.2g}")
