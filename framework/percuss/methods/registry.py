@@ -123,11 +123,12 @@ class Registry:
         """
         if (family, name) in self.clashes:
             raise PluginError(f"{_registered_by((family, name), self.clashes[family, name])}; {NONE_USED}")
-        names = self.names(family)
-        if name not in names:
+        component = self.components.get((family, name))
+        if component is None:
+            names = self.names(family)
             left_out = f" Left out: {'; '.join(map(str, self.broken))}." if self.broken else ""
             raise KeyError(f"{family} has no '{name}'. {suggestion(name, names)}{left_out}")
-        return self.components[family, name]
+        return component
 
     def __reduce__(self) -> tuple[Callable[..., Registry], tuple[Any, ...]]:
         # Another process loads the plug-ins itself, so that pickle finds the modules of single files there.
