@@ -30,7 +30,7 @@ from percuss.solver.compiled import leapfrog_loop
 from percuss.solver.model import Model
 from percuss.testing import Subject
 from percuss.testing.checks.pairs import impact
-from strategies import LAWS, LEAPFROG, PAIRS, PLAIN_PAIRS, REGISTRY, each_pair, hunek, rows, with_pair
+from strategies import INVISCID, LAWS, LEAPFROG, PAIRS, PLAIN_PAIRS, REGISTRY, each_pair, hunek, rows, with_pair
 
 WU, CD = "wu-predictor-corrector", "central-difference"
 LONG = 36  # 2**36 steps
@@ -48,7 +48,8 @@ def has_closed_form(law):
 
 # a tie acts whether its gap is open or closed: no run is one of its bodies by themselves
 ROW_LAWS = [law for law in LAWS if law["name"] != "tied" and has_closed_form(law)]
-ROW_PAIRS = [pair for pair in PAIRS if pair[1] in ROW_LAWS]
+# of a viscous scheme with contact no closed form is known: the step itself is asked
+ROW_PAIRS = [pair for pair in PAIRS if pair[1] in ROW_LAWS and (pair[0] in INVISCID or pair[0] not in LEAPFROG)]
 
 
 def drawn_model(case, pair):
