@@ -92,6 +92,8 @@ def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Pro
                 problems = problems or error.problems
             else:
                 any_right = True
+            if any_right and used == set(point):
+                return ()  # nothing that the other runs say would change that
     if not any_right or used == set(point):
         return () if any_right else problems
     unused = {path: value for path, value in point.items() if path not in used}
