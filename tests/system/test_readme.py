@@ -158,7 +158,8 @@ def test_the_kernel_shown_is_compiled_and_never_pulls(folder: Path) -> None:
 
 
 def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None:
-    result = percuss.open_result(folder / "crushed.nc")
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "crushing.py"])
+    result = percuss.run(case, {"method.contact": "crushing"})
     arrays, crushed = result.arrays, result.arrays["contact_state"][:, 0, 0]
     assert arrays["contact_force"].max() == pytest.approx(0.04, rel=1e-12)
     assert (np.diff(crushed) >= 0.0).all()
@@ -169,7 +170,9 @@ def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None
 
 
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
-    result = percuss.open_result(folder / "plastic.nc")
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "perfectly_plastic.py"])
+    plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}
+    result = percuss.run(case, {"bodies.short.material": plastic})
     energy = result.summary["energy"]
     assert energy["ledger_error"] < 1e-13
     assert 0.0 < energy["bodies_error"] < 5e-3
