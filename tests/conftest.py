@@ -3,6 +3,7 @@
 Marks: `deep` tests are left out unless asked for (``-m deep``), `slow` ones take more than some seconds.
 """
 
+import contextlib
 import os
 import shutil
 
@@ -10,6 +11,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: th
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from percuss.testing.draws import without_constants_of_modules
 
 settings.register_profile(
     "quick", max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
@@ -20,7 +23,15 @@ settings.register_profile(
 settings.register_profile(
     "ci", max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "quick")
+settings.load_profile(PROFILE)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def repeatable_draws():
+    """Draw the same wherever percuss is installed and whatever is loaded, but in the profile that draws anew."""
+    with contextlib.nullcontext() if PROFILE == "deep" else without_constants_of_modules():
+        yield
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -254,3 +254,28 @@ def test_without_hypothesis_the_kit_says_what_to_install():
     assert done.returncode == 2
     assert "error: the kit draws its cases with hypothesis: pip install 'percuss[kit]'" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+DRAWN = """
+import sys
+from types import SimpleNamespace
+if sys.argv[1:]:
+    sys.path.insert(0, sys.argv[1])
+    import constants
+from percuss.testing.draws import bar_chains, for_all, number
+drawn = []
+for_all(SimpleNamespace(draws=60), bar_chains(), lambda case: drawn.append(case))
+for_all(SimpleNamespace(draws=200), number(10, 90), drawn.append)
+print(drawn)
+"""
+
+
+def test_the_draws_do_not_depend_on_the_modules_that_are_loaded(tmp_path):
+    """Hypothesis would draw their constants, so that a method would conform in one installation and not in another."""
+    (tmp_path / "constants.py").write_text(f"VALUES = {list(range(1001, 9000, 13))}\n")
+    told = [
+        subprocess.run([sys.executable, "-c", DRAWN, *more], capture_output=True, text=True, check=True).stdout
+        for more in ([], [str(tmp_path)])
+    ]
+    assert len(told[0]) > 10_000
+    assert told[0] == told[1]

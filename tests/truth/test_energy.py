@@ -10,7 +10,9 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 import percuss
+from percuss.certificate import verdict
 from percuss.solver.compiled import leapfrog_loop
+from percuss.solver.model import Model
 from strategies import (
     CORE,
     INTEGRATORS,
@@ -164,6 +166,14 @@ def test_energy_never_grows_over_many_impacts(law):
     assert found["largest"] <= WITHIN < found["allowed"] < 20 * WITHIN
 
 
+def at_stable_step(case):
+    """Return the case with a step below the critical one, where its own is known to be above that."""
+    found = verdict.certificate(Model(percuss.load(case)))
+    if found["stable"] != "no" or not found["courant_critical"]:
+        return case
+    return {**case, "time": {**case["time"], "courant": 0.9 * found["courant_critical"]}}
+
+
 @st.composite
 def boxed(draw):
     """Unlike bars that fly to and fro between two walls for 10 000 steps."""
@@ -192,7 +202,7 @@ def test_ten_thousand_steps_with_repeated_impacts_never_break_the_guarantee(pair
     with mock.patch(
         "percuss.results.assemble.exact_solution", return_value=(None, "", "not asked for")
     ):  # it takes minutes
-        result = finished(with_pair(case, pair))
+        result = finished(at_stable_step(with_pair(case, pair)))
     certificate, found = result.summary["certificate"], result.summary["energy_growth"]
     assert found["kept"] is not False
     if certificate["stable"] != "yes":  # of some laws it never is known

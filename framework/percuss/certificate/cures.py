@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 # Relative tolerance of the option that is named as a cure, far below the digits that are printed.
 CURE_TOLERANCE = 1e-10
+LOWER_BY_UNKNOWN = "lower the step; how far is not known, as its critical value was not found"
 
 
 def no_step(model: Model, free: float) -> str:
@@ -41,6 +42,8 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
                     cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
     if np.isnan(critical) and model.own_steps:
         cures.append("take another step, or the same step in all bodies: steps of unlike length resonate")
+    elif np.isnan(critical) and criterion.free > 0:
+        cures.append(LOWER_BY_UNKNOWN)
     return ", or ".join(cures) or no_step(model, criterion.free)
 
 
