@@ -11,6 +11,7 @@ import typer
 import yaml
 
 import places
+from held_against import facts
 from percuss.case.json_schema import case_schema
 from percuss.cli.main import app
 from percuss.methods.registry import Registry
@@ -151,6 +152,12 @@ def components(registry: Registry) -> str:
     return table(("name", "is", "what it does", "options"), lines)
 
 
+def held_against(registry: Registry) -> str:
+    """Return the table of what each method declares and of what it is held against."""
+    head = ("name", "order", "limit", "keeps", "lines", "held against")
+    return table(head, facts(registry))
+
+
 def commands(_: Registry) -> str:
     """Return the table of the commands."""
     group = typer.main.get_command(app)
@@ -177,6 +184,7 @@ TABLES = {
     "commands": ("cases", commands),
     "shipped cases": ("cases", shipped_cases),
     "components": ("plugins", components),
+    "held against": ("plugins", held_against),
 }
 
 

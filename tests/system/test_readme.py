@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import held_against
 import pages
 import percuss
 import places
@@ -185,6 +186,11 @@ def test_every_method_named_is_registered() -> None:
     for family in ("integrators", "contacts", "loads"):
         for name in registry.names(family):
             assert f"`{name}`" in PLUGINS + CASES, f"{family} {name} is in no page"
+
+
+@pytest.mark.parametrize(("file", "test"), held_against.tests_named(), ids=lambda value: getattr(value, "stem", value))
+def test_what_a_method_is_held_against_is_there(file: Path, test: str) -> None:
+    assert re.search(rf"^def {test}\(", file.read_text(encoding="utf-8"), re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", pages.TABLES)
