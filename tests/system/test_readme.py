@@ -188,7 +188,9 @@ def test_every_method_named_is_registered() -> None:
             assert f"`{name}`" in PLUGINS + CASES, f"{family} {name} is in no page"
 
 
-@pytest.mark.parametrize(("file", "test"), held_against.tests_named(), ids=lambda value: getattr(value, "stem", value))
+@pytest.mark.parametrize(
+    ("file", "test"), list(held_against.tests_named()), ids=lambda value: getattr(value, "stem", value)
+)
 def test_what_a_method_is_held_against_is_there(file: Path, test: str) -> None:
     assert re.search(rf"^def {test}\(", file.read_text(encoding="utf-8"), re.MULTILINE)
 
