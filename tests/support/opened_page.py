@@ -17,6 +17,8 @@ class Opened:
         self.page.wait_for_selector("html[data-ready]")
         if all_charts:
             self.paint_all()
+        # Charts move the table, which draws its rows anew: a click that falls between is lost.
+        self.page.evaluate("() => new Promise((done) => requestIdleCallback(() => requestIdleCallback(done)))")
 
     def __enter__(self):
         return self
