@@ -236,6 +236,24 @@ def test_bands_are_quantiles_of_all_done_runs(large):
     assert len(own) < len(made)
 
 
+@pytest.mark.parametrize("most", [8, 7])
+def test_bands_of_many_pairs_are_not_drawn(browser, several, tmp_path, monkeypatch, most):
+    """Eight pairs have a band: with at most seven none is drawn, in the page and in the files, but all medians are."""
+    monkeypatch.setattr(study_charts, "MOST_BANDS", most)
+    drawn = dict(figures(several))["against-refine"]
+    in_files = sum(
+        type(one).__name__ in {"PolyCollection", "FillBetweenPolyCollection"} for one in drawn.axes[0].collections
+    )
+    study_report(several, tmp_path / "several.html")
+    with Opened(browser, tmp_path / "several.html") as opened:
+        opened.page.select_option("#vary-x", "refine")
+        series = opened.page.evaluate(
+            "charts.vary.chart.getOption().series.map((one) => [one.type, Boolean(one.areaStyle)])"
+        )
+    assert in_files == sum(filled for _, filled in series) == (8 if most == 8 else 0)
+    assert sum(kind == "line" and not filled for kind, filled in series) >= 8
+
+
 def test_maps_count_every_run_once(large):
     table = large.table
     found = {(x, y): one for x, y, one in study_data.maps(table, ["noise"], list(study_data.columns(large).varied))}

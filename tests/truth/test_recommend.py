@@ -255,6 +255,19 @@ def test_the_command_recommends_and_draws(tmp_path):
     assert Bounds(**data["bounds"]).error == 0.05
 
 
+@pytest.mark.slow
+def test_what_the_picture_says_is_beside_its_legend(small):
+    pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
+    from matplotlib.text import Text
+
+    from percuss.reporting.recommendation_figure import recommendation_figure
+
+    figure = recommendation_figure(found(small, error=0.02, runs=20))
+    figure.draw_without_rendering()
+    said = next(text for text in figure.findobj(Text) if "; cheapest:" in text.get_text())
+    assert said.get_window_extent().x1 < figure.legends[0].get_window_extent().x0
+
+
 @pytest.mark.deep
 def test_a_grid_of_all_that_may_be_chosen_has_nothing_cheaper(small):
     """By brute force over mesh and step of the pairs without options, by public means alone."""

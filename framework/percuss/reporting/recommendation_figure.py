@@ -19,7 +19,7 @@ MOST_PAIRS = 8  # that have a colour of their own, the best first
 
 def recommendation_figure(found: Recommendation) -> Figure:
     """Return a figure of the error over the cost on logarithmic axes, with the Pareto front and the bound."""
-    from percuss.reporting.figures import drawing
+    from percuss.reporting.figures import drawing, wrapped
     from percuss.reporting.study_charts import line_style
     from percuss.reporting.study_figures import marked_line
     from percuss.reporting.tell_recommendation import bounds_in_words, methods_in_words
@@ -33,7 +33,7 @@ def recommendation_figure(found: Recommendation) -> Figure:
         heading = bounds_in_words(found.bounds)
         if found.best is not None:
             heading = f"{heading}; cheapest: {methods_in_words(found.best)}"
-        axes.set_title(heading, loc="left", size=11, parse_math=False)
+        axes.set_title("\n".join(wrapped(heading, 80, 4)), loc="left", size=11, parse_math=False)
         by_pair: dict[tuple[str, str], list[Tried]] = {}
         for one in sorted(_drawn(found, found.tried), key=lambda one: (one.excess, one.cost)):
             by_pair.setdefault(one.candidate.pair, []).append(one)

@@ -18,14 +18,15 @@ from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES, number
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
+MOST_BANDS = 12  # Bands of more pairs hide each other, and the medians.
 CAPTIONS = {
     "work": (
         "a line joins the runs of one pair in one case that no other of them beats; the broad grey line those that no "
         "run of any pair beats in the case"
     ),
     "vary": (
-        "the line joins medians, the band holds 8 of 10 runs; a ring is a median over fewer runs than were made; a "
-        "level line is the median of a pair that has no such value"
+        f"the line joins medians, the band, drawn for at most {MOST_BANDS} pairs, holds 8 of 10 runs; a ring is a "
+        "median over fewer runs than were made; a level line is the median of a pair that has no such value"
     ),
     "map": "two varied values, one panel a pair of methods",
     "pairs": "the median over the runs of each pair in each case",

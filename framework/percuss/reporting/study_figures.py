@@ -211,7 +211,10 @@ def _draw_measure(axes: Axes, made: Any, charts: Charts, path: str, name: str, b
         aside = study_charts.place_aside(turn, len(seen)) if across.words else 0.0
         own = pairs == pair
         _draw_points(axes, places[own] + aside, measured[own], style)
-        entries[pair] = _draw_median_band(axes, band[:, band[4] > 0], aside, style, joined=not across.words)
+        filled = len(seen) <= study_charts.MOST_BANDS
+        entries[pair] = _draw_median_band(
+            axes, band[:, band[4] > 0], aside, style, joined=not across.words, filled=filled
+        )
     _set_axes(axes, log, across)
     if across.words:
         words = [study_data.as_label(one_line(word)) or f"no {_last_part(path)}" for word in across.words]
@@ -247,16 +250,16 @@ def _draw_level_line(axes: Axes, band: Any, style: LineStyle, path: str, share: 
     return axes.axhline(height, **{**marked_line(style), "marker": ""})
 
 
-def _draw_median_band(axes: Axes, band: Any, aside: float, style: LineStyle, *, joined: bool) -> Any:
-    """Draw medians with their quantile band, and a ring where some runs have no number; return the line of medians.
+def _draw_median_band(axes: Axes, band: Any, aside: float, style: LineStyle, *, joined: bool, filled: bool) -> Any:
+    """Draw medians, and a ring where some runs have no number; return the line of medians.
 
-    No line joins words: there a bar holds the quantiles.
+    The quantiles are a band beside the line, if it is `filled`. No line joins words: there a bar holds them.
     """
     place, low, middle, high, measured, made = band
     at = place + aside
-    if joined:
+    if joined and filled:
         axes.fill_between(at, low, high, color=style.colour, alpha=0.14, lw=0)
-    else:
+    elif not joined:
         axes.vlines(at, low, high, color=style.colour, alpha=0.5, lw=3)
     marked = marked_line(style) | ({} if joined else {"linestyle": "none"})
     line = axes.plot(at, middle, markersize=4, **marked)

@@ -115,6 +115,7 @@ def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, A
         "seed": study_data.SEED if sampled else None,
         "methods": list(charts.styles),
         "most_forces": study_charts.MOST_FORCES,
+        "most_bands": study_charts.MOST_BANDS,
         "styles": [
             asdict(study_charts.line_style(k)) for k in range(max(len(charts.styles), study_charts.MOST_FORCES))
         ],

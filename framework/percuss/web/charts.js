@@ -335,6 +335,7 @@ function drawVaried() {
   const put = ([place, low, middle, high, ...many]) => [logX ? Math.log10(place) : place, ...[low, middle, high].map((v) => onAxisOf(v, logY, y.edge)), ...many, middle];
   const full = bands.map((band) => band.filter((item) => item[4] > 0));
   const onAxis = full.map((band) => band.filter(([place]) => Number.isFinite(place)).map(put));
+  const filled = full.filter((band) => band.length).length <= page.most_bands;
   const levels = full.map((band) => band.filter(([place]) => !Number.isFinite(place)).map(put)[0]);
   const leveled = present.filter((k) => levels[k]);
   // their names stand beside each other, as the lines may lie on each other
@@ -350,7 +351,7 @@ function drawVaried() {
   const counts = ([, , , , have, of]) => (have < of ? `median of ${have} of ${of} runs, the others lost` : `median of ${counted(of, "run")}`);
   const tipOfMedian = (k, item, where) => [page.methods[k], where, `${y.label}: ${numberText(item[6])}`, counts(item)].map(escaped).join("<br>");
   const series = page.methods.flatMap((method, k) => [
-    points(k, data[k], method), ...bandSeries(k, onAxis[k], words),
+    points(k, data[k], method), ...bandSeries(k, onAxis[k], words, filled),
     ...rings(k, onAxis[k].filter((item) => item[4] < item[5]), (item) => tipOfMedian(k, item, words ? "" : `${x.label}: ${numberText(logX ? 10 ** item[0] : item[0])}`)),
     ...(levels[k] ? levelSeries(k, levels[k], spread, middle(k), `no ${shortName(x)}`, tipOfMedian(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
   ]);
@@ -432,7 +433,7 @@ function levelSeries(k, [, low, middle, high], [from, to], place, words, tip) {
   ];
 }
 
-function bandSeries(k, band, words) {
+function bandSeries(k, band, words, filled) {
   const { colour } = style(k);
   if (words) {
     // no line joins words: a bar from the tenth to the ninetieth of a hundred, and the median across it
@@ -442,7 +443,7 @@ function bandSeries(k, band, words) {
     ]);
   }
   const edges = { symbol: "none", lineStyle: { width: 0 }, stackStrategy: "all", stack: `band${k}`, z: 2 };
-  const wide = band.some(([, low, , high]) => high > low);
+  const wide = filled && band.some(([, low, , high]) => high > low);
   const area = wide
     ? [
         line(k, band.map(([x, low]) => [x, low]), edges),
