@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.scale import exponent
+from benchmarks.scale import SERIES, exponent, once
 
 from percuss.certificate.black_box import MOST_ALONE
 from percuss.solver.size_limits import BYTES_PER_NODE
@@ -34,6 +34,31 @@ def test_the_page_states_the_memory_of_a_node():
 def test_the_page_states_of_how_many_contacts_each_one_is_closed_alone():
     page = (ROOT / "framework" / "README.md").read_text(encoding="utf-8")
     assert f"and of more than {MOST_ALONE} contacts with none and all" in page
+
+
+def calls_of(contacts, method):
+    """Return how many functions the parts of one run of a row of bars call."""
+    series = SERIES[method]
+    once(series.case(contacts, 0.1))
+    count = 0
+
+    def called(_, event, __):
+        nonlocal count
+        count += event in {"call", "c_call"}
+
+    sys.setprofile(called)
+    try:
+        once(series.case(contacts, 0.1001))
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize("method", [name for name in SERIES if "contacts" in name])
+def test_functions_called_grow_with_the_number_of_contacts_and_no_faster(method):
+    """Calls are counted and not timed; 100 to 400 contacts would be sixteen times as many in a quadratic part."""
+    few, some, many = (calls_of(contacts, method) for contacts in (100, 200, 400))
+    assert many - some < 2.2 * (some - few)
 
 
 def test_the_exponent_is_that_of_the_part_that_grows():

@@ -522,7 +522,7 @@ class Model:
         stiffness = float(body.stiffness[body.end_element(node)])
         return [Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])]
 
-    @property
+    @cached_property
     def couples_nodes(self) -> bool:
         """Whether the mass of a body couples its nodes, so that M^-1 is banded."""
         return any(body.inverse.size for body in self.bodies.values())
