@@ -128,6 +128,16 @@ def test_what_no_step_cures_is_told():
     assert certificate(Model(percuss.load(HUNEK, {"method.contact": cured})))["stable"] == "yes"
 
 
+def test_a_critical_step_that_was_not_searched_is_not_said_to_be_none():
+    changes = {"method.integrator": "central-difference", "time.courant": 0.9}
+    law = {"name": "walton-braun", "beta_s": 30.0}
+    model = Model(percuss.load(HUNEK, {**changes, "method.contact": law}))
+    found = certificate(model, with_critical_step=False)
+    assert (found["stable"], found["dt_critical"]) == ("no", None)
+    assert found["cure"].startswith("lower the step; how far is not known")
+    assert certificate(model)["cure"].startswith("lower the step to 0.00018106")
+
+
 @pytest.mark.parametrize("limit", [0.7, 1.0, 3.3, 1e-7])
 @pytest.mark.parametrize(
     ("excess", "most_trials"),

@@ -14,14 +14,19 @@ if TYPE_CHECKING:
 
 # Relative tolerance of the option that is named as a cure, far below the digits that are printed.
 CURE_TOLERANCE = 1e-10
-LOWER_BY_UNKNOWN = "lower the step; how far is not known, as its critical value was not found"
 
 
-def no_step(model: Model, free: float) -> str:
-    """Return the cure where no step is stable: another integrator if that holds without contact, else another law."""
+def no_step(model: Model, free: float, critical: float) -> str:
+    """Return the cure where no step is known to be stable.
+
+    It is another integrator if that holds without contact, a shorter step if the critical one is not known (nan), else
+    another law.
+    """
     name = model.case.method.integrator.name
     if free == 0.0:
         return f"take another integrator: {name} is unstable at any step, without contact too"
+    if np.isnan(critical):
+        return "lower the step; how far is not known, as its critical value was not found"
     return "take another law: with this one no step is stable"
 
 
@@ -42,9 +47,9 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
                     cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
     if np.isnan(critical) and model.own_steps:
         cures.append("take another step, or the same step in all bodies: steps of unlike length resonate")
-    elif np.isnan(critical) and criterion.free > 0:
-        cures.append(LOWER_BY_UNKNOWN)
-    return ", or ".join(cures) or no_step(model, criterion.free)
+    elif np.isnan(critical) or not cures:
+        cures.append(no_step(model, criterion.free, critical))
+    return ", or ".join(cures)
 
 
 def capitalised(sentence: str) -> str:

@@ -18,7 +18,7 @@ from percuss.certificate.criteria import (
     StepAssessment,
     quoted_names,
 )
-from percuss.certificate.cures import LOWER_BY_UNKNOWN, capitalised, cure_of, no_step, round_down
+from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.pencil import MARGINAL_DISTANCE
 from percuss.errors import InputError
@@ -136,7 +136,7 @@ def settled(case: Case) -> SettledRun:
             chosen.conclusive or chosen.stable
         ):
             message = "expected methods of which some step is known to be stable"
-            advice = f"{capitalised(no_step(model, criterion.free))}." if critical == 0.0 else "Give a step."
+            advice = f"{capitalised(no_step(model, criterion.free, critical))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
         if critical >= limit * (1.0 - MARGINAL_DISTANCE):
             return SettledRun(model, criterion)
@@ -347,8 +347,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     if about_rest == "no":
         lower = f"lower the step below {round_down(critical)}, the critical step of small motions about rest"
         out["stable"], out["by"], out["why"] = "no", criterion.by, f"for small motions about rest {why}"
-        unknown = np.isnan(critical) and criterion.free > 0
-        out["cure"] = lower if critical > 0 else LOWER_BY_UNKNOWN if unknown else no_step(model, criterion.free)
+        out["cure"] = lower if critical > 0 else no_step(model, criterion.free, critical)
         out["worst"], out["theta"] = [model.contact_pairs[p].name for p in assessment.worst], assessment.theta
     else:
         out["why"] += f"; for small motions about rest {why}"

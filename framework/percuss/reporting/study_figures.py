@@ -200,6 +200,7 @@ def _draw_measure(axes: Axes, made: Any, charts: Charts, path: str, name: str, b
     measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), edge)
     seen = [pair for pair in charts.styles if pair in bands and bands[pair][4].any()]
     level = [pair for pair in seen if np.isnan(bands[pair][0]).all()]
+    filled = len(seen) <= study_charts.MOST_BANDS
     entries: dict[str, Any] = {}
     for turn, pair in enumerate(seen):
         style, (place, *quantiles, measured_runs, made) = charts.styles[pair], bands[pair]
@@ -211,10 +212,8 @@ def _draw_measure(axes: Axes, made: Any, charts: Charts, path: str, name: str, b
         aside = study_charts.place_aside(turn, len(seen)) if across.words else 0.0
         own = pairs == pair
         _draw_points(axes, places[own] + aside, measured[own], style)
-        filled = len(seen) <= study_charts.MOST_BANDS
-        entries[pair] = _draw_median_band(
-            axes, band[:, band[4] > 0], aside, style, joined=not across.words, filled=filled
-        )
+        bands_of_pair = band[:, band[4] > 0]
+        entries[pair] = _draw_median_band(axes, bands_of_pair, aside, style, joined=not across.words, filled=filled)
     _set_axes(axes, log, across)
     if across.words:
         words = [study_data.as_label(one_line(word)) or f"no {_last_part(path)}" for word in across.words]

@@ -94,8 +94,8 @@ def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Pro
                 any_right = True
             if any_right and used == set(point):
                 return ()  # nothing that the other runs say would change that
-    if not any_right or used == set(point):
-        return () if any_right else problems
+    if not any_right:
+        return problems
     unused = {path: value for path, value in point.items() if path not in used}
     for label, case in spec.cases.items():
         for task in tasks(label, case, spec.integrators, spec.contacts, [unused], strict=True):
