@@ -17,11 +17,20 @@ class Opened:
         self.page.wait_for_selector("html[data-ready]")
         if all_charts:
             self.paint_all()
-        # Charts move the table, which draws its rows anew: a click that falls between is lost.
-        self.page.evaluate("() => new Promise((done) => requestIdleCallback(() => requestIdleCallback(done)))")
 
     def __enter__(self):
         return self
+
+    def click_in_table(self, selector):
+        """Click in the table, which draws its rows anew whenever it scrolls into view: a click meanwhile is lost."""
+        self.page.evaluate(
+            """async () => {
+              document.getElementById("table").scrollIntoView({ block: "center" });
+              for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame);
+              await new Promise((done) => requestIdleCallback(done));
+            }"""
+        )
+        self.page.click(f"#table {selector}")
 
     def paint_all(self):
         """Paint the charts that are not seen too, at once and from now on."""

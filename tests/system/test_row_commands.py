@@ -270,12 +270,12 @@ def test_the_page_has_the_command_of_each_row(browser, page_of_rows, whole):
             assert words_as_read(command) == words_as_read(whole.study.command(key))
         page.context.grant_permissions(["clipboard-read", "clipboard-write"])
         before = page.url
-        page.click("#table .copy >> nth=3")
+        opened.click_in_table(".copy >> nth=3")
         page.wait_for_function('() => document.getElementById("copied").textContent !== ""')
         assert page.inner_text("#copied") == "Copied."
         assert page.evaluate("navigator.clipboard.readText()") == shown[3] == page.inner_text("#command")
         assert page.url == before
-        page.click("#table .tabulator-row >> nth=1")
+        opened.click_in_table(".tabulator-row >> nth=1")
         assert page.inner_text("#command") == shown[1]
         page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(); }")
         page.click("#copy")
@@ -335,7 +335,7 @@ def test_the_address_holds_what_was_chosen(browser, page_of_rows):
         page.click("#legend button >> nth=1")
         changed()
         page.wait_for_timeout(1000)  # a click on a table that is still being drawn is lost
-        page.click("#table .tabulator-row >> nth=2")
+        opened.click_in_table(".tabulator-row >> nth=2")
         changed()
         page.click("nav a >> nth=1")
         assert "at=runs" in page.url
