@@ -5,11 +5,14 @@ import fcntl
 import subprocess
 import sys
 import time
+import types
 
 import pytest
 
 from percuss.filelock import in_turn
+from percuss.solver.compiled.marks import apart, called
 from percuss.solver.compiler import compile_function
+from percuss.solver.compiler.specialise import Specialiser
 
 CALLEES = """
 from percuss.solver.compiler.compile_function import compile_callee
@@ -87,6 +90,24 @@ def test_callees_compute_print_and_raise_fresh_and_from_disk(answer, arguments):
 
 def test_this_version_of_numba_has_what_callees_need():
     assert compile_function.pipelines() is not None
+
+
+def _doubled(x):
+    return 2.0 * x
+
+
+def _added(x):
+    return _doubled(x) + 1.0
+
+
+@pytest.mark.parametrize("mark", [called, apart])
+def test_a_function_that_is_marked_so_stays_out_of_its_callers(monkeypatch, mark):
+    monkeypatch.setitem(globals(), "_doubled", mark(types.FunctionType(_doubled.__code__, globals(), "_doubled")))
+    kernel = Specialiser().bind(_added, entry=True)
+    assert kernel(3.0) == 7.0
+    (compiled,) = kernel.overloads.values()
+    defined = [each.name for each in compiled.library._final_module.functions if not each.is_declaration]
+    assert any("_doubled" in name for name in defined) == (mark is apart)
 
 
 TOGETHER = """

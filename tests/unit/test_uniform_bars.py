@@ -108,7 +108,7 @@ def test_a_whole_bar_moves_by_its_stiffness_and_masses():
 
 def test_a_row_of_one_node_has_an_element_on_either_side():
     u, v = np.array([0.0]), np.array([1.0])
-    advance_row(u, v, 0.25, 0.5, 2.0, 0.1)
+    advance_row(u, v, 0, 1, 0.25, 0.5, 2.0, 0.1)
     assert (u[0], v[0]) == (pytest.approx(0.15), pytest.approx(1.5))
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.solver.compiled.marks import fused
+from percuss.solver.compiled.marks import apart, fused
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -60,9 +60,10 @@ def advance_whole(uniform: UniformBars, u: Floats, v: Floats, dt: float) -> None
         stop = bar.stop
         behind = -bar.left * (u[first + 1] - u[first])
         ahead = -bar.right * (u[stop - 1] - u[stop - 2])
-        advance_row(u[first:stop], v[first:stop], behind, ahead, bar.rate, dt)
+        advance_row(u, v, first, stop, behind, ahead, bar.rate, dt)
 
 
+@apart
 def advance_inside(uniform: UniformBars, u: Floats, v: Floats, steps: int, dt: float) -> None:
     """Advance the inside of all bars by `steps` steps, in step k all nodes but k + 1 at either end.
 
@@ -100,10 +101,10 @@ def advance_ends(uniform: UniformBars, u: Floats, v: Floats, k: int, dt: float) 
         stop = bar.stop
         inner = uniform.left[b, k]
         outer = u[first + 1] - u[first] if k > 0 else inner
-        advance_row(u[first : first + k + 1], v[first : first + k + 1], -bar.left * outer, inner, bar.rate, dt)
+        advance_row(u, v, first, first + k + 1, -bar.left * outer, inner, bar.rate, dt)
         inner = uniform.right[b, k]
         outer = u[stop - 1] - u[stop - 2] if k > 0 else inner
-        advance_row(u[stop - k - 1 : stop], v[stop - k - 1 : stop], inner, -bar.right * outer, bar.rate, dt)
+        advance_row(u, v, stop - k - 1, stop, inner, -bar.right * outer, bar.rate, dt)
 
 
 def energies(uniform: UniformBars, u: Floats, v: Floats, dt: float) -> tuple[float, float]:
@@ -144,10 +145,12 @@ sum_of_elongations.reduction = True  # type: ignore[attr-defined]
 
 
 @fused
-def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, dt: float) -> None:
-    """Advance consecutive nodes by a step, in place, between elements with elongations `behind` and `ahead`."""
-    last = u.size - 1
-    behind = advance_tile(u, v[:last], behind, rate, dt)
+def advance_row(
+    u: Floats, v: Floats, first: int, stop: int, behind: float, ahead: float, rate: float, dt: float
+) -> None:
+    """Advance the nodes from `first` to `stop` by a step between elements with elongations `behind` and `ahead`."""
+    last = stop - 1
+    behind = advance_tile(u[first:stop], v[first:last], behind, rate, dt)
     v[last] += rate * (ahead - behind)
     u[last] += dt * v[last]
 

@@ -76,6 +76,9 @@ class CalleeLowering(NativeLowering):  # type: ignore[misc]
         state.flags.no_compile = True
         super().run_pass(state)
         lowered = state["cr"]
+        if getattr(state.func_id.func, "apart", False):
+            code = state.library._final_module.get_function(lowered.fndesc.llvm_func_name)
+            code.add_function_attribute("noinline")
         function = _unreachable_from_python(state.library, lowered.fndesc, lowered.env)
         state.targetctx.insert_user_function(function, lowered.fndesc, [state.library])
         state["cr"] = lowered._replace(cfunc=function)

@@ -213,7 +213,8 @@ class Specialiser:
         tag = self._tag(source, names, bound, closure, {**options, "entry": entry, "linked": linked})
         if linked:
             options["no_cpython_wrapper"] = True
-        copy = _copy(source, bound, closure, tag)
+        copy: Any = _copy(source, bound, closure, tag)
+        copy.apart = getattr(function, "apart", False)
         kernel: Kernel = copy
         if self.jit and not self.digested_alone:
             kernel = self._compiled(copy, options, tag, entry)
@@ -297,9 +298,12 @@ class Specialiser:
                 author_options["signature_or_function"] = tuple(function.nopython_signatures)
             return author_options
         options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-        # Copies of whole stages would double the compile time.
+        # Copies of whole stages would double the compile time. The option of the calling function applies where none is
+        # set.
         if self.inline and not called:
             options["forceinline"] = True
+        elif getattr(function, "apart", False):
+            options["forceinline"] = False
         if reduction or getattr(function, "reduction", False):
             options["fastmath"] = ("nsz", "reassoc")
         elif getattr(function, "fused", False):
