@@ -101,7 +101,8 @@ def _added(x):
 
 
 @pytest.mark.parametrize("mark", [called, apart])
-def test_a_function_that_is_marked_so_stays_out_of_its_callers(monkeypatch, mark):
+def test_a_function_that_is_marked_so_stays_out_of_its_callers(tmp_path, monkeypatch, mark):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # what is restored from there does not tell its parts
     monkeypatch.setitem(globals(), "_doubled", mark(types.FunctionType(_doubled.__code__, globals(), "_doubled")))
     kernel = Specialiser().bind(_added, entry=True)
     assert kernel(3.0) == 7.0
