@@ -246,6 +246,26 @@ def rows(draw, moving=True, loads=True, bars=4, gaps=True):
     }
 
 
+@st.composite
+def unlike_bars(draw, fewest_elements):
+    """Draw names, bodies and contacts of a row of one to three unlike bars, all of which but the first move left."""
+    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
+    for k, name in enumerate(names):
+        bodies[name] = {
+            "bar": {
+                "length": draw(number(0.5, 3.0)),
+                "elements": draw(st.integers(fewest_elements, 8)),
+                "grading": draw(st.sampled_from([1.0, 0.5, 2.0])),
+            },
+            "material": {"young": draw(number(20, 200)), "density": draw(number(0.01, 0.1))},
+            "area": draw(number(0.5, 2.0)),
+            "at": at,
+            "velocity": draw(number(0.1, 1.0)) * (-1.0 if k else 1.0),
+        }
+        at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
+    return names, bodies, {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+
+
 def alike(case):
     """Return the case with every bar like the first one, the gaps between them kept."""
     out = copy.deepcopy(case)

@@ -1,7 +1,6 @@
 """Masses that couple nodes: reciprocal mass matrices against dense ones, dispersion relations and identities."""
 
 import copy
-import itertools
 import math
 
 import numpy as np
@@ -15,7 +14,7 @@ from dense import assemble
 from dense import march as dense_march
 from percuss import Lumping
 from percuss_methods.masses.reciprocal import Reciprocal
-from strategies import hunek, nudged
+from strategies import hunek, nudged, number, unlike_bars
 
 LEAP_FROG = ("central-difference", "wu-predictor-corrector")
 LAWS = (
@@ -136,22 +135,7 @@ def test_long_waves_are_of_fourth_order_at_three_eighths():
 @st.composite
 def rows(draw):
     """Draw rows of one to three unlike bars, that hit each other or a wall, held, driven or loaded at the last end."""
-    number = lambda low, high: draw(st.integers(round(100 * low), round(100 * high))) / 100  # noqa: E731
-    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
-    for k, name in enumerate(names):
-        bodies[name] = {
-            "bar": {
-                "length": number(0.5, 3.0),
-                "elements": draw(st.integers(2, 8)),
-                "grading": draw(st.sampled_from([1.0, 0.5, 2.0])),
-            },
-            "material": {"young": number(20, 200), "density": number(0.01, 0.1)},
-            "area": number(0.5, 2.0),
-            "at": at,
-            "velocity": number(0.1, 1.0) * (-1.0 if k else 1.0),
-        }
-        at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
-    contacts = {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+    names, bodies, contacts = draw(unlike_bars(fewest_elements=2))
     if draw(st.booleans()):  # two contacts at one end
         first = bodies["a"]["bar"]["length"]
         contacts["stop"] = {"body": "a.right", "wall": round(first + draw(st.sampled_from([0.0, 0.01])), 6)}
@@ -168,18 +152,18 @@ def rows(draw):
     if ending == "fixed":
         last["fixed"] = ["right"]
     if ending == "loaded":
-        loads["push"] = {"constant": number(-1.0, 1.0), "on": end}
+        loads["push"] = {"constant": draw(number(-1.0, 1.0)), "on": end}
     if ending == "driven":
-        loads["drive"] = {"prescribed-velocity": number(-0.5, 0.5), "on": end}
+        loads["drive"] = {"prescribed-velocity": draw(number(-0.5, 0.5)), "on": end}
     if ending != "driven" and draw(st.booleans()):
-        loads["weight"] = {"gravity": number(-2.0, 2.0)}
+        loads["weight"] = {"gravity": draw(number(-2.0, 2.0))}
     return {
         "percuss": 1,
         "bodies": bodies,
         "contacts": contacts,
         "loads": loads,
         "method": {"integrator": draw(st.sampled_from(LEAP_FROG)), "contact": dict(draw(st.sampled_from(LAWS)))},
-        "time": {"steps": 100, "courant": number(0.15, 0.4), "on_unstable": "warn"},
+        "time": {"steps": 100, "courant": draw(number(0.15, 0.4)), "on_unstable": "warn"},
         "record": {"probes": [f"{name}.{side}" for name in names for side in ("left", "right")]},
     }
 

@@ -16,7 +16,7 @@ from percuss import Lumping
 from percuss.methods.registry import Registry
 from percuss.testing import checks_of
 from percuss_methods.masses.redistributed import LEAST_SHARE, Redistributed
-from strategies import hunek, nudged
+from strategies import hunek, nudged, number, unlike_bars
 
 LEAP_FROG = ("central-difference", "wu-predictor-corrector")
 TO_NEIGHBOUR = {"name": "redistributed", "moved_to": "neighbour"}
@@ -158,22 +158,7 @@ def rows(draw):
 
     Elements may be unlike, or single; the last end may be held or loaded; two contacts may share the first end.
     """
-    number = lambda low, high: draw(st.integers(round(100 * low), round(100 * high))) / 100  # noqa: E731
-    names, bodies, at = "abc"[: draw(st.integers(1, 3))], {}, 0.0
-    for k, name in enumerate(names):
-        bodies[name] = {
-            "bar": {
-                "length": number(0.5, 3.0),
-                "elements": draw(st.integers(1, 8)),
-                "grading": draw(st.sampled_from([1.0, 0.5, 2.0])),
-            },
-            "material": {"young": number(20, 200), "density": number(0.01, 0.1)},
-            "area": number(0.5, 2.0),
-            "at": at,
-            "velocity": number(0.1, 1.0) * (-1.0 if k else 1.0),
-        }
-        at = round(at + bodies[name]["bar"]["length"] + draw(st.sampled_from([0.0, 0.0, 0.02])), 6)
-    contacts = {f"{a}{b}": {"between": [f"{a}.right", f"{b}.left"]} for a, b in itertools.pairwise(names)}
+    names, bodies, contacts = draw(unlike_bars(fewest_elements=1))
     if len(names) > 1 and draw(st.booleans()):  # a wall that the second bar does not see: two contacts at one end
         first = bodies["a"]["bar"]["length"]
         contacts["stop"] = {"body": "a.right", "wall": round(first + draw(st.sampled_from([0.0, 0.01])), 6)}
@@ -184,14 +169,14 @@ def rows(draw):
     else:
         wall = round(last["at"] + last["bar"]["length"] + draw(st.sampled_from([0.0, 0.05])), 6)
         contacts["wall"] = {"body": f"{names[-1]}.right", "wall": wall}
-    loads = {"push": {"constant": number(0.1, 1.0), "on": f"{names[-1]}.right"}} if ending == "loaded" else {}
+    loads = {"push": {"constant": draw(number(0.1, 1.0)), "on": f"{names[-1]}.right"}} if ending == "loaded" else {}
     return {
         "percuss": 1,
         "bodies": bodies,
         "contacts": contacts,
         "loads": loads,
         "method": {"integrator": draw(st.sampled_from(LEAP_FROG)), "contact": dict(draw(st.sampled_from(LAWS)))},
-        "time": {"steps": 120, "courant": number(0.2, 0.6), "on_unstable": "warn"},
+        "time": {"steps": 120, "courant": draw(number(0.2, 0.6)), "on_unstable": "warn"},
         "record": {"probes": [f"{name}.{side}" for name in names for side in ("left", "right")]},
     }
 
