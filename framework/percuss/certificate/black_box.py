@@ -1,7 +1,12 @@
 """Amplification matrix of the closed step, measured from the solver's own time step for any integrator and law.
 
 About a state x0 deep in contact the step is affine, ``step(x0 + e) - step(x0) = A e``, whatever the contact law, as
-long as the law is linear there. Two kinds of motion grow linearly in time without being an instability and are
+long as the law is linear there. A law with a kernel may be linear there and follow another line elsewhere, as one that
+softens, yields or remembers its largest overlap does. The step is therefore examined about other states too: at small
+overlaps, and while the contact opens after a larger overlap. Where these steps differ, growth on one of the lines
+tells that the step is unstable, but nothing tells that it is stable, as a run changes from one line to another.
+
+Two kinds of motion grow linearly in time without being an instability and are
 deflated: motions without strain that change no closed gap (rigid translation, sideways mechanisms) and, at exactly the
 step 2/omega, the highest mode of a free bar. States are weighted by the square root of the mass, (u, dt v), because the
 step without contact is close to orthogonal in these coordinates.
@@ -17,6 +22,7 @@ contacts are held closed in the same way, as they would open and close within it
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +37,7 @@ from percuss.solver.compiled.contact_equation import NEVER, WITH_MASS
 from percuss.solver.march import March
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from percuss.methods.interfaces import Floats
     from percuss.solver.model import Model
@@ -40,6 +46,11 @@ if TYPE_CHECKING:
 # unit is the length of the shortest element: what is said of a law with a length of its own depends on no system of
 # units, and an overlap of so many elements is deeper than any of a run.
 BASE_OVERLAP = 64.0
+# Further states about which the step with a kernel law is examined: the unit in shortest elements, and whether contacts
+# open after a larger overlap.
+OTHER_STATES = ((1.0, True), (2.0**-12, False), (2.0**-12, True), (2.0**-24, False), (2.0**-24, True))
+# Overlap of that larger one beyond the base overlap, so that no perturbation brings a contact back to it.
+LARGER_OVERLAP = 8.0
 # Gap that a law may see per unit of displacement of an end and the node beside it: a quarter of the base overlap.
 MOST_SEEN = 0.25 * BASE_OVERLAP
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
@@ -53,6 +64,8 @@ ARNOLDI_RESTARTS = 12
 LARGE_STATE = 5000
 # Relative deviation from linearity that counts as round-off.
 LINEARITY_TOLERANCE = 1e-6
+# Relative change of a contact force by a perturbation below which it does not depend on the state.
+FORCE_TOLERANCE = 1e-9
 # Relative change by contact below which a motion counts as unaffected by contact.
 CONTACT_EFFECT_TOLERANCE = 1e-7
 # Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
@@ -75,8 +88,10 @@ class ClosedStepStability:
         Largest share of the predicted overlap that contact takes back in a step; None unless the contact force follows
         from the predicted overlap alone.
     conclusive
-        Whether the radius is certain; False where it comes from a Krylov iteration, which can miss growth, and where
-        the step is not linear.
+        Whether the radius is certain; False where it comes from a Krylov iteration, which can miss growth, where the
+        step is not linear, and where it follows several lines.
+    several_lines
+        Whether the step is another one at other overlaps or while contacts open.
     failure
         Error that a kernel raised deep in contact; empty if it raised none.
     felt_radius
@@ -90,6 +105,7 @@ class ClosedStepStability:
     radius: float
     theta: float | None
     conclusive: bool
+    several_lines: bool = False
     failure: str = ""
     felt_radius: float = np.inf
     distance_to_flip: float = np.inf
@@ -144,9 +160,15 @@ class ClosedStep:
         Time step.
     closed
         Numbers of the closed contacts, in the order of the case.
+    unit
+        The unit of overlaps and gaps, in shortest elements.
+    opening
+        Whether the contacts open, after an overlap larger than that of the base state.
     """
 
-    def __init__(self, motions: Motions, dt: float, closed: Sequence[int]) -> None:
+    def __init__(
+        self, motions: Motions, dt: float, closed: Sequence[int], *, unit: float = 1.0, opening: bool = False
+    ) -> None:
         self.motions = motions
         self.march = motions.march(dt)
         self.model = self.march.model
@@ -154,14 +176,39 @@ class ClosedStep:
         self.size = motions.basis.shape[1]
         self.parts = self.march.stepper.levels
         points = motions.open_points.copy()
+        self._unit = motions.shortest_element * unit
         self._start = self._hold_contacts(points)
+        self._remembered: Floats = np.zeros(self.march.record.contact_state.shape[1])  # state variables of contact laws
         self._held = [(name, points[name]) for name in ("initial_gap", "always", "never_pulls")]
+        if opening:
+            self._remember_a_larger_overlap(points)
         self._write_points()
         self._after = self._step(self._start)
-        # A law may not act at that time though its contact is closed, or act though it is open, as a tie does.
+        self.acting = sorted(
+            p for p, responds in zip(self.march.order, self._responds_to_state(), strict=True) if responds
+        )
+
+    def _remember_a_larger_overlap(self, points: Any) -> None:
+        """Close the contacts of this combination further, keep what the laws remember of it, and let them open."""
+        larger = points.copy()
+        larger.initial_gap[larger.initial_gap < 0.0] -= self._unit * LARGER_OVERLAP
+        self.march.boundary.points[:] = larger
+        self._step(self._start)
+        self._remembered = self.march.boundary.state_after[: self._remembered.size].copy()
+        self._start = -self._start
+
+    def _responds_to_state(self) -> Any:
+        """Return which points have a force that depends on the state.
+
+        A law may not act at that time though its contact is closed, or act though it is open, as a tie does; or its
+        force may be constant, as where a contact yields.
+        """
         points = self.march.boundary.points
-        acts = np.where(self._held_by_loop, points.initial_gap == 0.0, points.multiplier != 0.0)
-        self.acting = sorted(p for p, acting in zip(self.march.order, acts, strict=True) if acting)
+        before = points.multiplier.copy()
+        self(np.random.default_rng(1).uniform(-1.0, 1.0, self.parts * self.size))
+        size = np.maximum(np.abs(before), np.abs(points.multiplier))
+        responds = np.abs(points.multiplier - before) > FORCE_TOLERANCE * size
+        return np.where(self._held_by_loop, points.initial_gap == 0.0, responds)
 
     def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
@@ -169,10 +216,11 @@ class ClosedStep:
         signs[self.closed] = -1.0
         nodes = [node for contact_pair in self.model.contact_pairs for node in contact_pair.nodes]
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
-        unit = self.motions.shortest_element
+        unit = self._unit
         self._scale = unit * np.sqrt(lightest) / self.motions.root
         order = self.march.order
-        points.initial_gap = unit * BASE_OVERLAP * signs[order]
+        # The gaps of open contacts stay as wide as they are: their laws act, if at all, where they are about to close.
+        points.initial_gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[order]
         # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
         several = self.model.multistage or bool(self.model.own_steps)
         linear = self._held_by_loop = (points.source == WITH_MASS) & (points.always != NEVER) & several
@@ -199,8 +247,9 @@ class ClosedStep:
             points[name] = values
 
     def _step(self, state: Floats) -> Floats:
+        # State variables stay as they are: the step is one of the bodies alone.
+        self.march.boundary.state_before[: self._remembered.size] = self._remembered
         after = self.march.stepper.step_without_loads(self.march.kernels, self.march.record, state)
-        # State variables stay as they are at the beginning of a run: the step is one of the bodies alone.
         self.march.boundary.state_before[:] = 0.0
         return after
 
@@ -389,6 +438,38 @@ def examine(
         return ClosedStepStability(np.nan, None, conclusive=False, failure=f"{type(error).__name__}: {error}")
     if not linear:
         return ClosedStepStability(np.nan, None, conclusive=False)
+    found = _stability(step, stable_at_longer_step=stable_at_longer_step)
+    for other in _other_lines(step):
+        if not found.stable:
+            break
+        # Where an open contact attracts less and less, bodies come apart at any step: this is no matter of the step.
+        if other.linear() and set(other.acting) <= set(step.closed):
+            on_this = _stability(other, stable_at_longer_step=stable_at_longer_step)
+            if not on_this.stable:
+                return on_this
+        found = dataclasses.replace(found, conclusive=False, several_lines=True)
+    return found
+
+
+def _other_lines(step: ClosedStep) -> Iterator[ClosedStep]:
+    """Yield the steps about other states which are none of the steps about the first, with whichever contacts closed.
+
+    A contact without a force, or with a constant one, is one that is open.
+    """
+    motions, dt = step.motions, step.model.dt
+    if all(bound_law.linear is not None for bound_law in step.model.laws):
+        return
+    state = np.random.default_rng(2).uniform(-1.0, 1.0, step.parts * step.size)
+    for unit, opening in OTHER_STATES:
+        other = ClosedStep(motions, dt, step.closed, unit=unit, opening=opening)
+        image = (step if other.acting == step.acting else ClosedStep(motions, dt, other.acting))(state)
+        if not np.abs(other(state) - image).max() <= LINEARITY_TOLERANCE * np.abs(image).max():
+            yield other
+
+
+def _stability(step: ClosedStep, *, stable_at_longer_step: bool) -> ClosedStepStability:
+    """Return the stability of a linear step, as `examine` does."""
+    motions, dt = step.motions, step.model.dt
     one_force = not (step.model.multistage or step.model.own_steps)
     theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and one_force else None
     size = step.parts * step.size

@@ -503,7 +503,14 @@ class BlackBoxCriterion:
                 theta = stability.theta
             if not stability.stable:
                 return StepAssessment(False, self._smallest_combination(dt, closed), stability.theta)
-            if not stability.conclusive:
+            if stability.several_lines:
+                complete = False
+                names = quoted_names(self.model, closed) or "none"
+                doubt = (
+                    f"with contacts {names} closed the step is another one at other overlaps or while they open; on "
+                    "none of these lines growth was found"
+                )
+            elif not stability.conclusive:
                 complete = False
                 with_which = f" with {tried} of its contacts closed" if self._none_alone else ""
                 doubt = f"the model is large: growth{with_which} was looked for by a Krylov iteration, and none found"
