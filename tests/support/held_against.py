@@ -101,7 +101,7 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
             "test_end_forces.py::test_energy_changes_as_the_source_proves",
         ),
         "paoli-schatzman": (
-            "without restitution `lagrange`; with full restitution it keeps energy",
+            "without restitution `lagrange`",
             "test_laws.py::test_without_restitution_the_impact_law_on_gaps_is_the_lagrange_method",
         ),
         "penalty": (

@@ -554,3 +554,73 @@ def test_a_step_that_is_linear_here_and_not_there_is_unknown_and_not_forbidden()
     assert known["stable"] == "unknown"
     assert "the closed step is not linear at longer steps" in known["why"]
     assert subject.run(case).status == "done"
+
+
+# ------------------------------------------------------------------------------- laws of several lines of force
+
+
+class Yielding(NamedTuple):
+    stiffness: percuss.Floats
+    strength: percuss.Floats
+
+
+@dataclass(frozen=True)
+class Crushing(percuss.ContactLaw):
+    """Formula: lambda = k <-g - c>, where c grows so that lambda is the strength at most."""
+
+    name = "crushing"
+    summary = "Spring that yields"
+    state = 1
+
+    beta_s: float = 0.25
+    strength: float = 0.04
+
+    def bind(self, points, dt):
+        return Yielding(self.beta_s * points.stiffness, self.strength * points.weight)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        for p in range(multiplier.size):
+            crushed = max(trial.before[p, 0], -trial.gap[p] - bound.strength[p] / bound.stiffness[p])
+            trial.after[p, 0] = crushed
+            multiplier[p] = bound.stiffness[p] * max(-trial.gap[p] - crushed, 0.0)
+
+
+@pytest.mark.parametrize("courant", [0.55, 0.3, 0.1, 0.01])
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_is_said_of_a_law_that_yields_hangs_neither_on_the_step_nor_on_the_orientation(courant, turned):
+    bar = {"length": 2.47, "elements": 4} | ({"direction": [3, -4]} if turned else {})
+    body = {"bar": bar, "material": {"young": 143.38, "density": 0.1}, "area": 0.51, "velocity": 0.77}
+    case = {
+        "percuss": 1,
+        "bodies": {"a": body},
+        "contacts": {"stop": {"body": "a.right", "wall": [1.494, -1.992] if turned else 2.49}},
+        "time": {"steps": 10, "courant": courant},
+    }
+
+    def said(beta_s):
+        method = {"integrator": CD, "contact": {"name": "crushing", "beta_s": beta_s}}
+        registry = Subject.of(Crushing).registry
+        return certificate(Model(percuss.load({**case, "method": method}, registry=registry)))["stable"]
+
+    assert said(0.25) == "unknown"
+    critical = math.sqrt(2.0 / (1.0 + math.sqrt(1.0 + 50.0**2)))  # of a spring that does not yield, on a long bar
+    assert said(50.0) == ("no" if courant > critical else "unknown")
+
+
+@pytest.mark.parametrize("e", [0.9, 0.5])
+def test_a_spring_that_is_stiffer_while_unloading_is_unstable_above_the_critical_step_of_that(e):
+    def said(law, courant):
+        return certificate(model_of(hunek(10, courant, CD, law)))["stable"]
+
+    stiffest = {"name": "penalty", "beta_s": 4.0 / e**2}
+    critical = certificate(model_of(hunek(10, 0.1, CD, stiffest)))["courant_critical"]
+    law = {"name": "walton-braun", "beta_s": 4.0, "restitution": e}
+    assert critical < 0.9
+    assert said(law, 1.001 * critical) == "no"
+    assert said(law, 0.999 * critical) == "unknown"
+
+
+@pytest.mark.parametrize("law", [{"name": "damped-penalty"}, {"name": "energy-conserving-penalty"}, {"name": "uzawa"}])
+def test_a_kernel_of_one_line_is_certain(law):
+    assert certificate(model_of(hunek(10, 0.5, CD, law)))["stable"] == "yes"

@@ -15,6 +15,8 @@ from scipy.optimize import brentq
 
 import percuss
 from dense import assemble
+from percuss.certificate.verdict import certificate
+from percuss.solver.model import Model
 from percuss.testing.checks.contacts import sample_points, sample_trial
 from strategies import FIRST, REGISTRY, hunek, run
 
@@ -409,6 +411,33 @@ def test_bodies_that_come_from_beyond_the_length_are_not_bonded():
     bond = run(case_with(case, {"name": "cohesive", "strength": 1e-3, "length": 1e-3, **law}))
     spring = run(case_with(case, {"name": "penalty", **law}, CD))
     same(bond, spring, 1e-12)
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.3])
+def test_a_bond_that_is_stretched_or_broken_from_the_start_has_dissipated_nothing_yet(gap):
+    bars = {
+        "a": {"bar": {"length": 1.0, "elements": 8}, "material": STEEL, "area": 1.0, "fixed": ["left"]},
+        "b": {"bar": {"length": 1.0, "elements": 8}, "at": 1.0 + gap, "material": STEEL, "area": 1.0},
+    }
+    law = {"name": "cohesive", "strength": 2.0, "length": 0.2, "epsilon_s": STIFFNESS}
+    case = {"percuss": 1, "bodies": bars, "contacts": {"bond": {"between": ["a.right", "b.left"]}}}
+    case |= {"method": {"integrator": CD, "contact": law}, "time": {"end": 0.3, "courant": 0.25}}
+    arrays = run(case | {"loads": {"pull": {"prescribed-velocity": 1.0, "on": "b.right"}}}).arrays
+    lost, given = arrays["contact_dissipation"], arrays["contact_energy"]
+    assert lost[0] == 0.0
+    assert (np.diff(lost) >= -1e-15).all()
+    assert lost[-1] == (0.0 if gap > 0.2 else pytest.approx(given[0] - arrays["contact_work"][-1] - given[-1], rel=0.05))
+
+
+@pytest.mark.parametrize(("iterations", "most"), [(1, 1.0), (3, 1.0), (2, 2.0), (10, 2.0)])
+def test_an_odd_number_of_iterations_halves_the_limit_of_uzawas_method(iterations, most):
+    """The last iterate is a penalty at the predicted gap of ``theta_k = 1 - (1 - theta)^k``, stable up to 1."""
+    for theta, stable in ((0.95 * most, "yes"), (1.05 * most, "no")):
+        beta_s = theta / (4.0 * 0.5**2)  # theta = 4 C^2 beta_s between equal bars
+        case = hunek(4, integrator=CD, contact={"name": "uzawa", "beta_s": beta_s, "iterations": iterations})
+        found = certificate(Model(percuss.load(case)))
+        assert found["theta"] == pytest.approx(1.0 - (1.0 - theta) ** iterations, rel=1e-9)
+        assert found["stable"] == stable
 
 
 def test_a_bond_that_breaks_before_its_strength_is_refused():

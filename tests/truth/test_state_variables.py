@@ -63,6 +63,16 @@ def test_rigid_bodies_leave_a_hunt_crossley_spring_as_its_equation_of_motion_say
     assert abs(exact - e) < 1.1 * (1.0 - e) ** 2  # the paper: e to first order in 1 - e
 
 
+@pytest.mark.parametrize("courant", [0.2, 0.8])
+def test_what_a_hunt_crossley_spring_dissipates_is_what_it_takes_however_fast_the_end_turns_around(courant):
+    case = hunek(10, courant, "central-difference", {"name": "hunt-crossley", "restitution": 0.5}, end=1.6)
+    result = percuss.run(percuss.load(case))
+    assert result.arrays["contact_force"][-1, 0] == 0.0
+    lost = result.arrays["contact_dissipation"]
+    assert 0.0 < lost.max() <= result.summary["energy"]["initial"]
+    assert lost[-1] == pytest.approx(-result.summary["energy"]["contact_work"], rel=0.02)
+
+
 class Nothing(NamedTuple):
     scale: percuss.Floats
 

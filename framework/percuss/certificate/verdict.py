@@ -252,8 +252,9 @@ def _certificate_of_implicit_scheme(model: Model) -> Certificate:
 
     Without contact it is unconditionally stable for ``gamma = 1/2 - alpha``, ``beta >= (1 - alpha)^2 / 4`` and alpha
     from -1/3 to 0. For alpha = 0 a closed contact with a compliance adds to the stiffness, and a tie of rates takes
-    motions away: both leave the step stable. A gap that is held closed without a compliance has no velocity in the
-    mean, but its velocity changes its sign in every step and the multiplier grows with each, without bound.
+    motions away: both leave the step stable. A contact with a compliance may open and close, though, and by that add
+    energy again and again. A gap that is held closed without a compliance has no velocity in the mean, but its velocity
+    changes its sign in every step and the multiplier grows with each, without bound.
     """
     beta, gamma, alpha = model.implicit or (0.0, 0.0, 0.0)
     name = model.case.method.integrator.name
@@ -279,9 +280,10 @@ def _certificate_of_implicit_scheme(model: Model) -> Certificate:
     else:
         found["stable"] = "yes"
         found["why"] = (
-            "every step is stable, as a closed contact adds to the stiffness"
+            "every step is stable, as a closed contact adds to the stiffness; those that open and close may add energy "
+            "again and again"
             if model.contact_pairs
-            else (without_contact)
+            else without_contact
         )
     return found
 

@@ -127,13 +127,11 @@ def _print_errors(console: Console, summary: Summary) -> None:
                 if quantity.against_exact and key in measured
             )
             console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {measures}")
-    if summary["exact"] is not None and summary["exact"].get("fragile") is not None:
+    if summary.get("fragile") is not None:
         sensitivity = (
-            "hangs on round-off: a nudge of 1e-12 changes it"
-            if summary["exact"]["fragile"]
-            else "stands a nudge of 1e-12"
+            "hangs on round-off: a nudge of 1e-12 changes it" if summary["fragile"] else "stands a nudge of 1e-12"
         )
-        console.print(f"the contact force {sensitivity}")
+        console.print(f"the {'contact force' if summary['contacts'] else 'motion'} {sensitivity}")
     if summary["exact_reason"]:
         console.print(f"exact solution: {escape(summary['exact_reason'])}")
 

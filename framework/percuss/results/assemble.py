@@ -108,6 +108,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "end": outcome.done * model.dt,
         "courant": model.courant,
         "certificate": certificate,
+        "fragile": None,
         "contacts": ledger.contact_summary(march, outcome),
         **accounts,
         "energy_growth": growth,
@@ -212,7 +213,6 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
         "fronts": solution.fronts,
         "contacts": contacts,
         "displacement_error": true_error.displacement_error(model, solution, displacement, outcome.done * model.dt),
-        "fragile": None,
     }
     return solution, true_error.summary_entries(errors, reason)
 

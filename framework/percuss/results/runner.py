@@ -14,7 +14,7 @@ from percuss.certificate import cause, verdict
 from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.interrupt import interruptible
-from percuss.results import true_error
+from percuss.results import nudged_twin
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
 from percuss.solver.march import March, Outcome, Progress
@@ -56,7 +56,7 @@ def run(
         Whether to compile the time loop; otherwise the same loop runs as plain Python.
     nudge
         Whether to run a twin whose first body is slightly thicker, to see if the result depends on round-off
-        (``summary["exact"]["fragile"]``).
+        (``summary["fragile"]``).
     progress
         Called at intervals with (steps done, steps in all).
 
@@ -115,12 +115,11 @@ def run_again(case: Case, summary: Mapping[str, Any]) -> Result:
         Summary of the earlier run: whether it was compiled, whether it had a nudged twin, after which step it was
         interrupted.
     """
-    exact = summary["exact"]
     return _run(
         case,
         Stopwatch(),
         compiled=summary["compiled"],
-        nudge=exact is not None and exact["fragile"] is not None,
+        nudge=summary.get("fragile") is not None,
         interrupt_after=summary["steps"] if summary["status"] == "interrupted" else None,
     )
 
@@ -158,15 +157,13 @@ def _run(
     watch.lap()
     with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop reports an overflow
         result = result_of(march, outcome, certificate)
-    if nudge and result.summary["exact"] is not None and outcome.status != "unstable":
+    if nudge and outcome.status != "unstable":
         try:
             with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
-                twin = run(true_error.nudged(case, model.courant), compiled=compiled)
+                twin = run(nudged_twin.nudged(case, model.courant), compiled=compiled)
         except RunError as error:  # the twin is unstable although the run is not
             twin = error.result
-        result.summary["exact"]["fragile"] = true_error.is_fragile(
-            *(compared.arrays["contact_force"] for compared in (result, twin))
-        )
+        result.summary["fragile"] = nudged_twin.is_fragile(result, twin)
     result.summary["seconds"] |= {"compile": watch.compiled(), "total": watch.total()}
     stop = result.summary["stop"]
     if stop is not None:

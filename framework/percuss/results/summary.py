@@ -134,7 +134,6 @@ class ExactErrors(TypedDict):
     fronts: int
     contacts: dict[str, ContactErrors]
     displacement_error: NotRequired[float | None]
-    fragile: NotRequired[bool | None]
 
 
 class CoveredErrors(TypedDict):
@@ -182,6 +181,7 @@ class Summary(ExactEntries, Accounts):
     end: float
     courant: float
     certificate: Certificate
+    fragile: bool | None
     contacts: dict[str, ContactSummary]
     energy_growth: GrowthSummary
     compiled: bool

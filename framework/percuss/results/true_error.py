@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 NEGLIGIBLE = 1e-18
-NUDGE_OF_AREA = 1e-12
-FRAGILE_DIFFERENCE = 1e-4
 
 
 def summary_entries(errors: ExactErrors | None, reason: str) -> ExactEntries:
@@ -152,16 +150,3 @@ def displacement_error(model: Model, solution: Exact, displacement: Floats, time
     if size < NEGLIGIBLE * error:  # bars back at their start: an error relative to round-off means nothing
         return None
     return _ratio(float(np.sqrt(error)), float(np.sqrt(size)))
-
-
-def nudged(case: Case, courant: float) -> Case:
-    """Return the case with the area of its first body increased by `NUDGE_OF_AREA`, at the same Courant number."""
-    name, body = next(iter(case.bodies.items()))
-    fixed_courant = {"time.courant": courant} if case.time.courant == "auto" else {}
-    return case.with_overrides({f"bodies.{name}.area": body.area * (1.0 + NUDGE_OF_AREA), **fixed_courant})
-
-
-def is_fragile(forces: Floats, twin_forces: Floats) -> bool:
-    """Return whether the forces of a run and its nudged twin differ by more than `FRAGILE_DIFFERENCE` in L2."""
-    size = float(np.linalg.norm(forces))
-    return bool(forces.shape != twin_forces.shape or np.linalg.norm(forces - twin_forces) > FRAGILE_DIFFERENCE * size)

@@ -91,8 +91,6 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
     stored = replace(stored, wall=wall, compiling=times.get("compile"), cpu=processor_model())
     if run.result is None or run.status != "done":
         return stored
-    exact = run.result.summary["exact"]
-    fragile = exact["fragile"] if exact is not None else None
     measures = {}
     for column in columns:
         try:
@@ -101,7 +99,7 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
             status, reason = failure_status(error, registry)
             return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
     histories = _packed(run.result, keep) if keep else b""
-    return replace(stored, fragile=fragile, seconds=times["march"], measures=measures, histories=histories)
+    return replace(stored, fragile=run.result.summary["fragile"], seconds=times["march"], measures=measures, histories=histories)
 
 
 def _packed(result: Result, points: int) -> bytes:

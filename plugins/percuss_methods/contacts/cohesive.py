@@ -35,7 +35,8 @@ class Cohesive(ContactLaw):
     ``T(d) = k d`` up to ``strength``, then ``strength (l - d) / (l - strength / k)`` up to the length l, then 0.
 
     The bond unloads towards the origin. To break it takes the energy ``strength l / 2``, whatever k is. Contacts that
-    begin with an opening of more than l are broken from the start, and touching ones are whole. In the paper the bond
+    begin with an opening of more than l are broken from the start, and touching ones are whole. One that begins with an
+    opening below l pulls from the start, as if it had been stretched so far before. In the paper the bond
     is rigid up to its strength; here k stands for that.
 
     With central difference a closed contact and a whole bond lower the critical step as a penalty does.
@@ -58,7 +59,8 @@ class Cohesive(ContactLaw):
         "energy-never-grows with wu-predictor-corrector": WHY_ENERGY_MAY_GROW,
     }
     stiffening = ("beta_s", "epsilon_s")
-    state = 3  # greatest opening, energy stored and energy dissipated
+    # greatest opening, energy stored and energy dissipated; 1 after the first step, and what it had lost before that
+    state = 5
     stored_in = 1
     dissipated_in = 2
 
@@ -111,4 +113,7 @@ class Cohesive(ContactLaw):
             multiplier[p] = -stiffness * gap
             trial.after[p, 0] = opening
             trial.after[p, 1] = 0.5 * stiffness * gap**2
-            trial.after[p, 2] = work - 0.5 * secant * opening**2
+            lost = work - 0.5 * secant * opening**2
+            trial.after[p, 3] = 1.0
+            trial.after[p, 4] = trial.before[p, 4] if trial.before[p, 3] == 1.0 else lost
+            trial.after[p, 2] = lost - trial.after[p, 4]

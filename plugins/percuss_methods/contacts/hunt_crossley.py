@@ -38,7 +38,11 @@ class HuntCrossley(ContactLaw):
     from it has no bound.
 
     With central difference a closed contact with n = 1 lowers the critical step as a penalty does, and more by its
-    damping; with any other n the step depends on the overlap.
+    damping; with any other n the step depends on the overlap. As the damping depends on the motion so far, the
+    certificate says that the step is unstable, or that nothing is known.
+
+    Dissipated is the work of the damping over the mean of the rates before and after the force, which are known one
+    step later.
     """
 
     name = "hunt-crossley"
@@ -50,7 +54,9 @@ class HuntCrossley(ContactLaw):
     examples = ({}, {"beta_s": 0.1, "restitution": 0.7}, {"epsilon_s": 5.0, "exponent": 1.5, "at_overlap": 0.01})
     stiffening = ("beta_s", "epsilon_s")
     guarantees = ("never pulls",)
-    state = 3  # greatest rate of the overlap since the contact closed, energy stored and energy dissipated
+    # greatest rate of the overlap since the contact closed, energy stored and energy dissipated; of the step before, the
+    # force of the damping and the rate before it
+    state = 5
     stored_in = 1
     dissipated_in = 2
 
@@ -87,4 +93,7 @@ class HuntCrossley(ContactLaw):
             multiplier[p] = max(spring + damping, 0.0)
             trial.after[p, 0] = greatest
             trial.after[p, 1] = spring * overlap / (bound.exponent[p] + 1.0)
-            trial.after[p, 2] = trial.before[p, 2] + (multiplier[p] - spring) * rate * trial.dt
+            mean_rate = 0.5 * (trial.before[p, 4] + rate)
+            trial.after[p, 2] = trial.before[p, 2] + trial.before[p, 3] * mean_rate * trial.dt
+            trial.after[p, 3] = multiplier[p] - spring
+            trial.after[p, 4] = rate

@@ -21,7 +21,8 @@ class PaoliSchatzman(ContactLaw):
     A node that strikes at constant speed leaves with e times its speed exactly, two steps after the first force, and
     overlaps by at most the way of one step. The contact work of a step is ``-(1 + e) lambda_n g(u_{n-1}) / 2``,
     positive where the bodies overlapped one step before. With e = 0 they never do, and energy minus work never grows.
-    Keeps the critical step of the free bodies.
+    With e above 0 bars that stay together for many steps may gain much energy in a single impact, which is less the
+    shorter the step. A step that is stable without contact is stable with any contacts held closed.
     """
 
     name = "paoli-schatzman"

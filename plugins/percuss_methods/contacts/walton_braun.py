@@ -33,7 +33,8 @@ class WaltonBraun(ContactLaw):
     more, as waves load and unload the contact many times.
 
     With central difference a closed contact lowers the critical step as a penalty of stiffness k_2 does. The step
-    itself is examined, with closed contacts on the line of loading.
+    itself is examined on both lines: above the critical step of k_2 the certificate says no, and below it that nothing
+    is known, as contacts change from one line to the other.
     """
 
     name = "walton-braun"
