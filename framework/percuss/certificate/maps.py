@@ -153,8 +153,10 @@ def _why_unknown(model: Model, way: str, doubts: Sequence[str]) -> str:
         return why
     if way == "pencil" and doubts:
         return f"the pencil does not cover this: {'; '.join(doubts)}"
-    if way == "black-box" and model.couples_nodes:
-        return "; ".join((f"the mass {model.case.method.mass.name} couples nodes: only the pencil covers it", *doubts))
+    without_mass = model.points_without_mass.any()
+    if way == "black-box" and (model.couples_nodes or without_mass):
+        does = "leaves ends without mass" if without_mass else "couples nodes"
+        return "; ".join((f"the mass {model.case.method.mass.name} {does}: only the pencil covers it", *doubts))
     return ""
 
 

@@ -32,9 +32,9 @@ class Uzawa(ContactLaw):
     The first iterate is the penalty force at the predicted gap, as with Wu's predictor-corrector and `penalty`. At ends
     in no other contact the distance to the multiplier of `lagrange` shrinks by ``1 - theta`` in each iteration,
     ``theta = dt^2 eps_s s``, so that the last iterate is a penalty force of stiffness ``(1 - (1 - theta)^k) / (dt^2
-    s)``. In a leap-frog scheme that is stable with closed contacts up to theta = 1 for an odd number of iterations, and
-    for an even one up to theta = 2, above which the iteration diverges; of contacts that share an end theta is dt^2
-    eps_s times the largest eigenvalue of S. ``beta_s: auto`` keeps theta at 0.8 or less, contacts at the same ends included. Multipliers
+    s)``. In a leap-frog scheme that is stable with closed contacts up to theta = 1 for an odd number of iterations. For
+    an even one it is so up to theta = 2, above which the last iterate is zero and nothing holds the bodies apart. Of
+    contacts that share an end theta is dt^2 eps_s times the largest eigenvalue of S. ``beta_s: auto`` keeps theta at 0.8 or less, contacts at the same ends included. Multipliers
     start from zero in each step: there is none kept from the step before.
     """
 
