@@ -122,7 +122,7 @@ def findings(table):
     assert change < 0.1 * min(springs)
     assert bounce[CD, "bipenalty"] < 0 < bounce[WU, "lagrange"] < bounce[WU, "penalty"]
     lines = [
-        "**Where bodies hit, it matters more where contact is evaluated than by which law.** The same penalty spring "
+        "**For a penalty it matters most where contact is evaluated.** The same penalty spring "
         f"errs {span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies "
         f"hit, it rings: the total variation of its force is {span(rings)} times that of the exact one, with Wu "
         f"{span(calm)} times. With Wu its error is {span(found.penalty_apart)} times that of the tied twin, and "
