@@ -170,6 +170,13 @@ def test_the_law_that_remembers_is_crushed_at_its_strength(folder: Path) -> None
     assert abs(arrays["contact_work"] + accounted).max() < 0.01 * arrays["contact_dissipation"][-1]
 
 
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["crushing", "stop_and_touch", "newton_impact"])
+def test_the_laws_shown_conform_but_where_they_say_so(folder: Path, name: str) -> None:
+    done = percuss_command("verify", "--plugin", f"{name}.py", cwd=folder)
+    assert done.returncode == 0, done.stdout
+
+
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "perfectly_plastic.py"])
     plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}

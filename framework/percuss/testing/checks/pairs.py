@@ -155,9 +155,10 @@ def _run_at_stable_step(subject: Subject, case: Mapping[str, Any]) -> Any:
 def check_energy_never_grows(subject: Subject, partner: str) -> None:
     """Energy minus the work of loads never grows while the step with closed contacts is stable.
 
-    Contacts may open and close. The energy includes the energy stored in the contacts, where that is known; where it is
-    not, the energy never exceeds its initial value and never rises from one state with all contacts open to the next.
-    Nothing is demanded of a scheme that gives bodies steps of their own, whatever the contact law.
+    Contacts may open and close. The energy includes the energy stored in the contacts, where it follows from the law
+    and is not a law's own word for it; where it does not, the energy never exceeds its initial value and never rises
+    from one state with all contacts open to the next. Nothing is demanded of a scheme that gives bodies steps of their
+    own, whatever the contact law.
     """
     from hypothesis import strategies as st
 
