@@ -426,7 +426,9 @@ def test_a_bond_that_is_stretched_or_broken_from_the_start_has_dissipated_nothin
     lost, given = arrays["contact_dissipation"], arrays["contact_energy"]
     assert lost[0] == 0.0
     assert (np.diff(lost) >= -1e-15).all()
-    assert lost[-1] == (0.0 if gap > 0.2 else pytest.approx(given[0] - arrays["contact_work"][-1] - given[-1], rel=0.05))
+    assert lost[-1] == (
+        0.0 if gap > 0.2 else pytest.approx(given[0] - arrays["contact_work"][-1] - given[-1], rel=0.05)
+    )
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 3, 10])

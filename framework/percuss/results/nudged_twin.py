@@ -31,6 +31,4 @@ def is_fragile(result: Result, twin: Result) -> bool:
 def differs(values: Floats, twin_values: Floats) -> bool:
     """Return whether histories differ by more than `FRAGILE_DIFFERENCE` in L2."""
     size = float(np.linalg.norm(values))
-    return bool(
-        values.shape != twin_values.shape or np.linalg.norm(values - twin_values) > FRAGILE_DIFFERENCE * size
-    )
+    return bool(values.shape != twin_values.shape or np.linalg.norm(values - twin_values) > FRAGILE_DIFFERENCE * size)

@@ -12,7 +12,6 @@ from percuss.results.summary import ContactErrors
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from percuss.case.case import Case
     from percuss.methods.interfaces import Exact, ExactContact, Floats
     from percuss.results.summary import CoveredErrors, ExactEntries, ExactErrors
     from percuss.solver.model import Model

@@ -99,7 +99,9 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
             status, reason = failure_status(error, registry)
             return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
     histories = _packed(run.result, keep) if keep else b""
-    return replace(stored, fragile=run.result.summary["fragile"], seconds=times["march"], measures=measures, histories=histories)
+    return replace(
+        stored, fragile=run.result.summary["fragile"], seconds=times["march"], measures=measures, histories=histories
+    )
 
 
 def _packed(result: Result, points: int) -> bytes:

@@ -54,8 +54,8 @@ class HuntCrossley(ContactLaw):
     examples = ({}, {"beta_s": 0.1, "restitution": 0.7}, {"epsilon_s": 5.0, "exponent": 1.5, "at_overlap": 0.01})
     stiffening = ("beta_s", "epsilon_s")
     guarantees = ("never pulls",)
-    # greatest rate of the overlap since the contact closed, energy stored and energy dissipated; of the step before, the
-    # force of the damping and the rate before it
+    # greatest rate of the overlap since the contact closed, energy stored and energy dissipated; of the step before,
+    # the force of the damping and the rate before it
     state = 5
     stored_in = 1
     dissipated_in = 2

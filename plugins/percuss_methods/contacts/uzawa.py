@@ -34,8 +34,9 @@ class Uzawa(ContactLaw):
     ``theta = dt^2 eps_s s``, so that the last iterate is a penalty force of stiffness ``(1 - (1 - theta)^k) / (dt^2
     s)``. In a leap-frog scheme that is stable with closed contacts up to theta = 1 for an odd number of iterations. For
     an even one it is so up to theta = 2, above which the last iterate is zero and nothing holds the bodies apart. Of
-    contacts that share an end theta is dt^2 eps_s times the largest eigenvalue of S. ``beta_s: auto`` keeps theta at 0.8 or less, contacts at the same ends included. Multipliers
-    start from zero in each step: there is none kept from the step before.
+    contacts that share an end theta is dt^2 eps_s times the largest eigenvalue of S. ``beta_s: auto`` keeps theta at
+    0.8 or less, contacts at the same ends included. Multipliers start from zero in each step: there is none kept from
+    the step before.
     """
 
     name = "uzawa"

@@ -15,8 +15,8 @@ class SpringDashpot(FollowingLoad):
     Formula: ``F = -k u - c u'``; at t = 0 the spring carries no force.
 
     The dashpot takes energy at any step of a leap-frog scheme, unless a contact acts on the same end: its force is made
-    of the velocity without that of the contact, and may then give some in single steps. The spring is explicit: of a node of mass m by itself it
-    asks for ``dt <= 2 sqrt(m/k)``.
+    of the velocity without that of the contact, and may then give some in single steps. The spring is explicit: of a
+    node of mass m by itself it asks for ``dt <= 2 sqrt(m/k)``.
     """
 
     name = "spring-dashpot"
