@@ -592,6 +592,16 @@ def test_waves_at_ends_without_mass_are_not_told():
         waves(Model(percuss.load(case)))
 
 
+@pytest.mark.parametrize("law", ["moreau-jean", "penalty"])
+def test_the_step_itself_is_not_asked_where_ends_have_no_mass(law, capfd):
+    case = hunek(4, integrator="central-difference", contact={"name": law})
+    case["method"]["mass"] = "redistributed"
+    (row,) = percuss.stability(percuss.load(case), by=("black-box",))
+    assert row["courant_critical"] is None
+    assert row["reason"].startswith("the mass redistributed leaves ends without mass: only the pencil covers it")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_held_end_in_contact_keeps_its_mass_and_is_met_by_one_without():
     case = hunek(5, contact="lagrange", end=0.3)
     case["method"]["mass"] = "redistributed"
