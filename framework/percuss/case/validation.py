@@ -86,8 +86,7 @@ class Context:
             text = self.given_texts[path] if path in self.given_texts else read_text(path, self.folder)
             table = table_in(text, path)
         except ValueError as error:
-            advice = "The path is relative to the case." if "no such file" in str(error) else ""
-            words = {"message": str(error), "advice": advice}
+            words = {"message": str(error), "advice": getattr(error, "advice", "")}
             raise PydanticCustomError("unusable_file", "{message}", words) from None
         self.texts_read[path] = text
         return table
