@@ -887,6 +887,17 @@ def test_a_file_cannot_invent_a_family(write):
     assert str(raised.value) == said
 
 
+def test_a_plug_in_that_leaves_the_folder_leaves_paths_as_they_were_given(write, tmp_path):
+    """Also the path of the next plug-in, and where a result is written to."""
+    first = write("import os\nos.chdir('/')\n" + IMPORTS + law(), "first.py")
+    failing = write("import os\nos.chdir('/')\nraise RuntimeError\n", "failing.py")
+    Registry.load([first])
+    assert Path.cwd() == tmp_path
+    with pytest.raises(PluginError, match="RuntimeError"):
+        Registry.load([failing])
+    assert Path.cwd() == tmp_path
+
+
 def test_two_files_of_one_stem_are_two_plugins(write, tmp_path):
     (tmp_path / "sub").mkdir()
     registry = Registry.load([write(IMPORTS + law()), write(IMPORTS + law(name="other"), "sub/my_law.py")])
