@@ -953,8 +953,11 @@ def test_only_python_files_are_plugins(write, tmp_path):
             Registry.load([given])
         assert str(raised.value) == f"{given}: this is not a Python file, expected a name that ends in .py"
     (tmp_path / "folder.py").mkdir()
-    with pytest.raises(PluginError, match=r"^folder\.py: cannot be read: "):
-        Registry.load(["folder.py"])
+    os.mkfifo(tmp_path / "pipe.py")  # which would be waited for
+    for given, kind in (("folder.py", "a folder"), ("pipe.py", "a named pipe")):
+        with pytest.raises(PluginError) as raised:
+            Registry.load([given])
+        assert str(raised.value) == f"{given}: expected a Python file, found {kind}"
 
 
 # ----------------------------------------------------------------------------------------------- asking for
