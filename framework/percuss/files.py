@@ -1,12 +1,13 @@
-"""Folder of the percuss package, and a context manager that writes a file completely or not at all."""
+"""Folder of the percuss package, files that may be written, and one written completely or not at all."""
 
 from __future__ import annotations
 
 import errno
 import os
+import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,6 +34,63 @@ def is_folder(path: Path) -> bool:
         return path.is_dir()
     except (OSError, ValueError):
         return False
+
+
+def found_instead(path: Path) -> str:
+    """Return in words what lies at a path in place of a file, or an empty text for a file, nothing, and no path."""
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return ""
+    if stat.S_ISREG(mode):
+        return ""
+    kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket"}
+    return kinds.get(stat.S_IFMT(mode), "a device")
+
+
+def expect_no_input(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Path]]) -> None:
+    """Refuse an output at the place of a file that is read.
+
+    Parameters
+    ----------
+    path
+        Path of the output.
+    inputs
+        Role and path of each file that is read, as ``("case", case.yaml)``.
+
+    Raises
+    ------
+    InputError
+        If the output is one of them, also by way of a link.
+    """
+    for role, file in inputs:
+        if _is_same(Path(path), file):
+            message = f"expected a file to write, found the {role} {file}, which is read"
+            raise InputError([Problem(str(path), "", message, "Name another file.")])
+
+
+def _is_same(first: Path, second: Path) -> bool:
+    """Return whether two paths are of one file, which need not exist."""
+    try:
+        return first.samefile(second)
+    except FileNotFoundError:
+        return os.path.realpath(first) == os.path.realpath(second)
+    except (OSError, ValueError):
+        return False
+
+
+def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Path]] = ()) -> None:
+    """Refuse an output that cannot be written, or that is one of the `inputs`, before anything is run.
+
+    Raises
+    ------
+    InputError
+        If there cannot be such a file, or it is read.
+    """
+    expect_no_input(path, inputs)
+    attempt = replacing(path, Path(path).suffix)
+    attempt.__enter__()
+    attempt.__exit__(OSError, None, None)
 
 
 def cache_folder() -> Path:
@@ -69,10 +127,9 @@ class replacing:  # noqa: N801 - named like a function because it is used in wit
             raise InputError(
                 [Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")]
             )
-        if is_folder(self.target):
-            raise InputError(
-                [Problem(str(self.target), "", "expected a file to write, found a folder", "Name a file in it.")]
-            )
+        if other := found_instead(self.target):
+            advice = "Name a file in it." if is_folder(self.target) else "Name another file."
+            raise InputError([Problem(str(self.target), "", f"expected a file to write, found {other}", advice)])
         try:
             handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
         except (OSError, ValueError) as error:

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+import percuss
 from percuss.case.case import Address, Case, load
 from percuss.case.source import Source
 from percuss.errors import InputError, RunError
@@ -304,6 +305,24 @@ def test_a_plug_in_beside_the_case(tmp_path):
     assert type(beside.method.contact).name == "soft"
     with pytest.raises(InputError, match="unknown contact law 'soft'"):
         load(mapping(method={"contact": "soft"}))
+
+
+@pytest.mark.usefixtures("forget_files")
+@pytest.mark.parametrize("method", ["bind", "__post_init__"])
+@pytest.mark.parametrize(("raised", "text_"), [("ValueError('boo')", "boo"), ("ValueError", "ValueError")])
+def test_a_plug_in_that_refuses_its_options_is_named(method, raised, text_, tmp_path):
+    arguments = "self, points, dt" if method == "bind" else "self"
+    (tmp_path / "refusing.py").write_text(
+        "from dataclasses import dataclass\nfrom percuss.methods.interfaces import ContactLaw, LinearLaw\n"
+        "@dataclass(frozen=True)\nclass Refusing(ContactLaw):\n    'Refusing.'\n"
+        "    name = 'refusing'\n    summary = 'Refusing'\n"
+        "    def bind(self, points, dt):\n        return LinearLaw('explicit', 1.0)\n"
+        f"    def {method}({arguments}):\n        raise {raised}\n"
+    )
+    with pytest.raises(InputError) as caught:
+        percuss.run(load(mapping(method={"contact": "refusing"}), plugins=[tmp_path / "refusing.py"]), compiled=False)
+    said = f"method.contact: {text_} (raised in the plug-in {tmp_path / 'refusing.py'}:11)"
+    assert said in str(caught.value)
 
 
 def test_components_that_fail_to_load_are_named():

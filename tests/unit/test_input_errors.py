@@ -73,6 +73,21 @@ def test_not_utf8(folder):
     assert str(caught.value) == "case.yaml:2: not UTF-8 text\n  Save the file as UTF-8."
 
 
+@pytest.mark.parametrize("more", [0, source.MAX_BYTES])
+@pytest.mark.parametrize(
+    ("beginning", "kind", "command"),
+    [
+        (b"\x89HDF\r\n\x1a\n\0\0", "a NetCDF file, as `percuss run -o` writes", "percuss verify case.yaml"),
+        (b"SQLite format 3\0\x10\0", "a SQLite database, as `percuss study` makes", "percuss report case.yaml"),
+    ],
+)
+def test_a_file_that_percuss_makes_is_told_from_a_case(folder, beginning, kind, command, more):
+    Path("case.yaml").write_bytes(beginning + b"\0" * more)
+    with pytest.raises(InputError) as caught:
+        load("case.yaml")
+    assert str(caught.value) == f"case.yaml: expected a YAML file, found {kind}\n  Read it with `{command}`."
+
+
 def test_a_mapping_has_paths_for_places():
     with pytest.raises(InputError) as caught:
         load(

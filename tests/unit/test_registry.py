@@ -887,6 +887,17 @@ def test_a_file_cannot_invent_a_family(write):
     assert str(raised.value) == said
 
 
+def test_a_plug_in_that_leaves_the_folder_leaves_paths_as_they_were_given(write, tmp_path):
+    """Also the path of the next plug-in, and where a result is written to."""
+    first = write("import os\nos.chdir('/')\n" + IMPORTS + law(), "first.py")
+    failing = write("import os\nos.chdir('/')\nraise RuntimeError\n", "failing.py")
+    Registry.load([first])
+    assert Path.cwd() == tmp_path
+    with pytest.raises(PluginError, match="RuntimeError"):
+        Registry.load([failing])
+    assert Path.cwd() == tmp_path
+
+
 def test_two_files_of_one_stem_are_two_plugins(write, tmp_path):
     (tmp_path / "sub").mkdir()
     registry = Registry.load([write(IMPORTS + law()), write(IMPORTS + law(name="other"), "sub/my_law.py")])
@@ -942,8 +953,11 @@ def test_only_python_files_are_plugins(write, tmp_path):
             Registry.load([given])
         assert str(raised.value) == f"{given}: this is not a Python file, expected a name that ends in .py"
     (tmp_path / "folder.py").mkdir()
-    with pytest.raises(PluginError, match=r"^folder\.py: cannot be read: "):
-        Registry.load(["folder.py"])
+    os.mkfifo(tmp_path / "pipe.py")  # which would be waited for
+    for given, kind in (("folder.py", "a folder"), ("pipe.py", "a named pipe")):
+        with pytest.raises(PluginError) as raised:
+            Registry.load([given])
+        assert str(raised.value) == f"{given}: expected a Python file, found {kind}"
 
 
 # ----------------------------------------------------------------------------------------------- asking for

@@ -1,5 +1,6 @@
 """Numbers from CSV files: what is no number is an error with its place, and no line is ever left out in silence."""
 
+import os
 import re
 
 import pytest
@@ -7,7 +8,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+import percuss
 from command_line import percuss_command
+from percuss.case import csv_file
 from percuss.case.csv_file import read_text, table_in
 from percuss.studies import parameters
 from strategies import hunek
@@ -51,7 +54,7 @@ def test_one_wrong_character_is_an_error_at_its_place(tmp_path_factory, data, ro
     (folder / file).write_text("\n".join(lines), encoding="utf-8")
     column = 1 + sum(len(one) + 1 for one in fields[:field])
     with pytest.raises(ValueError, match=re.escape(f"pulse.csv:{line + 1}:{column}: expected a number")):
-        table_in(read_text(file, folder), file)
+        _ = table_in(read_text(file, folder), file).table
 
 
 @pytest.mark.parametrize(
@@ -132,6 +135,68 @@ def test_a_wrong_record_is_one_message(name, record, options, said, tmp_path):
     assert done.stderr.startswith("case.yaml:")
     assert said in done.stderr
     assert "1 mistake; nothing was run" in done.stderr
+
+
+NOTES = "time,note,force\n0,,0\n0.1,3 blows,2\n0.2,ok,3\n"
+
+
+@pytest.mark.parametrize("columns", [["time", "force"], [1, 3]])
+@pytest.mark.parametrize("name", ["table", "base-excitation"])
+def test_only_the_columns_that_are_named_need_be_numbers(name, columns, tmp_path):
+    (tmp_path / "record.csv").write_text(NOTES, encoding="utf-8")
+    load = {name: {"file": "record.csv", "columns": columns}, "on": "short.left"}
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump({**hunek(4, end=0.1), "loads": {"push": load}}))
+    times, forces = percuss.load(tmp_path / "case.yaml").loads["push"].load.points
+    assert times.tolist() == [0.0, 0.1, 0.2]
+    assert forces.tolist() == [0.0, 2.0, 3.0]
+
+
+def test_a_column_of_words_is_never_taken_for_numbers():
+    file = table_in(NOTES, "record.csv")
+    assert file == table_in(NOTES.replace("ok", "o.k."), "record.csv")
+    assert file.width == 3
+    said = "record.csv:2:3: expected a number as 1.5 or 2e-3, found nothing"
+    for read in (lambda: file.table, lambda: file.column("note"), lambda: file.column(2), lambda: file.as_columns(3)):
+        with pytest.raises(ValueError, match=re.escape(said)):
+            read()
+    with pytest.raises(ValueError, match=re.escape("record.csv:3:5: expected a number as 1.5 or 2e-3, found '1O'")):
+        table_in(NOTES.replace("0.1,3 blows,2", "0.1,1O,2").replace("0,,0", "0,0,0"), "record.csv").column(2)
+
+
+def refusal(folder, name="record.csv"):
+    load = {"table": {"file": name}, "on": "short.left"}
+    (folder / "case.yaml").write_text(yaml.safe_dump({**hunek(4, end=0.1), "loads": {"push": load}}))
+    done = percuss_command("check", "case.yaml", cwd=folder)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+@pytest.mark.parametrize("kind", ["a named pipe", "a folder", "a device"])
+def test_a_record_is_a_file(kind, tmp_path):
+    """A pipe would be waited for, and a device may have no end."""
+    record = tmp_path / "record.csv"
+    make = {"a named pipe": os.mkfifo, "a folder": os.mkdir, "a device": lambda path: path.symlink_to(os.devnull)}
+    make[kind](record)
+    told = refusal(tmp_path)
+    assert f"loads.push.table.file: expected a file of numbers, found {kind}: record.csv" in told
+    assert "Name a CSV file." in told
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+def test_a_record_is_text_in_utf_8(encoding, tmp_path):
+    (tmp_path / "record.csv").write_bytes("time,größe\n0,1\n1,2\n".encode(encoding))
+    told = refusal(tmp_path)
+    assert "loads.push.table.file: record.csv:1: not UTF-8 text" in told
+    assert "Save the file as UTF-8." in told
+
+
+def test_a_record_that_is_too_large_is_not_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "MAX_BYTES", 3_000_000)
+    (tmp_path / "record.csv").write_text("0,1\n" * 1_000_000)
+    told = refusal(tmp_path)
+    assert "expected at most 3 MB of text, found more: record.csv" in told
+    assert "Keep fewer of its lines." in told
 
 
 @pytest.mark.parametrize("text", ["1_0", "\u0661", "1 0"])

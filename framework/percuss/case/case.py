@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from percuss.case.specs import (
 from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
+from percuss.files import is_file
 from percuss.methods.registry import Registry
 
 __all__ = [
@@ -75,6 +76,19 @@ class Case(CaseSection):
     def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
         """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file."""
         return self.origin.problem(path, message, advice)
+
+    @property
+    def inputs(self) -> list[tuple[str, Path]]:
+        """Role and path of each file that the case was read from: its own, its plug-ins and their data, its data."""
+        own = [("case", Path(self.origin.name))] if self.origin.text else []
+        plugins = [("plug-in", file.path) for file in self.registry.single_files]
+        beside = [("data file", path) for file in self.registry.single_files for path, _ in file.data]
+        return [*own, *plugins, *beside, *(("data file", self.origin.folder / path) for path in self.data_files)]
+
+    def files_among(self, values: Iterable[Any]) -> list[tuple[str, Path]]:
+        """Return role and path of each file that the case would read if its options had these values."""
+        paths = (self.origin.folder / value for value in values if isinstance(value, str))
+        return [("data file", path) for path in paths if is_file(path)]
 
     def with_overrides(self, overrides: Mapping[str, Any]) -> Case:
         """Return the case with values replaced as by ``--set``, checked like any other case.

@@ -10,15 +10,27 @@ from typing import NamedTuple
 
 import numpy as np
 
+from percuss.files import found_instead
 from percuss.methods.interfaces import DataFile
 
-__all__ = ["read_text", "table_in"]
+__all__ = ["UnusableFileError", "read_text", "table_in"]
+
+MAX_BYTES = 100_000_000  # of a file
+COLUMNS_OF_NUMBERS = 2  # A file of no more columns holds numbers alone: times and values.
 
 # Python's own `float` accepts too much: also 1_0 for 10, digits of other scripts, and words.
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 BEGINS_AS_NUMBER = re.compile(r"[-+]?\.?[0-9]")
 LINE_END = re.compile(r"\r\n|\n|\r")  # The method `splitlines` would also break lines at form feeds and the like.
+
+
+class UnusableFileError(ValueError):
+    """A file that cannot be read, with advice what to do."""
+
+    def __init__(self, message: str, advice: str = "") -> None:
+        super().__init__(message)
+        self.advice = advice
 
 
 class _Field(NamedTuple):
@@ -37,15 +49,30 @@ def read_text(path: str, folder: Path) -> str:
 
     Raises
     ------
-    ValueError
-        If there is no such file, or it is not text.
+    UnusableFileError
+        If there is no such file, or it is not text in UTF-8, or far too large.
     """
+    file = folder / path
+    if other := found_instead(file):
+        raise UnusableFileError(f"expected a file of numbers, found {other}: {file}", "Name a CSV file.")
     try:
-        return (folder / path).read_bytes().decode("utf-8-sig")
+        with file.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ValueError(f"no such file: {folder / path}") from None
+        raise UnusableFileError(f"no such file: {file}", "The path is relative to the case.") from None
     except (OSError, ValueError) as error:
-        raise ValueError(f"cannot read {folder / path}: {getattr(error, 'strerror', None) or error}") from None
+        raise UnusableFileError(f"cannot read {file}: {getattr(error, 'strerror', None) or error}") from None
+    if len(content) > MAX_BYTES:
+        message = f"expected at most {MAX_BYTES // 1_000_000} MB of text, found more: {file}"
+        raise UnusableFileError(message, "Keep fewer of its lines.")
+    try:
+        text, wrong = content.decode("utf-8-sig"), content.find(b"\0")  # which UTF-16 has
+    except UnicodeDecodeError as error:
+        text, wrong = "", error.start
+    if wrong >= 0:
+        line = content.count(b"\n", 0, wrong) + 1
+        raise UnusableFileError(f"{file}:{line}: not UTF-8 text", "Save the file as UTF-8.")
+    return text
 
 
 def table_in(text: str, path: str) -> DataFile:
@@ -53,7 +80,7 @@ def table_in(text: str, path: str) -> DataFile:
 
     Fields are separated by semicolons where the file has any, else by commas where it has any, else by tabs. Empty
     lines and lines that begin with ``#`` are skipped; a first line in which no field begins like a number names the
-    columns.
+    columns. In a file of more than two columns, some may hold other things than numbers.
 
     Parameters
     ----------
@@ -70,25 +97,28 @@ def table_in(text: str, path: str) -> DataFile:
     Raises
     ------
     ValueError
-        If a field is not a finite number; the message gives line and column.
+        If a field of a file of one or two columns is not a finite number, with line and column; or if lines have unlike
+        numbers of fields, or there are none.
     """
     rows: list[list[float]] = []
     names: tuple[str, ...] = ()
     lines: list[int] = []
+    faults: dict[int, str] = {}
     for position, (line, fields) in enumerate(_lines(text)):
         if position == 0 and not any(field.looks_like_a_number for field in fields):
             names = tuple(field.text.strip('"') for field in fields)
             continue
-        row = [_number(field, f"{path}:{line}:{field.column}") for field in fields]
+        row = _numbers(fields, f"{path}:{line}", faults)
         if rows and len(row) != len(rows[0]):
             raise ValueError(f"{path}:{line}:1: expected {len(rows[0])} columns as above, found {len(row)}")
         rows.append(row)
         lines.append(line)
     if not rows:
         raise ValueError(f"{path} holds no numbers")
-    table = np.ascontiguousarray(np.array(rows).T)
-    table.flags.writeable = False
-    return DataFile(path, table, names, tuple(lines))
+    numbers = np.ascontiguousarray(np.array(rows).T)
+    numbers[list(faults)] = np.nan
+    numbers.flags.writeable = False
+    return DataFile(path, numbers, names, tuple(lines), faults)
 
 
 def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
@@ -104,6 +134,22 @@ def _lines(text: str) -> Iterator[tuple[int, list[_Field]]]:
             fields.append(_Field(part.strip(" \t"), column + indent))
             column += len(part) + 1
         yield number, fields
+
+
+def _numbers(fields: list[_Field], place: str, faults: dict[int, str]) -> list[float]:
+    """Return the numbers in the fields of a line; where a column is not of numbers, add to `faults` what is wrong."""
+    row = []
+    for index, field in enumerate(fields):
+        value = math.nan
+        if index not in faults:
+            try:
+                value = _number(field, f"{place}:{field.column}")
+            except ValueError as error:
+                if len(fields) <= COLUMNS_OF_NUMBERS:
+                    raise
+                faults[index] = str(error)
+        row.append(value)
+    return row
 
 
 def _number(field: _Field, place: str) -> float:

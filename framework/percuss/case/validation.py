@@ -21,7 +21,7 @@ from percuss.case.options import Option, options_of
 from percuss.case.type_words import Expects, advice_for, branches, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
-from percuss.methods.blame import SINGULAR
+from percuss.methods.blame import SINGULAR, said_by
 from percuss.methods.interfaces import AllowInf, Component, DataFile
 
 if TYPE_CHECKING:
@@ -86,8 +86,7 @@ class Context:
             text = self.given_texts[path] if path in self.given_texts else read_text(path, self.folder)
             table = table_in(text, path)
         except ValueError as error:
-            advice = "The path is relative to the case." if "no such file" in str(error) else ""
-            words = {"message": str(error), "advice": advice}
+            words = {"message": str(error), "advice": getattr(error, "advice", "")}
             raise PydanticCustomError("unusable_file", "{message}", words) from None
         self.texts_read[path] = text
         return table
@@ -267,7 +266,7 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
         try:
             made = cls(**{options[key].field: item for key, item in values.items()})
         except ValueError as error:
-            raise failure(Mistake((), str(error), key=True)) from None
+            raise failure(Mistake((), said_by(error), key=True)) from None
         info.context.checked[id(value)] = made
         return made
 

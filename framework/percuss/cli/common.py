@@ -9,7 +9,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, shortened
+from percuss.files import expect_writable
 from percuss.heartbeat import Watch, beat
 from percuss.methods.blame import line_in_plugin
 from percuss.methods.process_guard import exit_text, guarded_output, plug_ins_cannot_exit, where_is
@@ -306,15 +307,24 @@ def load_case(
 
 
 def load_to_write(
-    path: Path, sets: list[str] | None, files: list[Path] | None, plot: Path | None, out: Path | None = None
+    path: Path,
+    sets: list[str] | None,
+    files: list[Path] | None,
+    plot: Path | None,
+    out: Path | None = None,
+    varied: Mapping[str, Sequence[Any]] | None = None,
 ) -> Case:
-    """Return the case in a file; refuse a figure or an output file that could not be written before the case is run."""
+    """Return the case in a file; refuse a figure or an output file that could not be written before the case is run.
+
+    Among the varied values may be files, which are read too.
+    """
     if plot is not None:
         expect_drawable(plot)
     loaded = load_case(path, sets, files)
+    inputs = [*loaded.inputs, *loaded.files_among(value for values in (varied or {}).values() for value in values)]
     for target in (out, plot):
         if target is not None:
-            expect_writable(target)
+            expect_writable(target, inputs)
     return loaded
 
 
@@ -340,12 +350,3 @@ def expect_drawable(path: Path) -> None:
     from percuss.reporting.figures import check_suffix
 
     check_suffix(path)
-
-
-def expect_writable(path: Path) -> None:
-    """Refuse a path that cannot be written to, before anything is run."""
-    from percuss.files import replacing
-
-    attempt = replacing(path, path.suffix)
-    attempt.__enter__()
-    attempt.__exit__(OSError, None, None)

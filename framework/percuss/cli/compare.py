@@ -46,12 +46,12 @@ def compare(
         from percuss.studies import comparison, convergence
         from percuss.studies.parameters import varied
 
-        loaded = load_to_write(case, set_, plugin, plot)
+        axes = varied(vary or [])
+        loaded = load_to_write(case, set_, plugin, plot, varied=axes)
         contacts = names_in(contact)
         own = comparison.own_laws(loaded) if contacts else []
         if own:
             print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
-        axes = varied(vary or [])
         with progress_bar("runs") as progress:
             rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied, progress=progress)
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):

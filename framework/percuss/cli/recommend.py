@@ -73,6 +73,7 @@ def recommend(
                 workers=workers,
                 plugins=plugin or [],
                 progress=progress,
+                outputs=[plot] if plot is not None else [],
             )
         outputs = Outputs()
         if plot is not None:

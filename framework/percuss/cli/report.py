@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from percuss.cli.common import reporting
+from percuss.files import expect_writable
 
 if TYPE_CHECKING:
     from percuss.reporting.study_data import StudyLike
@@ -36,10 +37,12 @@ def written(study: StudyLike, source: Path, page: Path | None, folder: Path | No
     from percuss.reporting.study_figures import study_figures
     from percuss.reporting.study_page import study_report
 
+    if page is None and folder is None:
+        page = source.with_suffix(".html")
+    if page is not None:
+        expect_writable(page, [("study", source)])
     out = study_figures(study, folder) if folder is not None else []
-    if page is not None or folder is None:
-        out += study_report(study, page or source.with_suffix(".html"))
-    return out
+    return out if page is None else out + study_report(study, page)
 
 
 def _expect_html(page: Path | None) -> None:

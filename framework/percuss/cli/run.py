@@ -15,7 +15,6 @@ from percuss.cli.common import (
     Plugins,
     Sets,
     expect_drawable,
-    expect_writable,
     load_case,
     print_json,
     print_notes,
@@ -23,6 +22,7 @@ from percuss.cli.common import (
     reporting,
 )
 from percuss.errors import InputError, Problem, RunError
+from percuss.files import expect_writable
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -51,6 +51,7 @@ def run(
 ) -> None:
     """Run a case, and print, save and draw its result."""
     with reporting(as_json):
+        _expect_netcdf(out)
         if plot is not None:
             expect_drawable(plot)
         if tied and exact_only:
@@ -71,11 +72,18 @@ def run(
             print_notes(loaded)
         for path in (out, plot):
             if path is not None:
-                expect_writable(path)
+                expect_writable(path, loaded.inputs)
         if exact_only:
             _solve(loaded, out, plot, as_json=as_json)
         else:
             _run(loaded, out, plot, nudge=nudge, as_json=as_json)
+
+
+def _expect_netcdf(out: Path | None) -> None:
+    """Refuse a result whose suffix is not of NetCDF, before the case is read."""
+    if out is not None and out.suffix.lower() != ".nc":
+        message = f"expected a result ending in .nc, found {out.suffix or 'no ending'}"
+        raise InputError([Problem(str(out), "", message, "Name it result.nc.")])
 
 
 def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) -> None:

@@ -51,7 +51,7 @@ def stability(
         axes, families = varied(vary or []), varied(curves or [], "--curves")
         if plot is not None and not 1 <= len(axes) <= 2:
             raise InputError([Problem("--plot", "", f"expected one or two --vary, found {len(axes)}", "")])
-        loaded = load_to_write(case, set_, plugin, plot, out)
+        loaded = load_to_write(case, set_, plugin, plot, out, {**axes, **families})
         print_notes(loaded)
         with progress_bar("combinations") as progress:
             rows = maps.stability(loaded, axes, families, names_in(by), progress=progress)

@@ -41,7 +41,10 @@ def study(
             exportable(export)
         with progress_bar("runs") as progress:
             notice = _ResumeNotice(progress)
-            made = make_study(file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [])
+            tables = [export] if export is not None else []
+            made = make_study(
+                file, out, workers, scheduler, notice, plugins=plugin or [], again=again or [], outputs=tables
+            )
         outputs = Outputs()
         if export is not None:
             outputs.write(made.export, export)

@@ -42,6 +42,14 @@ def line_in_plugin(error: BaseException) -> str:
     return _innermost(reversed(list(traceback.walk_tb(error.__traceback__))))
 
 
+def said_by(error: ValueError) -> str:
+    """Return the text of an error about options, with file and line of the third-party plug-in that raises it."""
+    text = str(error) or type(error).__name__
+    where = line_in_plugin(error)
+    # A method that percuss itself defines may be called from generated code, as that of a dataclass, which has no file.
+    return text if not where or where.startswith("<") else f"{text} (raised in the plug-in {where})"
+
+
 def running_line(frame: FrameType | None) -> str:
     """Return ``file:line`` of the innermost call, from a frame outwards, that lies in a plug-in, or an empty text."""
     return _innermost(traceback.walk_stack(frame)) if frame is not None else ""

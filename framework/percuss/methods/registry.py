@@ -10,6 +10,7 @@ import contextlib
 import functools
 import importlib.metadata
 import inspect
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -152,7 +153,22 @@ def _environment() -> tuple[tuple[str, int], ...]:
     return tuple((folder, Path(folder).stat().st_mtime_ns if Path(folder).exists() else 0) for folder in sys.path)
 
 
+@contextlib.contextmanager
+def _in_the_same_folder() -> Iterator[None]:
+    """Go back at the end to the current folder of the beginning, which relative paths given by the user start from."""
+    try:
+        folder = Path.cwd()
+    except OSError:  # it has been removed
+        yield
+        return
+    try:
+        yield
+    finally:
+        os.chdir(folder)
+
+
 @functools.lru_cache(maxsize=32)
+@_in_the_same_folder()
 def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFile, ...]) -> Registry:
     """Return the registry of installed distributions and `files`, cached until the installation changes.
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 from percuss.errors import PluginError, nearest, shortened
+from percuss.files import found_instead
 from percuss.methods.provenance import Provenance, display_path
 from percuss.methods.source_digest import content_digest, data_named, file_of_module, imports_of, record_import
 
@@ -66,6 +67,8 @@ class SingleFile:
             raise PluginError(f"{given}: there is no such file in {display_path(str(path.parent))}{advice}")
         if path.suffix != ".py":
             raise PluginError(f"{given}: this is not a Python file, expected a name that ends in .py")
+        if other := found_instead(path):
+            raise PluginError(f"{given}: expected a Python file, found {other}")
         try:
             content = path.read_bytes()
         except OSError as error:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.files import PACKAGE, replacing
+from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import plain
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import number, one_line
@@ -47,9 +47,12 @@ def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
     list of Path
         The written files: the page, and a csv file of all rows where the study has more rows than a page can carry.
     """
+    inputs = [("study", study.path)] if hasattr(study, "path") else []
     study = study_charts.snapshot(study)
     target = Path(path)
     beside = target.with_suffix(".csv") if len(study.table) > study_data.MOST_ROWS else None
+    for output in filter(None, (beside, target)):
+        expect_no_input(output, inputs)
     if beside is not None:
         with replacing(beside, ".csv") as file:
             study.table.to_csv(file, index=False)

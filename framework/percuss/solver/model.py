@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
+from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
@@ -582,7 +583,7 @@ class Model:
             try:
                 laws.append(bind_law(law, tuple(where), self.points(where, dt), dt))
             except ValueError as error:
-                problems.append(self.case.problem(("method", "contact"), str(error)))
+                problems.append(self.case.problem(("method", "contact"), said_by(error)))
         _raise(problems)
         return tuple(sorted(laws, key=lambda bound_law: bound_law.linear is None))
 

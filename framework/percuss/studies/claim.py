@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
-from percuss.files import is_file, replacing
+from percuss.files import expect_writable, is_file
 from percuss.studies.store import Store, as_json_data
 
 if TYPE_CHECKING:
@@ -34,7 +34,8 @@ def claimed(
     refused: InputError | None = None
     for file in [Path(out)] if out is not None else _default_files(given, spec.name):
         identity = _identity(given, spec, file)
-        _expect_writable(file)
+        if not has_content(file):
+            expect_writable(file)
         try:
             with locked(file, {"study": identity}):
                 other = _other_study(file, identity, keys)
@@ -107,11 +108,3 @@ def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> Inp
 def _described(identity: Mapping[str, Any]) -> str:
     title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
     return f"{title} of {identity.get('file') or 'a mapping'}"
-
-
-def _expect_writable(path: Path) -> None:
-    """Raise InputError if a file does not exist yet and cannot be created."""
-    if not has_content(path):
-        attempt = replacing(path, path.suffix)
-        attempt.__enter__()
-        attempt.__exit__(OSError, None, None)

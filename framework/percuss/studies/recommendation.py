@@ -28,6 +28,7 @@ from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
 from percuss.case.quantities import METRICS
 from percuss.errors import InputError, Problem, RefusedPair, shortened, suggestion
+from percuss.files import expect_no_input, expect_writable
 from percuss.methods.registry import Registry
 from percuss.solver.model import Model
 from percuss.studies.candidates import Candidate, defaults, drawn, evaluations, needed_quantities, neighbours
@@ -198,6 +199,7 @@ def recommend(
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
     progress: Progress | None = None,
+    outputs: Sequence[str | os.PathLike[str]] = (),
 ) -> Recommendation:
     """Return the cheapest registered methods with options, mesh and step that meet bounds on a case.
 
@@ -221,11 +223,14 @@ def recommend(
         Single-file plug-ins, whose methods take part.
     progress
         Called with (runs made, largest number of runs).
+    outputs
+        Files that the caller writes afterwards, checked before any run is made.
 
     Raises
     ------
     InputError
-        If the case or a bound is wrong, or `out` holds something else.
+        If the case or a bound is wrong, `out` holds something else, or an output cannot be written or is a file that
+        the search reads.
     """
     case = load(Path(path), plugins=plugins)
     bounds = Bounds(error, energy, seconds, measure)
@@ -234,6 +239,9 @@ def recommend(
     expect_names("percuss.recommend", "contacts", contacts)
     methods = _methods(case.registry, integrators, contacts)
     file = Path(out) if out is not None else Path(f"{Path(path).stem}-recommend.sqlite")
+    expect_no_input(file, case.inputs)
+    for output in outputs:
+        expect_writable(output, [*case.inputs, ("file of runs", file)])
     search = _Search(case, Path(path), methods, bounds, runs, file, workers, plugins, progress)
     return search.answer(np.random.default_rng(seed))
 

@@ -74,6 +74,15 @@ class StudySpec:
     data: Mapping[str, Any]
     source: Source
 
+    @property
+    def inputs(self) -> list[tuple[str, Path]]:
+        """Role and path of each file that the study reads: its own, those of its cases, and those among its values."""
+        own = [("study", Path(self.source.name))] if self.source.text else []
+        values = [value for axis in self.vary.values() for value in axis]
+        values += [value for point in self.paired for value in point.values()]
+        of_cases = (file for case in self.cases.values() for file in (*case.inputs, *case.files_among(values)))
+        return [*own, *of_cases]
+
 
 def read_study(given: str | Path | Mapping[str, Any], plugins: list[Path] | None = None) -> StudySpec:
     """Return a checked study.

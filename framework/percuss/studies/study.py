@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
 from percuss.filelock import NotWritableError
+from percuss.files import expect_no_input, expect_writable
 from percuss.results.provenance import machine
 from percuss.studies.claim import claimed, has_content
 from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
@@ -44,6 +45,7 @@ def study(
     *,
     plugins: Sequence[str | Path] = (),
     again: Sequence[str] = (),
+    outputs: Sequence[str | os.PathLike[str]] = (),
 ) -> Study:
     """Make the runs of a study that are not made yet.
 
@@ -65,6 +67,8 @@ def study(
         Single-file plug-ins besides those that the cases name.
     again
         Statuses, as ``failed``, whose runs are made again although their inputs have not changed.
+    outputs
+        Files that the caller writes afterwards, checked before any run is made.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def study(
     ------
     InputError
         If the study, a case or a varied path is wrong, or `out` holds another study or is being written by another
-        process; nothing was run then.
+        process, or an output cannot be written or is a file that the study reads; nothing was run then.
     PluginError
         If one of `plugins` cannot be used.
     """
@@ -90,6 +94,10 @@ def study(
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
         raise InputError([Problem("--again", "", message, "Runs that were lost are always made again.")])
     spec = read_study(path, [Path(plugin) for plugin in plugins])
+    if out is not None:
+        expect_no_input(out, spec.inputs)
+    for output in outputs:
+        expect_writable(output, [*spec.inputs, *([("file of rows", Path(out))] if out is not None else [])])
     jobs, bench = _planned(spec)
     try:
         return _made(spec, jobs, bench, out, path, workers, scheduler, progress, plugins, again)

@@ -65,8 +65,8 @@ class Points:
             return np.asarray(self.time, dtype=float), self.scale * np.asarray(self.value, dtype=float)
         if self.columns is not None:
             times, values = (self.file.column(which) for which in self.columns)
-        elif len(self.file.table) > 2:
-            count = f"{self.file.path} has {len(self.file.table)} columns"
+        elif self.file.width > 2:
+            count = f"{self.file.path} has {self.file.width} columns"
             raise ValueError(f"{count}: say by `columns` which two are time and value")
         else:
             times, values = self.file.as_columns(2)

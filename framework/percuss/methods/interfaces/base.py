@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import ABC
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -61,18 +61,23 @@ class DataFile:
     ----------
     path
         Path as written in the case.
-    table : (columns, rows) array
-        Numbers of the file; a first line in which no field begins like a number is skipped.
+    numbers : (columns, rows) array
+        Numbers of the file, nan in columns of other things; a first line in which no field begins like a number is
+        skipped.
     names
         Fields of that first line, which name the columns; empty if the file has none.
     lines
         Line of the file on which each row stands, from 1.
+    faults
+        What is wrong with the first field that is no number, with its place, by the index of its column; in the order
+        of the file.
     """
 
     path: str
-    table: Floats
+    numbers: Floats
     names: tuple[str, ...] = ()
     lines: tuple[int, ...] = ()
+    faults: Mapping[int, str] = field(default_factory=dict)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> dict[str, Any]:
@@ -88,10 +93,28 @@ class DataFile:
         if not isinstance(other, DataFile):
             return NotImplemented
         same = self.path == other.path and self.names == other.names
-        return same and np.array_equal(self.table, other.table, equal_nan=True)
+        return same and np.array_equal(self.numbers, other.numbers, equal_nan=True)
 
     def __hash__(self) -> int:
-        return hash((self.path, self.table.shape))
+        return hash((self.path, self.numbers.shape))
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.numbers)
+
+    @property
+    def table(self) -> Floats:
+        """The (columns, rows) numbers of the whole file.
+
+        Raises
+        ------
+        ValueError
+            If the file holds anything else; the message gives line and column.
+        """
+        for fault in self.faults.values():
+            raise ValueError(fault)
+        return self.numbers
 
     def as_columns(self, count: int) -> Floats:
         """Return the (count, rows) numbers.
@@ -99,10 +122,10 @@ class DataFile:
         Raises
         ------
         ValueError
-            If the file does not have `count` columns.
+            If the file does not have `count` columns, or holds anything but numbers.
         """
-        if self.table.shape[0] != count:
-            raise ValueError(f"{self.path} has {self.table.shape[0]} columns, expected {count}")
+        if self.width != count:
+            raise ValueError(f"{self.path} has {self.width} columns, expected {count}")
         return self.table
 
     def column(self, which: str | int) -> Floats:
@@ -111,13 +134,14 @@ class DataFile:
         Raises
         ------
         ValueError
-            If the file has no such column, or several of that name.
+            If the file has no such column, or several of that name, or if the column holds anything but numbers.
         """
-        count = self.table.shape[0]
         if isinstance(which, int):
-            if not 1 <= which <= count:
-                raise ValueError(f"{self.path} has no column {which}: it has {count}, numbered from 1")
-            numbers: Floats = self.table[which - 1]
+            if not 1 <= which <= self.width:
+                raise ValueError(f"{self.path} has no column {which}: it has {self.width}, numbered from 1")
+            if fault := self.faults.get(which - 1):
+                raise ValueError(fault)
+            numbers: Floats = self.numbers[which - 1]
             return numbers
         if self.names.count(which) == 1:
             return self.column(self.names.index(which) + 1)

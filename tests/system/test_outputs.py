@@ -1,0 +1,175 @@
+"""What a command writes takes the place of no file that it reads, and of nothing but a file."""
+
+import os
+import socket
+import stat
+
+import pytest
+import yaml
+
+import percuss
+from command_line import percuss_command
+from percuss.cli.scaffold import scaffold
+from strategies import hunek
+
+VARY = "--vary method.contact.ratio=1,2"
+COMMANDS = {
+    "out.nc": ("run case.yaml -o {}", "run case.yaml --exact-only -o {}"),
+    "out.svg": (
+        "run case.yaml --plot {}",
+        "run case.yaml --exact-only --plot {}",
+        "compare case.yaml --contact penalty --plot {}",
+        f"stability case.yaml {VARY} --by closed-form --plot {{}}",
+        "waves case.yaml --plot {}",
+        "recommend case.yaml --error 1% --runs 10 --workers 1 --plot {}",
+    ),
+    "out.csv": (
+        f"stability case.yaml {VARY} --by closed-form -o {{}}",
+        "study study.yaml -o new.sqlite --workers 1 --export {}",
+    ),
+    "out.sqlite": ("study study.yaml --workers 1 -o {}", "recommend case.yaml --error 1% --runs 10 --workers 1 -o {}"),
+    "out.html": ("report rows.sqlite -o {}",),
+}
+ALL = [(command, name) for name, commands in COMMANDS.items() for command in commands]
+OF_CASES = [(command, name) for command, name in ALL if not command.startswith("report")]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A folder with a case that names a plug-in and a record, a study of it, and its rows."""
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "record.csv").write_text("0,0\n0.1,0.01\n")
+    scaffold("my-law", "contact", folder, single_file=True)
+    push = {"push": {"table": {"file": "record.csv"}, "on": "short.left"}}
+    case = {**hunek(4, end=0.2), "plugins": ["my-law.py"], "loads": push}
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
+    study = {"percuss-study": 1, "cases": ["case.yaml"], "vary": {"method.contact.ratio": [1.0, 2.0]}}
+    (folder / "study.yaml").write_text(yaml.safe_dump(study))
+    done = percuss_command("study", "study.yaml", "-o", "rows.sqlite", "--workers", "1", cwd=folder, plain=True)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def refused(folder, command):
+    """Return what a command is refused with that changes no file and leaves none behind."""
+    before, names = contents(folder), sorted(folder.iterdir())
+    done = percuss_command(*command.split(), cwd=folder, plain=True)
+    assert done.returncode == 2, done.stdout
+    assert "Traceback" not in done.stderr
+    assert contents(folder) == before
+    assert sorted(folder.iterdir()) == names
+    return done.stderr
+
+
+@pytest.mark.parametrize(("command", "name"), ALL, ids=[command for command, _ in ALL])
+def test_only_a_file_is_replaced(bench, command, name):
+    target = bench / name
+    os.mkfifo(target)
+    try:
+        told = refused(bench, command.format(name))
+        assert told.startswith(f"{name}: expected a file to write, found a named pipe\n  Name another file.")
+        assert stat.S_ISFIFO(target.stat().st_mode)
+    finally:
+        target.unlink()
+
+
+def test_a_folder_a_socket_and_a_device_stay_too(bench, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the path of a socket is short
+    (tmp_path / "folder.nc").mkdir()
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind("socket.nc")
+        (tmp_path / "null.nc").symlink_to(os.devnull)
+        for name, kind in (("folder.nc", "a folder"), ("socket.nc", "a socket"), ("null.nc", "a device")):
+            done = percuss_command("run", bench / "case.yaml", "-o", name, plain=True)
+            assert done.returncode == 2
+            assert done.stderr.startswith(f"{name}: expected a file to write, found {kind}\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.nc", "null.nc", "socket.nc"]
+
+
+@pytest.mark.parametrize("role", ["case case.yaml", "plug-in {}/my-law.py", "data file record.csv"])
+@pytest.mark.parametrize(("command", "name"), OF_CASES, ids=[command for command, _ in OF_CASES])
+def test_no_output_takes_the_place_of_an_input(bench, command, name, role):
+    """Here by way of a link, as the endings of most outputs are those of no input."""
+    role = role.format(bench)
+    link = bench / name
+    link.symlink_to(role.split(" ")[-1])
+    try:
+        told = refused(bench, command.format(name))
+        assert told.startswith(f"{name}: expected a file to write, found the {role}, which is read\n  Name another")
+        assert link.is_symlink()
+    finally:
+        link.unlink()
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (f"stability case.yaml {VARY} --by closed-form -o record.csv", "record.csv: expected a file to write, found"),
+        (f"stability case.yaml {VARY} --by closed-form -o case.yaml", "case.yaml: expected a file to write, found the"),
+        ("study study.yaml -o new.sqlite --workers 1 --export record.csv", "found the data file record.csv"),
+        ("study study.yaml -o study.yaml --workers 1", "study.yaml: expected a file to write, found the study"),
+        ("study study.yaml -o case.yaml --workers 1", "case.yaml: expected a file to write, found the case"),
+        ("study study.yaml -o my-law.yaml --workers 1", "expected the file of a study, found something else"),
+        ("study study.yaml -o new.csv --workers 1 --export new.csv", "found the file of rows new.csv, which is read"),
+        ("recommend case.yaml --error 1% --runs 10 --workers 1 -o case.yaml", "found the case case.yaml"),
+        ("study study.yaml -o new.sqlite --workers 1 --export nowhere/rows.csv", "expected a folder nowhere"),
+        ("recommend case.yaml --error 1% --runs 10 --workers 1 --plot nowhere/a.svg", "expected a folder nowhere"),
+    ],
+)
+def test_an_output_is_checked_before_anything_is_run(bench, command, said):
+    assert said in refused(bench, command)
+
+
+def test_a_file_among_the_varied_values_is_an_input(bench):
+    (bench / "other.csv").write_text("0,0\n0.1,0.02\n")
+    vary = "--vary loads.push.table.file=record.csv,other.csv"
+    told = refused(bench, f"stability case.yaml {vary} --by closed-form -o other.csv")
+    assert "other.csv: expected a file to write, found the data file other.csv, which is read" in told
+    study = {**yaml.safe_load((bench / "study.yaml").read_text())}
+    study["vary"] = {"loads.push.table.file": ["record.csv", "other.csv"]}
+    (bench / "files.yaml").write_text(yaml.safe_dump(study))
+    told = refused(bench, "study files.yaml -o new.sqlite --workers 1 --export other.csv")
+    assert "found the data file other.csv, which is read" in told
+
+
+def test_a_report_does_not_take_the_place_of_its_study(bench):
+    rows = bench / "rows.html"
+    rows.write_bytes((bench / "rows.sqlite").read_bytes())
+    try:
+        for command in ("report rows.html", "report rows.html -o rows.html"):
+            assert "rows.html: expected a file to write, found the study rows.html, which is" in refused(bench, command)
+    finally:
+        rows.unlink()
+
+
+def test_the_table_beside_a_page_does_not_take_the_place_of_its_study(bench, tmp_path, monkeypatch):
+    from percuss.reporting import study_data
+    from percuss.reporting.study_page import study_report
+
+    monkeypatch.setattr(study_data, "MOST_ROWS", 1)
+    rows = tmp_path / "rows.csv"
+    rows.write_bytes((bench / "rows.sqlite").read_bytes())
+    with pytest.raises(percuss.InputError, match=r"rows\.csv: expected a file to write, found the study"):
+        study_report(percuss.open_study(rows), tmp_path / "rows.html")
+    assert rows.read_bytes() == (bench / "rows.sqlite").read_bytes()
+    assert not (tmp_path / "rows.html").exists()
+
+
+@pytest.mark.parametrize("name", ["result", "result.svg", "result.nc.bak"])
+def test_the_ending_of_a_result_says_what_it_is(bench, name):
+    told = refused(bench, f"run case.yaml -o {name}")
+    found = "no ending" if name == "result" else name[name.rindex(".") :]
+    assert told.startswith(f"{name}: expected a result ending in .nc, found {found}\n  Name it result.nc.")
+
+
+def test_a_link_to_another_file_is_replaced_as_before(bench, tmp_path):
+    (tmp_path / "old.nc").write_text("old")
+    (tmp_path / "link.nc").symlink_to("old.nc")
+    done = percuss_command("run", bench / "case.yaml", "-o", tmp_path / "link.nc", plain=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "old.nc").read_text() == "old"
+    assert percuss.open_result(tmp_path / "link.nc").status == "done"
