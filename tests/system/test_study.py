@@ -640,6 +640,23 @@ WRONG = {
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 0]}\n",
         "study.yaml:3:20: vary.refine.1: expected a whole number of at least 1, found 0",
     ),
+    "wrong value beside right ones": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1.5], time.courant: [0.1, 0.2, 0.3]}\n",
+        "study.yaml:3:17: vary.refine.0: expected a whole number of at least 1, found 1.5",
+    ),
+    "wrong value behind right ones": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1], time: [0.1]}\n",
+        "study.yaml:3:28: vary.time.0: expected a mapping as {end: 1, courant: 0.5}, found 0.1",
+    ),
+    "wrong value that goes together with others": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {time.courant: [0.1, 0.2]}\npaired: [{refine: 0}, {refine: 1}]\n",
+        "study.yaml:4:19: paired.0.refine: expected a whole number of at least 1, found 0",
+    ),
+    "wrong end beside right values": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 2]}\n"
+        "sample: {count: 4, of: {bodies.short.area: {from: -1, to: 1}}}\n",
+        "study.yaml:4:51: sample.of.bodies.short.area.from: expected a number greater than 0 [length^2], found -1",
+    ),
     "wrong range": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: '1:2'}\n",
         "study.yaml:3:16: vary.refine: expected a range, found '1:2'",
