@@ -632,6 +632,14 @@ WRONG = {
         "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {contacts: [penalti]}\n",
         "study.yaml:3:22: methods.contacts.0: unknown contact law 'penalti'",
     ),
+    "wrong option of a method": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {contacts: [lagrange, {name: penalty, beta_s: [1, 2]}]}\n",
+        "study.yaml:3:56: methods.contacts.1.beta_s: expected a number greater than 0 or 'auto', found [1, 2]",
+    ),
+    "unknown option of a method": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {integrators: [{name: velocity-verlet, beta: 1}]}\n",
+        "study.yaml:3:49: methods.integrators.0.beta: unknown key 'beta' of the integrator velocity-verlet",
+    ),
     "unknown path": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary:\n  method.contact.beta: [1, 2]\n",
         "study.yaml:4:3: vary.method.contact.beta: unknown key 'beta' of the contact law bipenalty",

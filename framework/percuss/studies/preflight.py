@@ -22,7 +22,7 @@ __all__ = ["check_measures", "check_points", "rehearsals", "rehearse"]
 
 
 def check_points(spec: StudySpec) -> None:
-    """Check that each varied path and value is right for at least one case and pair of methods.
+    """Check that each varied path and value, and each option of a method, is right for at least one run.
 
     Of long lists of numbers only the ends are tried: a wrong value among right ones fails as a run of its own.
 
@@ -31,7 +31,7 @@ def check_points(spec: StudySpec) -> None:
     InputError
         With all values that are wrong in every run, at their places in the study.
     """
-    problems: dict[Problem, None] = {}
+    problems: dict[Problem, None] = dict.fromkeys(_wrong_methods(spec))
     for places, point in _points_to_try(spec, _first_point(spec)):
         wrong = _wrong_everywhere(spec, point)
         for problem in wrong:
@@ -44,6 +44,25 @@ def check_points(spec: StudySpec) -> None:
             break
     if problems:
         raise InputError(problems)
+
+
+def _wrong_methods(spec: StudySpec) -> Iterator[Problem]:
+    """Yield the mistakes in the options of listed methods that are wrong in every run of the first point."""
+    first = _first_point(spec)
+    for family, path, listed in (
+        ("integrators", "method.integrator", spec.integrators),
+        ("contacts", "method.contact", spec.contacts),
+    ):
+        for i, (label, method) in enumerate(listed.items()):
+            if not isinstance(method, Mapping) or path in first:
+                continue
+            changes: dict[str, Any] = {family: {label: method}}
+            for problem in _wrong_everywhere(dataclasses.replace(spec, **changes), first):
+                if problem.place.startswith(f"--set {path}="):
+                    inside = problem.path.removeprefix(path).split(".")[1:]
+                    at = ("methods", family, i, *(int(part) if part.isdecimal() else part for part in inside))
+                    unknown = problem.message.startswith("unknown key")
+                    yield spec.source.problem(at, problem.message, problem.advice, key=unknown)
 
 
 def _first_point(spec: StudySpec) -> dict[str, Any]:
@@ -61,9 +80,7 @@ def _problem_in_study(spec: StudySpec, at: KeyPath, path: str, problem: Problem)
     return spec.source.problem(at, inside + problem.message, problem.advice)
 
 
-def _points_to_try(
-    spec: StudySpec, first: Mapping[str, Any]
-) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
+def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
     """Yield a point for each value to try, with the place of each of its values that the study writes out.
 
     All other values are those of the first point.
