@@ -233,6 +233,10 @@ class Source:
             labels={**labels, target: label, full: label},
         )
 
+    def has_override(self, *sections: str) -> bool:
+        """Return whether an override set something in one of the named sections."""
+        return any(path[0] in sections for path in self.labels)
+
     # ------------------------------------------------------------------------------------------- places
 
     def _label(self, path: KeyPath) -> str | None:

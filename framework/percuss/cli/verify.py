@@ -102,6 +102,8 @@ def _verify_case(path: Path, plugins: list[Path]) -> dict[str, Any]:
         checks = [check.as_dict() for check in verified(case, result)]
         error = "; ".join(open_accounts(result.summary))
         error = error or ("" if checks else "the case expects nothing: add `expect`")
+    except InputError:
+        raise
     except PercussError as stopped:
         checks, error = [], str(stopped)
     passed = not error and all(check["passed"] for check in checks)
