@@ -18,6 +18,7 @@ import percuss
 import places
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
+from percuss.reporting.tell_study import tell_study
 from percuss.studies import parameters
 from percuss.studies import workers as local_workers
 from percuss.studies.json_schema import study_schema
@@ -685,6 +686,11 @@ WRONG = {
         "percuss-study: 1\ncases: [hunek.yaml]\nmeasure: [{name: a, quantity: gap}]\n",
         "study.yaml:3:11: measure.0.at: missing (the time of the value)",
     ),
+    "measure after the end": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {time.courant: [0.5, 0.9]}\n"
+        "measure: [{name: a, quantity: contact_force, contact: tip, during: [5, 6], take: mean}]\n",
+        "study.yaml:4:68: measure.0.during: expected an interval that begins at or before the end of the run, 0.8",
+    ),
     "condition": (
         "percuss-study: 1\ncases: [hunek.yaml]\nwhere: [{path: refine, op: <, value: 2}]\n",
         "study.yaml:3:16: where.0.path: 'refine' is not varied",
@@ -711,6 +717,25 @@ def test_a_wrong_study_is_one_clear_message(text, tmp_path, monkeypatch):
     assert said in str(caught.value)
     assert len(caught.value.problems) == 1
     assert sorted(one.name for one in tmp_path.iterdir()) == ["hunek.yaml", "study.yaml"]
+
+
+def test_a_measure_of_a_time_that_some_runs_do_not_reach_is_told(tmp_path, capsys):
+    measures = [
+        {"name": "mean", "quantity": "contact_force", "contact": "tip", "during": [0.02, 6], "take": "mean"},
+        {"name": "later", "quantity": "contact_force", "contact": "tip", "during": [0.05, 6], "take": "mean"},
+        {"name": "last", "quantity": "gap", "contact": "tip", "at": 3},
+    ]
+    ends = given(vary={"time.end": [0.03, 0.08]}, measure=measures)
+    made = percuss.study(ends, tmp_path / "a.sqlite", workers=1)
+    assert made.table["mean"].notna().all()
+    assert made.table.later.isna().tolist() == [True, False]
+    assert made.table["last"].isna().all()
+    tell_study(made)
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no value")]
+    assert told == [
+        "no value of later in 1 of 2 done: mean of contact_force of tip from 0.05 to 6",
+        "no value of last in 2 of 2 done: gap of tip at 3",
+    ]
 
 
 def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
