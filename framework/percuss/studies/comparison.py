@@ -11,7 +11,7 @@ from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import expect_case
 from percuss.case.overrides import as_given_by
 from percuss.case.quantities import METRICS
-from percuss.errors import PercussError
+from percuss.errors import InputError, PercussError
 from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
@@ -19,7 +19,6 @@ from percuss.studies.tasks import tasks
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
-    from percuss.errors import InputError
     from percuss.studies.tasks import Task
 
 __all__ = ["Run", "compare", "metrics", "own_laws"]
@@ -87,11 +86,17 @@ def compare(
 
 
 def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[Any]]) -> tuple[Run, InputError | None]:
-    """Make the run of a task; mistakes in varied values are told as those of the option ``--vary``."""
+    """Make the run of a task; mistakes are told as those of the option that gave the value."""
     run, error = perform(case, task)
     if error is None:
         return run, None
     told = as_given_by("--vary", vary, error)
+    for option in ("integrator", "contact"):
+        if f"method.{option}.name" not in vary:
+            named = f"--set method.{option}.name="
+            told = InputError(
+                replace(problem, place=problem.place.replace(named, f"--{option} ", 1)) for problem in told.problems
+            )
     return replace(run, reason=str(told)), told
 
 
