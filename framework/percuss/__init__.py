@@ -19,7 +19,7 @@ _MODULES = {
     "methods.interfaces": (
         "AllowInf BodyEnd BodyMesh CellElement ContactLaw ContactPoints ContactProblem ContactState DataFile Doc "
         "Element Exact ExactContact Floats FollowingLoad Ge Gt Implicit Integers Integrator Le LeapFrog LinearLaw Load "
-        "LoadedEnd Lt Lumping Mass Material Measure Mesh "
+        "LoadedEnd Lt Lumping Mass Material Measure Mesh OptionError "
         "ProblemBody ProblemContact ProblemLoad Region Shape Solution Stages Trial Unit end_of_step"
     ),
     "errors": "InputError PercussError PluginError RefusedPair RunError",
@@ -70,6 +70,7 @@ __all__ = [
     "Material",
     "Measure",
     "Mesh",
+    "OptionError",
     "PercussError",
     "PluginError",
     "ProblemBody",
@@ -141,6 +142,7 @@ if TYPE_CHECKING:
         Material,
         Measure,
         Mesh,
+        OptionError,
         ProblemBody,
         ProblemContact,
         ProblemLoad,

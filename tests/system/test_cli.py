@@ -150,6 +150,9 @@ def test_a_run_that_gains_energy_is_stopped_and_named(tmp_path: Path) -> None:
         (["compare", HUNEK, "--contact", "penalti"], "Did you mean 'penalty'?"),
         (["compare", HUNEK, "--vary", "refine=1:2"], "expected a range"),
         (["compare", HUNEK, "--vary", "refin=1,2"], "Did you mean 'refine'?"),
+        (["compare", HUNEK, "--vary", "refine=a,b"], "--vary refine=a: refine: expected a whole number of at least 1"),
+        (["compare", HUNEK, "--contact", "cohesive"], "--contact cohesive: method.contact.strength: missing"),
+        (["verify", "--method", "bipenalti"], "--method bipenalti: unknown component 'bipenalti'"),
         (["plugins", "bipenalti"], "Did you mean 'bipenalty'?"),
         (["check", HUNEK, "--set", "bodies.long.at=9"], "overlap"),
     ],
@@ -161,6 +164,24 @@ def test_bad_input_is_one_clear_message(args: list[str], said: str, tmp_path: Pa
     assert said in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["check", "run", "verify"])
+@pytest.mark.parametrize(
+    "time", ["{end: 0.1, courant: 0.5}", "{steps: 50, courant: 0.5}", "{steps: 50, courant: auto}"]
+)
+def test_what_is_expected_after_the_end_is_refused_before_the_run(command: str, time: str, tmp_path: Path) -> None:
+    text = Path(HUNEK).read_text().replace("{end: 0.8, courant: 0.5}", time)
+    (tmp_path / "late.yaml").write_text(text)
+    done = percuss_command(command, "late.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "late.yaml:25:53: expect.1.during: expected an interval that begins at or before the end" in done.stderr
+    assert "nothing was run" in done.stderr
+
+
+def test_a_run_that_an_override_shortens_is_not_held_to_what_its_file_expects() -> None:
+    for override in ("time.end=0.05", "time={steps: 20, courant: 0.5}", "record.probes=[]"):
+        assert percuss_command("run", HUNEK, "--set", override).returncode == 0
 
 
 def test_bad_input_is_json_too() -> None:

@@ -18,6 +18,7 @@ import percuss
 import places
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
+from percuss.reporting.tell_study import tell_study
 from percuss.studies import parameters
 from percuss.studies import workers as local_workers
 from percuss.studies.json_schema import study_schema
@@ -632,6 +633,14 @@ WRONG = {
         "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {contacts: [penalti]}\n",
         "study.yaml:3:22: methods.contacts.0: unknown contact law 'penalti'",
     ),
+    "wrong option of a method": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {contacts: [lagrange, {name: penalty, beta_s: [1, 2]}]}\n",
+        "study.yaml:3:56: methods.contacts.1.beta_s: expected a number greater than 0 or 'auto', found [1, 2]",
+    ),
+    "unknown option of a method": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nmethods: {integrators: [{name: velocity-verlet, beta: 1}]}\n",
+        "study.yaml:3:49: methods.integrators.0.beta: unknown key 'beta' of the integrator velocity-verlet",
+    ),
     "unknown path": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary:\n  method.contact.beta: [1, 2]\n",
         "study.yaml:4:3: vary.method.contact.beta: unknown key 'beta' of the contact law bipenalty",
@@ -639,6 +648,23 @@ WRONG = {
     "wrong value": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 0]}\n",
         "study.yaml:3:20: vary.refine.1: expected a whole number of at least 1, found 0",
+    ),
+    "wrong value beside right ones": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1.5], time.courant: [0.1, 0.2, 0.3]}\n",
+        "study.yaml:3:17: vary.refine.0: expected a whole number of at least 1, found 1.5",
+    ),
+    "wrong value behind right ones": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1], time: [0.1]}\n",
+        "study.yaml:3:28: vary.time.0: expected a mapping as {end: 1, courant: 0.5}, found 0.1",
+    ),
+    "wrong value that goes together with others": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {time.courant: [0.1, 0.2]}\npaired: [{refine: 0}, {refine: 1}]\n",
+        "study.yaml:4:19: paired.0.refine: expected a whole number of at least 1, found 0",
+    ),
+    "wrong end beside right values": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 2]}\n"
+        "sample: {count: 4, of: {bodies.short.area: {from: -1, to: 1}}}\n",
+        "study.yaml:4:51: sample.of.bodies.short.area.from: expected a number greater than 0 [length^2], found -1",
     ),
     "wrong range": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: '1:2'}\n",
@@ -659,6 +685,11 @@ WRONG = {
     "measure without a time": (
         "percuss-study: 1\ncases: [hunek.yaml]\nmeasure: [{name: a, quantity: gap}]\n",
         "study.yaml:3:11: measure.0.at: missing (the time of the value)",
+    ),
+    "measure after the end": (
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {time.courant: [0.5, 0.9]}\n"
+        "measure: [{name: a, quantity: contact_force, contact: tip, during: [5, 6], take: mean}]\n",
+        "study.yaml:4:68: measure.0.during: expected an interval that begins at or before the end of the run, 0.8",
     ),
     "condition": (
         "percuss-study: 1\ncases: [hunek.yaml]\nwhere: [{path: refine, op: <, value: 2}]\n",
@@ -686,6 +717,25 @@ def test_a_wrong_study_is_one_clear_message(text, tmp_path, monkeypatch):
     assert said in str(caught.value)
     assert len(caught.value.problems) == 1
     assert sorted(one.name for one in tmp_path.iterdir()) == ["hunek.yaml", "study.yaml"]
+
+
+def test_a_measure_of_a_time_that_some_runs_do_not_reach_is_told(tmp_path, capsys):
+    measures = [
+        {"name": "mean", "quantity": "contact_force", "contact": "tip", "during": [0.02, 6], "take": "mean"},
+        {"name": "later", "quantity": "contact_force", "contact": "tip", "during": [0.05, 6], "take": "mean"},
+        {"name": "last", "quantity": "gap", "contact": "tip", "at": 3},
+    ]
+    ends = given(vary={"time.end": [0.03, 0.08]}, measure=measures)
+    made = percuss.study(ends, tmp_path / "a.sqlite", workers=1)
+    assert made.table["mean"].notna().all()
+    assert made.table.later.isna().tolist() == [True, False]
+    assert made.table["last"].isna().all()
+    tell_study(made)
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("no value")]
+    assert told == [
+        "no value of later in 1 of 2 done: mean of contact_force of tip from 0.05 to 6",
+        "no value of last in 2 of 2 done: gap of tip at 3",
+    ]
 
 
 def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):

@@ -128,6 +128,8 @@ def test_the_command_line_saves_draws_and_prints(tmp_path):
         (["stability", HUNEK, "--plot", "a.svg"], "expected one or two --vary, found 0"),
         (["stability", HUNEK, "--vary", "method.contact.beta_z=1"], "Did you mean 'beta_s'?"),
         (["stability", HUNEK, "--vary", "refine=1:2"], "expected a range"),
+        (["stability", HUNEK, "--vary", "refine=a"], "--vary refine=a: refine: expected a whole number"),
+        (["stability", HUNEK, "--curves", "refine=a"], "--curves refine=a: refine: expected a whole number"),
         (["stability", HUNEK, "-o", "nowhere/a.csv"], "expected a folder"),
         (["waves", HUNEK, "--contact", "tap"], "Did you mean 'tip'?"),
         (["waves", HUNEK, "--plot", "a.bmp"], "png"),

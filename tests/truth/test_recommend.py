@@ -92,8 +92,10 @@ def test_a_search_that_was_interrupted_goes_on(small, monkeypatch):
     assert {key: made_later[key] for key in stored} == stored  # to the last digit of a clock: none was run again
 
 
-def test_no_run_meets_a_bound_that_cannot_be_met(small):
-    answer = found(small, error=1e-9, runs=12)
+@pytest.mark.parametrize("bounds", [{"error": 1e-9}, {"error": 1e-300}, {"error": None, "energy": 1e-300},
+                                    {"error": 0.5, "seconds": 1e-300}])  # fmt: skip
+def test_no_run_meets_a_bound_that_cannot_be_met(bounds, small):
+    answer = found(small, runs=12, **bounds)
     assert answer.best is None
     assert answer.second is None
     assert answer.nearest.excess == min(one.excess for one in answer.tried)
@@ -206,14 +208,17 @@ def test_a_bound_is_a_number_or_percent(text, value):
     ("words", "message"),
     [
         (["--error", "abc"], "--error: expected a number, found 'abc'"),
-        (["--error", "-1"], "--error: expected a number greater than 0, found -1"),
-        (["--error", "nan"], "--error: expected a number greater than 0, found nan"),
+        (["--error", "-1"], "--error: expected a finite number greater than 0, found -1"),
+        (["--error", "0"], "--error: expected a finite number greater than 0, found 0"),
+        (["--error", "nan"], "--error: expected a finite number greater than 0, found nan"),
+        (["--energy", "inf"], "--energy: expected a finite number greater than 0, found inf"),
         ([], "expected a bound on the error or on the energy, found none"),
         (["--time", "1"], "expected a bound on the error or on the energy, found none"),
         (["--error", "1%", "--measure", "noise"], "--measure: expected a true error, found 'noise'"),
         (["--error", "1%", "--contact", "lagrang"], "--contact: unknown contact law 'lagrang'"),
         (["--error", "1%", "--contact", "cohesive"], "'cohesive' needs a value of strength and length, which no"),
         (["--error", "1%", "--runs", "3"], "--runs: expected a number of at least 10, found 3"),
+        (["--error", "1%", "--seed", "-1"], "--seed: expected a whole number of at least 0, found -1"),
         (["--error", "1%", "--plot", "x.gif"], "x.gif"),
     ],
 )

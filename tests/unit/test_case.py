@@ -139,14 +139,14 @@ def test_infinite_where_it_is_allowed(tmp_path):
 def test_expectations():
     expect = [
         {"quantity": "contact_force", "during": [0, 1], "mean": 2, "within": "1.5 %", "source": "exact"},
-        {"quantity": "velocity", "probe": "a.left", "at": 1, "value": 0.5, "within": 1e-3, "source": "paper"},
+        {"quantity": "velocity", "probe": "a.right", "at": 1, "value": 0.5, "within": 1e-3, "source": "paper"},
         {"quantity": "energy.final", "value": 1, "within": 0, "source": "frozen on 2026-11-21"},
     ]
     force, velocity, energy = load(mapping(expect=expect)).expect
     assert (force.contact, force.statistic, force.value, force.relative) == ("tip", "mean", 2.0, True)
     assert force.within == pytest.approx(0.015)
     assert (force.during, force.at, force.path) == ((0.0, 1.0), None, ("expect", 0))
-    assert (velocity.probe, velocity.at, velocity.component) == (Address("a", "left"), 1.0, 0)
+    assert (velocity.probe, velocity.at, velocity.component) == (Address("a", "right"), 1.0, 0)
     assert (velocity.statistic, velocity.within, velocity.relative) == ("value", 1e-3, False)
     assert (energy.quantity, energy.contact, energy.source) == ("energy.final", None, "frozen on 2026-11-21")
 

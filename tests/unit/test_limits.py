@@ -27,7 +27,10 @@ ABSURD = [
     (f"record.every={400 * '1'}", ["record.every: expected a whole number below 2^63, found 1111"]),
     (f"time.steps={400 * '1'}", ["time.steps: expected a whole number below 2^63, found 1111"]),
     (f"time.end={400 * '1'}", ["time.end: expected a number greater than 0 [time], found 1111"]),
-    ("bodies.short.velocity=1e200", ["bodies.short: expected a velocity between", "found 1e+200", "Choose units"]),
+    (
+        "bodies.short.velocity=1e200",
+        ["bodies.short.velocity: expected a velocity between", "found 1e+200", "Choose units"],
+    ),
     ("bodies.short.material.density=1e-320", ["bodies.short: expected a mass of a node between", "Choose units"]),
     ("bodies.short.material.young=1e308", ["bodies.short: expected a stiffness EA/h", "found inf"]),
     ("bodies.short.bar.length=1e-300", ["bodies.short: expected an element length"]),
@@ -120,3 +123,24 @@ def test_a_study_given_for_a_case_is_told_so(command):
     assert "percuss-study: is a study, not a case" in done.stderr
     assert "Run it with `percuss study`." in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "bodies.short.bar.elements=10000000000", "bodies.short.material.density=1e300", "bodies.short.velocity=1e200",
+        "refine=1000000000", "time.end=1e30",
+    ],
+)  # fmt: skip
+def test_a_limit_that_an_override_passes_is_told_of_the_override(override):
+    path, _, value = override.partition("=")
+    with pytest.raises(InputError) as caught:
+        settled(percuss.load(places.CASES / "hunek.yaml", {path: value}))
+    assert [(problem.place, problem.excerpt) for problem in caught.value.problems] == [(f"--set {override}", "")]
+
+
+def test_a_velocity_beyond_the_limits_is_told_at_its_place(tmp_path):
+    file, text = tmp_path / "fast.yaml", (places.CASES / "hunek.yaml").read_text(encoding="utf-8")
+    file.write_text(text.replace("velocity: 0.1", "velocity: 1e200"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"fast\.yaml:9:15: bodies\.short\.velocity: expected a velocity between"):
+        settled(percuss.load(file))

@@ -27,6 +27,7 @@ class Waves:
 class Study:
     title, found, path, complete = "A study with a title that is rather long", 3, "study.sqlite", True
     columns = {f"measure_number_{k}_error": "a number" for k in range(9)}
+    spec = {"measure": list(columns)}
 
     def __init__(self, cases):
         self.cases = cases

@@ -73,9 +73,12 @@ class Case(CaseSection):
     files: tuple[Path, ...]
     data_files: Mapping[str, str] = field(repr=False)
 
-    def problem(self, path: KeyPath, message: str, advice: str = "") -> Problem:
-        """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file."""
-        return self.origin.problem(path, message, advice)
+    def problem(self, path: KeyPath, message: str, advice: str = "", *, any_inside: bool = False) -> Problem:
+        """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file.
+
+        With `any_inside` it follows from several values inside the path, and an override of one is its place.
+        """
+        return self.origin.problem(path, message, advice, any_inside=any_inside)
 
     @property
     def inputs(self) -> list[tuple[str, Path]]:

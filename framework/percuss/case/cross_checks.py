@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.specs import Address, CaseSection, Expectation, quantity_named
+from percuss.case.expectations import after_the_end
+from percuss.case.specs import Address, CaseSection, Expectation, RecordSpec, quantity_named
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
 
@@ -213,6 +214,7 @@ class CrossChecks:
             if expectation is not None:
                 self._check_statistic(("expect", i), expectation)
                 self._check_owner(("expect", i), expectation)
+                self._check_time(("expect", i), expectation)
 
     def _check_statistic(self, path: KeyPath, expectation: Expectation) -> None:
         """Report a statistic, a time or a component that does not suit the quantity."""
@@ -252,8 +254,32 @@ class CrossChecks:
                 self.wrong(at, f"missing (whose {name})", "The case has no contact.", key=True)
         at = (*path, "probe")
         if quantity.of == "probe" and expectation.probe is not None:
-            self._is_end(at, expectation.probe)
+            if self._is_end(at, expectation.probe):
+                self._check_recorded(at, expectation.probe)
         elif quantity.of == "probe":
             self.wrong(at, f"missing (whose {name})", "Add `probe:` with an end.", key=True)
         elif expectation.probe is not None:
             self.wrong(at, f"{name} belongs to no end", "Remove `probe:`.", key=True)
+
+    def _check_recorded(self, path: KeyPath, probe: Address) -> None:
+        """Report a probe whose motion the case does not record; without `probes` that of the ends in contact is."""
+        record = self.reader.part(("record",)) if "record" in self.reader.source.data else RecordSpec()
+        contacts = [contact for *_, contact in self._parts("contacts")]
+        # A run that overrides change may record other ends than those of which the file expects something.
+        if record is None or None in contacts or self.reader.source.has_override("record", "contacts"):
+            return
+        in_contact = [side for contact in contacts for side in contact.sides]
+        recorded = [str(end) for end in (in_contact if record.probes is None else record.probes)]
+        if str(probe) not in recorded:
+            message = f"expected an end whose motion is recorded, found {probe}"
+            self.wrong(path, message, f"Add {probe} to record.probes.")
+
+    def _check_time(self, path: KeyPath, expectation: Expectation) -> None:
+        """Report a time after the end of the run, where the case alone says when that is."""
+        time = self.reader.part(("time",))
+        if time is None or time.known_end is None or self.reader.source.has_override("time"):
+            return
+        late = after_the_end(expectation.during, expectation.at, time.known_end)
+        if late is not None:
+            key, message, advice = late
+            self.wrong((*path, key), message, advice)

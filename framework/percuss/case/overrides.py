@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import replace
 from typing import Any
 
 from percuss.case.options import options_of
@@ -15,7 +16,7 @@ from percuss.case.yaml_text import KeyPath, dotted, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
 
-__all__ = ["apply"]
+__all__ = ["apply", "as_given_by"]
 
 
 def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> tuple[Source, list[str]]:
@@ -48,6 +49,27 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
     if problems:
         raise InputError(problems)
     return source, notes
+
+
+def as_given_by(option: str, paths: Iterable[str], error: InputError) -> InputError:
+    """Return an error in which mistakes in values at some dotted paths name the option that gave these values.
+
+    Parameters
+    ----------
+    option
+        The option, as ``--vary``.
+    paths
+        The paths.
+    error
+        The error, which names ``--set``.
+    """
+    beginnings = tuple(f"--set {path}=" for path in paths)
+    return InputError(
+        replace(problem, place=option + problem.place.removeprefix("--set"))
+        if problem.place.startswith(beginnings)
+        else problem
+        for problem in error.problems
+    )
 
 
 @functools.lru_cache(maxsize=1024)  # a study asks for the same few paths in each of its runs

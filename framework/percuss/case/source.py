@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -247,6 +248,10 @@ class Source:
             labels={**labels, target: label, full: label},
         )
 
+    def has_override(self, *sections: str) -> bool:
+        """Return whether an override set something in one of the named sections."""
+        return any(path[0] in sections for path in self.labels)
+
     # ------------------------------------------------------------------------------------------- places
 
     def _label(self, path: KeyPath) -> str | None:
@@ -305,6 +310,30 @@ class Source:
     def _problem_at(self, position: tuple[int, int], path: str, message: str, advice: str) -> Problem:
         return Problem(f"{self.name}:{position[0]}:{position[1]}", path, message, advice, self._excerpt_at(position))
 
-    def problem(self, path: KeyPath, message: str, advice: str = "", *, key: bool = False) -> Problem:
-        """Return the problem at `path` with its place and the user's own line."""
+    def _label_of_cause(self, path: KeyPath, message: str, any_inside: bool) -> str | None:
+        """Return the text of the override that causes a problem at a path that no override set, or None.
+
+        It set a key inside `path` that the message names, or any one there, or the component that lacks the entry.
+        """
+        if not path or self._label(path) is not None:
+            return None
+        name = (*path[:-1], "name")
+        if name in self.labels and path != name and self.get(path) is None:
+            return self.labels[name]
+        words = set(re.findall(r"[\w-]+", message))
+        inside = {at: label for at, label in self.labels.items() if at[: len(path)] == path}
+        named = [label for at, label in inside.items() if str(at[-1]) in words]
+        return next(reversed(named or list(inside.values()) * any_inside), None)
+
+    def problem(
+        self, path: KeyPath, message: str, advice: str = "", *, key: bool = False, any_inside: bool = False
+    ) -> Problem:
+        """Return the problem at `path` with its place and the user's own line.
+
+        Where an override inside `path` sets a key that the message names, the place is the override; so it is, with
+        `any_inside`, whichever key inside `path` an override sets.
+        """
+        cause = self._label_of_cause(path, message, any_inside)
+        if cause is not None:
+            return Problem(cause, dotted(path), message, advice)
         return Problem(self.place(path, key=key), dotted(path), message, advice, self.excerpt(path, key=key))

@@ -177,6 +177,13 @@ class TimeSpec(Section):
         if wrong:
             raise ValueError(f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}")
 
+    @property
+    def known_end(self) -> float | None:
+        """End of the run, or None where its step follows from the model alone."""
+        if self.steps is not None and self.step is not None:
+            return self.steps * self.step
+        return self.end
+
 
 @dataclass(frozen=True)
 class BodySpec(Section):

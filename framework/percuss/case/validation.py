@@ -22,7 +22,7 @@ from percuss.case.type_words import Expects, advice_for, branches, describe, fac
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
 from percuss.methods.blame import SINGULAR, said_by
-from percuss.methods.interfaces import AllowInf, Component, DataFile
+from percuss.methods.interfaces import AllowInf, Component, DataFile, OptionError
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
@@ -265,6 +265,8 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
             raise failure(*_mapping_mistakes(cls, given, error.errors(include_url=False), info.context)) from None
         try:
             made = cls(**{options[key].field: item for key, item in values.items()})
+        except OptionError as error:
+            raise failure(Mistake(error.path, str(error))) from None
         except ValueError as error:
             raise failure(Mistake((), said_by(error), key=True)) from None
         info.context.checked[id(value)] = made

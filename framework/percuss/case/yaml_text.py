@@ -13,6 +13,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import yaml
 
+from percuss.methods.interfaces import NAME_PATTERN
+
 __all__ = ["MAX_DEPTH", "KeyPath", "Mark", "Mistake", "NotPlainError", "compose", "dotted", "flow"]
 
 KeyPath = tuple[str | int, ...]
@@ -265,7 +267,11 @@ class _Document:
         self.nodes[id(node)] = (*path, node.value), value
         if not isinstance(value, str):
             message = f"expected a word as key, found {flow(value)}"
-            self.mistakes.append(Mistake(position, path, message, f"Quote it: '{node.value}'."))
+            quoted = f"Quote it: '{node.value}'."
+            advice = (
+                quoted if NAME_PATTERN.fullmatch(node.value) else "A name is a letter, then letters, digits, _ or -."
+            )
+            self.mistakes.append(Mistake(position, path, message, advice))
         elif value == "<<" and not node.style:
             message = "merge keys (<<) are not part of YAML 1.2"
             self.mistakes.append(Mistake(position, (*path, "<<"), message, "Write the keys out."))

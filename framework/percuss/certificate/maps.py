@@ -15,6 +15,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.arguments import expect_names
 from percuss.case.case import expect_case
+from percuss.case.overrides import as_given_by
 from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
@@ -94,7 +95,7 @@ def stability(
         if progress is not None:
             progress(done + 1, len(combinations))
     if len(errors) == len(combinations):
-        raise errors[0]
+        raise as_given_by("--vary", vary or {}, as_given_by("--curves", curves or {}, errors[0]))
     return rows
 
 

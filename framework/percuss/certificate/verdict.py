@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.case.expectations import after_the_end
 from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
 from percuss.certificate.criteria import (
@@ -102,8 +103,37 @@ def settled(case: Case) -> SettledRun:
     Raises
     ------
     InputError
-        If the case is wrong, or no step is stable.
+        If the case is wrong, no step is stable, or the run ends before something that the case expects of it.
     """
+    run = _with_step(case)
+    _refuse_after_the_end(case, run.model.steps * run.model.dt)
+    return run
+
+
+def _refuse_after_the_end(case: Case, end: float) -> None:
+    """Refuse a case that expects something after the end of its run, where that is known of its model alone.
+
+    A run that overrides change may end before what is expected of the case as it stands in its file.
+
+    Raises
+    ------
+    InputError
+        With all such expectations.
+    """
+    if not case.expect or case.origin.has_override("bodies", "contacts", "loads", "method", "refine", "time"):
+        return
+    problems = []
+    for expectation in case.expect:
+        late = after_the_end(expectation.during, expectation.at, end)
+        if late is not None:
+            key, message, advice = late
+            problems.append(case.problem((*expectation.path, key), message, advice))
+    if problems:
+        raise InputError(problems)
+
+
+def _with_step(case: Case) -> SettledRun:
+    """Return the model of a case with its step."""
     model = Model(case)
     if case.time.courant != "auto":
         return SettledRun(model, None)

@@ -21,7 +21,7 @@ def plugins(
 
         registry = Registry.load(plugin or [])
         if name:
-            keys = component.components_named(registry, name)
+            keys = component.components_named(registry, name, "percuss plugins")
             if as_json:
                 print_json({"components": [component.component_data(registry, *key) for key in keys]})
             else:

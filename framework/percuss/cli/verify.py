@@ -102,6 +102,8 @@ def _verify_case(path: Path, plugins: list[Path]) -> dict[str, Any]:
         checks = [check.as_dict() for check in verified(case, result)]
         error = "; ".join(open_accounts(result.summary))
         error = error or ("" if checks else "the case expects nothing: add `expect`")
+    except InputError:
+        raise
     except PercussError as stopped:
         checks, error = [], str(stopped)
     passed = not error and all(check["passed"] for check in checks)
@@ -124,7 +126,9 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
     # Hypothesis would otherwise keep its examples in the user's current folder.
     set_hypothesis_home_dir(platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis")
     registry = Registry.load(files)
-    keys = [key for name in names for key in components_named(registry, name)] or _keys_of_files(registry)
+    keys = [key for name in names for key in components_named(registry, name, f"--method {name}")] or _keys_of_files(
+        registry
+    )
     if not keys:
         advice = "Give a single-file plug-in (--plugin FILE), a method (--method NAME) or a case."
         raise InputError([Problem("percuss verify", "", "nothing to verify", advice)])

@@ -49,8 +49,17 @@ def docs(component: type[Component]) -> Docs:
     return Docs(first, formula.removeprefix(FORMULA).strip(), rest)
 
 
-def components_named(registry: Registry, name: str) -> list[tuple[str, str]]:
+def components_named(registry: Registry, name: str, place: str) -> list[tuple[str, str]]:
     """Return the (family, name) of every component called `name`.
+
+    Parameters
+    ----------
+    registry
+        The components.
+    name
+        Name that the user gave.
+    place
+        Command or option with which it was given, for the message.
 
     Raises
     ------
@@ -60,7 +69,7 @@ def components_named(registry: Registry, name: str) -> list[tuple[str, str]]:
     keys = [key for key in registry.components if key[1] == name]
     if not keys:
         names = {key[1] for key in registry.components}
-        raise InputError([Problem("percuss plugins", "", f"unknown component '{name}'", suggestion(name, names))])
+        raise InputError([Problem(place, "", f"unknown component '{name}'", suggestion(name, names))])
     return keys
 
 

@@ -30,6 +30,8 @@ def tell_study(study: Study) -> None:
     measured = [name for name in study.columns if any(_is_number(row[name]) for row in done)]
     if done and measured:
         _print_best_runs(console, done, measured, list(rows[0]))
+    for name, without in _without_value(study, done).items():
+        console.print(f"no value of {escape(name)} in {without} of {len(done)} done: {escape(study.columns[name])}")
     reasons = Counter((row["status"], row["said_by"], row["reason"].split("\n")[0]) for row in rows if row["reason"])
     for (status, said_by, reason), count in reasons.most_common(BEST):
         source = f" (says {said_by})" if said_by else ""
@@ -37,6 +39,13 @@ def tell_study(study: Study) -> None:
     if len(reasons) > BEST:
         console.print(f"and {len(reasons) - BEST} other reasons: see the column `reason`")
     console.print(f"rows: {escape(str(study.path))}")
+
+
+def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:
+    """Return in how many of the done rows each measure of a time has no value, as they end before it; without zeros."""
+    asked = [one for one in study.spec.get("measure") or () if isinstance(one, dict) and {"during", "at"} & one.keys()]
+    counts = {one["name"]: sum(row[one["name"]] is None for row in done) for one in asked}
+    return {name: count for name, count in counts.items() if count}
 
 
 def _print_best_runs(console: Any, done: list[dict[str, Any]], measured: list[str], keys: list[str]) -> None:

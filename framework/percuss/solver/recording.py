@@ -158,7 +158,9 @@ def recordable(model: Model) -> Model:
             f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"
         )
         advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
-        problems.append(case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice))
+        problems.append(
+            case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice, any_inside=True)
+        )
     snapshots, columns = shapes.field
     size_bytes = 8.0 * COPIES * snapshots * columns
     if not size_limits.fits_in_memory(size_bytes):

@@ -73,7 +73,8 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
         If the nodes do not fit into memory.
     """
     start = np.asarray(spec.at, dtype=float)
-    path: tuple[str, ...] = ("refine",) if case.refine > 1 else ("bodies", spec.name)
+    body = ("bodies", spec.name)
+    path: tuple[str, ...] = ("refine",) if case.refine > 1 else body
     amount = f"more in body '{spec.name}' than the machine can hold"
     try:
         count = answer(spec.shape, "element_count", case.refine)
@@ -81,6 +82,7 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
             count = answer(spec.shape, "mesh", start, 1).lengths.size * case.refine if case.refine > 1 else 0
         nodes = answer(spec.element, "reference_nodes").size - 1 if has_cells(spec.element) else 1  # for each element
         size = float(BYTES_PER_NODE) * count * nodes * start.size
+        path = path if fits_in_memory(size / case.refine) else body
         if fits_in_memory(size):
             return mesh_of_element(spec.element, answer(spec.shape, "mesh", start, case.refine))
         amount = f"{count:.4g} in body '{spec.name}', which take {bytes_in_words(size)}, {memory_in_words()}"
@@ -121,7 +123,8 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
                 )
                 if not value > 0 and _sizes_within_limits(body):
                     message, advice = _not_positive_message(case, body, quantity, first, value)
-                problems.append(case.problem(("bodies", name), message, advice))
+                own = ("velocity",) if quantity == "a velocity" else ()
+                problems.append(case.problem(("bodies", name, *own), message, advice, any_inside=True))
                 break
     if problems:
         raise InputError(problems)
@@ -182,5 +185,5 @@ def step_count(case: Case, dt: float) -> int:
     count = (case.time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9
     if count > MOST_STEPS:
         message = f"expected at most {MOST_STEPS} steps, found {count:.3g}"
-        raise InputError([case.problem(("time",), message, "Lengthen the step.")])
+        raise InputError([case.problem(("time",), message, "Lengthen the step.", any_inside=True)])
     return max(1, math.ceil(count))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import expect_case
+from percuss.case.overrides import as_given_by
 from percuss.case.quantities import METRICS
-from percuss.errors import PercussError
+from percuss.errors import InputError, PercussError
 from percuss.studies.columns import metric
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import Run, perform
@@ -17,6 +19,7 @@ from percuss.studies.tasks import tasks
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.studies.tasks import Task
 
 __all__ = ["Run", "compare", "metrics", "own_laws"]
 
@@ -64,7 +67,8 @@ def compare(
     if contacts:
         case = case.with_one_law()
     methods = {name: name for name in integrators}, {name: name for name in contacts}
-    points = combinations(vary or {})
+    axes = vary or {}
+    points = combinations(axes)
     planned = list(tasks("", case, *methods, points, tied=tied))
     used = {path for task in planned for path in task.varied}
     if any(path not in used for point in points for path in point):  # no pair has such an option: let the runs say so
@@ -72,13 +76,28 @@ def compare(
     pairs = [task for task in planned if not task.tied]
     outcomes = []
     for task in pairs:
-        outcomes.append(perform(case, task))
+        outcomes.append(_perform(case, task, axes))
         if progress is not None:
             progress(len(outcomes), len(planned))
     errors = [error for _, error in outcomes if error is not None]
     if errors and len(errors) == len(pairs):
         raise errors[0]
-    return [run for run, _ in outcomes] + [perform(case, task)[0] for task in planned if task.tied]
+    return [run for run, _ in outcomes] + [_perform(case, task, axes)[0] for task in planned if task.tied]
+
+
+def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[Any]]) -> tuple[Run, InputError | None]:
+    """Make the run of a task; mistakes are told as those of the option that gave the value."""
+    run, error = perform(case, task)
+    if error is None:
+        return run, None
+    told = as_given_by("--vary", vary, error)
+    for option in ("integrator", "contact"):
+        if f"method.{option}.name" not in vary:
+            named = f"--set method.{option}.name="
+            told = InputError(
+                replace(problem, place=problem.place.replace(named, f"--{option} ", 1)) for problem in told.problems
+            )
+    return replace(run, reason=str(told)), told
 
 
 def notes_of_swaps(

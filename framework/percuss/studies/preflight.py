@@ -22,7 +22,7 @@ __all__ = ["check_measures", "check_points", "rehearsals", "rehearse"]
 
 
 def check_points(spec: StudySpec) -> None:
-    """Check that each varied path and value is right for at least one case and pair of methods.
+    """Check that each varied path and value, and each option of a method, is right for at least one run.
 
     Of long lists of numbers only the ends are tried: a wrong value among right ones fails as a run of its own.
 
@@ -31,16 +31,38 @@ def check_points(spec: StudySpec) -> None:
     InputError
         With all values that are wrong in every run, at their places in the study.
     """
-    problems: dict[Problem, None] = {}
-    for at, point in _points_to_try(spec, _first_point(spec)):
+    problems: dict[Problem, None] = dict.fromkeys(_wrong_methods(spec))
+    for places, point in _points_to_try(spec, _first_point(spec)):
         wrong = _wrong_everywhere(spec, point)
         for problem in wrong:
-            paths = [path for path in point if problem.place.startswith(f"--set {path}=")]
-            problems[_problem_in_study(spec, at, paths[0], problem) if paths else problem] = None
+            path = next((path for path in point if problem.place.startswith(f"--set {path}=")), None)
+            if path is None:
+                problems[problem] = None
+            elif path in places:  # else it is told of the ends of the range that the value was drawn from
+                problems[_problem_in_study(spec, places[path], path, problem)] = None
         if wrong and len(problems) > 20:
             break
     if problems:
         raise InputError(problems)
+
+
+def _wrong_methods(spec: StudySpec) -> Iterator[Problem]:
+    """Yield the mistakes in the options of listed methods that are wrong in every run of the first point."""
+    first = _first_point(spec)
+    for family, path, listed in (
+        ("integrators", "method.integrator", spec.integrators),
+        ("contacts", "method.contact", spec.contacts),
+    ):
+        for i, (label, method) in enumerate(listed.items()):
+            if not isinstance(method, Mapping) or path in first:
+                continue
+            changes: dict[str, Any] = {family: {label: method}}
+            for problem in _wrong_everywhere(dataclasses.replace(spec, **changes), first):
+                if problem.place.startswith(f"--set {path}="):
+                    inside = problem.path.removeprefix(path).split(".")[1:]
+                    at = ("methods", family, i, *(int(part) if part.isdecimal() else part for part in inside))
+                    unknown = problem.message.startswith("unknown key")
+                    yield spec.source.problem(at, problem.message, problem.advice, key=unknown)
 
 
 def _first_point(spec: StudySpec) -> dict[str, Any]:
@@ -52,28 +74,32 @@ def _first_point(spec: StudySpec) -> dict[str, Any]:
 def _problem_in_study(spec: StudySpec, at: KeyPath, path: str, problem: Problem) -> Problem:
     """Return the problem of a value that the study gives, with its place in the study."""
     inside = "" if problem.path in {"", path} else f"{problem.path}: "
-    if at[0] == "paired":
-        at = (*at, path)
     if problem.message.startswith("unknown key"):  # concerns the path, not one of its values
         key_path = at[: at.index(path) + 1] if path in at else at
         return spec.source.problem(key_path, inside + problem.message, problem.advice, key=True)
     return spec.source.problem(at, inside + problem.message, problem.advice)
 
 
-def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
-    """Yield place and point for each value to try; all other values are those of the first point."""
+def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
+    """Yield a point for each value to try, with the place of each of its values that the study writes out.
+
+    All other values are those of the first point.
+    """
+    listed = {path: isinstance(spec.source.get(("vary", path)), tuple) for path in spec.vary}
+    places: dict[str, KeyPath] = {path: ("vary", path, 0) if listed[path] else ("vary", path) for path in spec.vary}
+    places |= {path: ("paired", 0, path) for point in spec.paired[:1] for path in point}
     for path, values in spec.vary.items():
-        listed = isinstance(spec.source.get(("vary", path)), tuple)
         ends = {0, len(values) - 1}
         for i, value in enumerate(values):
             if i in ends or not isinstance(value, int | float):
-                yield ("vary", path, i) if listed else ("vary", path), {**first, path: value}
+                at = ("vary", path, i) if listed[path] else ("vary", path)
+                yield {**places, path: at}, {**first, path: value}
     for i, point in enumerate(spec.paired):
-        yield ("paired", i), {**first, **point}
+        yield {**places, **{path: ("paired", i, path) for path in point}}, {**first, **point}
     if spec.sample is not None:
         for path, (lowest, highest, _) in spec.sample.axes.items():
             for key, value in (("from", lowest), ("to", highest)):
-                yield ("sample", "of", path, key), {**first, path: value}
+                yield {**places, path: ("sample", "of", path, key)}, {**first, path: value}
 
 
 def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Problem]:

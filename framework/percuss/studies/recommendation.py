@@ -234,7 +234,7 @@ def recommend(
     """
     case = load(Path(path), plugins=plugins)
     bounds = Bounds(error, energy, seconds, measure)
-    _check(bounds, runs)
+    _check(bounds, runs, seed)
     expect_names("percuss.recommend", "integrators", integrators)
     expect_names("percuss.recommend", "contacts", contacts)
     methods = _methods(case.registry, integrators, contacts)
@@ -264,10 +264,10 @@ def bound_of(text: str, option: str) -> float | None:
         raise InputError([Problem(option, "", message, "Write it as 1% or 0.01.")]) from None
 
 
-def _check(bounds: Bounds, runs: int) -> None:
-    """Raise InputError for bounds that no search can start from."""
+def _check(bounds: Bounds, runs: int, seed: int) -> None:
+    """Raise InputError for bounds, a number of runs or a seed that no search can start from."""
     problems = [
-        Problem(f"--{name}", "", f"expected a number greater than 0, found {value:g}")
+        Problem(f"--{name}", "", f"expected a finite number greater than 0, found {value:g}")
         for name, value in (("error", bounds.error), ("energy", bounds.energy), ("time", bounds.seconds))
         if value is not None and not (value > 0 and math.isfinite(value))
     ]
@@ -280,6 +280,8 @@ def _check(bounds: Bounds, runs: int) -> None:
         problems.append(Problem("--measure", "", f"expected a true error, found '{bounds.measure}'", advice))
     if runs < FEWEST_RUNS:
         problems.append(Problem("--runs", "", f"expected a number of at least {FEWEST_RUNS}, found {runs}"))
+    if seed < 0:
+        problems.append(Problem("--seed", "", f"expected a whole number of at least 0, found {seed}"))
     if problems:
         raise InputError(problems)
 
@@ -450,7 +452,7 @@ class _Search:
 
     def _prediction(self, one: Tried, order: float) -> float:
         """Return the cost at which a run would meet the bounds on a finer mesh, if its excess falls with that order."""
-        return one.cost * math.pow(max(one.excess, 1.0), 2.0 / order)
+        return one.cost * _power(max(one.excess, 1.0), 2.0 / order)
 
     def _order(self, one: Tried, meshes: Sequence[Tried]) -> float:
         """Return the order with which the excess of a candidate has fallen from a coarser of its meshes to its own."""
@@ -505,7 +507,7 @@ class _Search:
         for one in list(best.values())[:kept]:
             order = orders[one.key]
             if not one.meets and self._prediction(one, order) < cheapest:
-                factor = min(one.excess ** (1.0 / order), 2.0)
+                factor = min(_power(one.excess, 1.0 / order), 2.0)
                 refine = max(math.ceil(one.candidate.refine * factor), one.candidate.refine + 1)
                 out.append(dataclasses.replace(one.candidate, refine=min(refine, LARGEST_REFINEMENT)))
             if random is not None:
@@ -549,6 +551,14 @@ class _Search:
             self.estimated,
             self.made,
         )
+
+
+def _power(base: float, exponent: float) -> float:
+    """Return a power of a positive number, infinite where no number is that large."""
+    try:
+        return math.pow(base, exponent)
+    except OverflowError:
+        return math.inf
 
 
 def _unrefined(one: Tried) -> str:

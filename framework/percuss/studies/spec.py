@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from percuss.case.case import Case, load
+from percuss.case.expectations import after_the_end
 from percuss.case.quantities import METRICS
 from percuss.case.reader import Reader
 from percuss.case.source import Source
@@ -19,13 +21,14 @@ from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
 from percuss.studies.columns import Column, column, column_by_name
-from percuss.studies.layout import Condition, SampleSection, StudySection
+from percuss.studies.layout import Condition, MeasureSection, SampleSection, StudySection
 from percuss.studies.parameters import Sample
 
 __all__ = ["StudySpec", "read_study"]
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
+PATHS_OF_END = {"time", "time.end", "time.step", "time.steps"}  # on which the end of a run depends
 NAMES = ("case", "integrator", "contact")  # columns of every row, besides the varied paths
 
 
@@ -140,7 +143,7 @@ class _StudyReader:
             message = f"expected at most {parameters.MOST} combinations of values, found {count}"
             self.reader.wrong(("vary",), message, "Vary fewer values, or draw a sample of them.", key=True)
         paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
-        columns, where = self.columns(cases), self.where([*NAMES, *dict.fromkeys(paths)])
+        columns, where = self.columns(cases, paths), self.where([*NAMES, *dict.fromkeys(paths)])
         reader.finish()
         if section is None:
             raise AssertionError("a study is wrong and nothing says why")
@@ -293,11 +296,12 @@ class _StudyReader:
                 if path in others:
                     self.reader.wrong((section,), f"{path} is varied in another way too", "Give each path once.")
 
-    def columns(self, cases: dict[str, Case]) -> tuple[Column, ...]:
-        """Return the measured columns."""
+    def columns(self, cases: dict[str, Case], varied: Sequence[str]) -> tuple[Column, ...]:
+        """Return the measured columns; `varied` are the paths that differ between runs."""
         out: dict[str, Column] = {}
         for i, measure in enumerate(self.items("measure")):
             column_of_measure = self.column(("measure", i), measure, cases)
+            self.refuse_after_all_ends(("measure", i), cases, varied)
             if column_of_measure is not None and not isinstance(measure, str) and column_of_measure.name in RESERVED:
                 self.reader.wrong(
                     ("measure", i), f"the name '{column_of_measure.name}' is that of another column", "Rename it."
@@ -312,6 +316,17 @@ class _StudyReader:
             return tuple(column_by_name(name) for name in METRICS)
         # Every row has the cost that does not depend on the machine.
         return tuple({**out, COST: column_by_name(COST)}.values())
+
+    def refuse_after_all_ends(self, at: KeyPath, cases: dict[str, Case], varied: Sequence[str]) -> None:
+        """Report a measure of a time that no run reaches, where the cases alone say when all runs end."""
+        section = self.reader.part(at)
+        ends = [case.time.known_end for case in cases.values()]
+        if not isinstance(section, MeasureSection) or not ends or set(varied) & PATHS_OF_END:
+            return
+        late = [after_the_end(section.during, section.at, math.inf if end is None else end) for end in ends]
+        if all(late) and late[0] is not None:
+            key, message, advice = late[0]
+            self.reader.wrong((*at, key), message, advice)
 
     def column(self, at: KeyPath, measure: Any, cases: dict[str, Case]) -> Column | None:
         """Return the column of a measure, or None if the measure is wrong."""

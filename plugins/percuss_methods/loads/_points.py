@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from percuss import DataFile, Doc, Unit
+from percuss import DataFile, Doc, OptionError, Unit
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -64,10 +64,18 @@ class Points:
         if self.file is None:
             return np.asarray(self.time, dtype=float), self.scale * np.asarray(self.value, dtype=float)
         if self.columns is not None:
-            times, values = (self.file.column(which) for which in self.columns)
+            times, values = (self._column(self.file, i) for i in range(2))
         elif self.file.width > 2:
             count = f"{self.file.path} has {self.file.width} columns"
             raise ValueError(f"{count}: say by `columns` which two are time and value")
         else:
             times, values = self.file.as_columns(2)
         return times, self.scale * values
+
+    def _column(self, file: DataFile, i: int) -> Floats:
+        """Return the column that the item `i` of `columns` names."""
+        which = (self.columns or ())[i]
+        try:
+            return file.column(which)
+        except ValueError as error:
+            raise OptionError(str(error), "columns", i) from None

@@ -10,7 +10,17 @@ module-level constants and call plain helper functions, and it keeps nothing bet
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from percuss.methods.interfaces.base import NAME_PATTERN, AllowInf, Component, DataFile, Doc, Floats, Integers, Unit
+from percuss.methods.interfaces.base import (
+    NAME_PATTERN,
+    AllowInf,
+    Component,
+    DataFile,
+    Doc,
+    Floats,
+    Integers,
+    OptionError,
+    Unit,
+)
 from percuss.methods.interfaces.body import (
     BodyMesh,
     CellElement,
@@ -64,6 +74,7 @@ __all__ = [
     "Material",
     "Measure",
     "Mesh",
+    "OptionError",
     "ProblemBody",
     "ProblemContact",
     "ProblemLoad",

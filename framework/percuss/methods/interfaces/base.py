@@ -51,6 +51,22 @@ class Doc:
         return schema
 
 
+class OptionError(ValueError):
+    """Refusal of the value of one option, which a component raises where it is made.
+
+    Parameters
+    ----------
+    message
+        Value expected and value found.
+    path
+        Key of the option, then the number of the wrong item if the option is a list.
+    """
+
+    def __init__(self, message: str, *path: str | int) -> None:
+        super().__init__(message)
+        self.path = path
+
+
 @dataclass(frozen=True, eq=False)
 class DataFile:
     """A CSV file of numbers that a case names by a path relative to its own; read once, when the case is checked.
