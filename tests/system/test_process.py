@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import textwrap
 
 import pytest
 
@@ -171,8 +170,13 @@ exec(compile("while True: pass", "endless.py", "exec"), {"__name__": "percuss_fi
 """
 
 
+def test_a_worker_that_starts_when_the_work_has_ended_says_nothing(tmp_path):
+    done = run([sys.executable, "-c", WORKER, str(tmp_path / "removed")])
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
+
+
 def test_a_worker_says_where_it_stands_still(tmp_path):
-    words = [sys.executable, "-c", textwrap.dedent(WORKER), str(tmp_path)]
+    words = [sys.executable, "-c", WORKER, str(tmp_path)]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as worker:
         said = worker.stderr.readline()
         worker.send_signal(signal.SIGKILL)

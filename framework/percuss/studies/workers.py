@@ -405,13 +405,17 @@ def _begin(bench: Bench, alive: Any, notes: str, stalled_after: float) -> None:
     note = Path(notes) / f"{os.getpid()}.run"
     guards = contextlib.ExitStack()
     _PROCESS_STATE.update(bench=bench, key="", guards=guards)
-    _PROCESS_STATE["note"] = os.open(note, os.O_CREAT | os.O_WRONLY, 0o600)
+    try:
+        _PROCESS_STATE["note"] = os.open(note, os.O_CREAT | os.O_WRONLY, 0o600)
+        crash = guards.enter_context(note.with_suffix(CRASH).open("w", encoding="utf-8"))
+    except FileNotFoundError:  # Ctrl-C has ended the work, and removed its folder, before it began here
+        os._exit(1)
     # Standard output belongs to the results of the process that hands out the work.
     os.dup2(2, 1)
     guards.enter_context(guarded_output(shown=False))
     guards.enter_context(plug_ins_cannot_exit())
     guards.enter_context(Watch(STANDSTILL, tell_standstill))
-    faulthandler.enable(guards.enter_context(note.with_suffix(CRASH).open("w", encoding="utf-8")))
+    faulthandler.enable(crash)
     guards.enter_context(Watch(stalled_after, functools.partial(_stop_work, note.with_suffix(STALLED), stalled_after)))
 
 
