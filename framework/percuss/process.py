@@ -125,7 +125,14 @@ def end_whatever_runs(code: int) -> None:
     code
         The exit code.
     """
-    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
+    running = [
+        thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon
+    ]
+    if code == INTERRUPTED:
+        # A pool of processes that is just ending disturbs the end of Python, which tells that as an error.
+        for thread in running:
+            thread.join(GRACE / len(running))
+    if any(thread.is_alive() for thread in running):
         threading.Thread(target=_end_after_grace, args=(code,), daemon=True).start()
 
 
