@@ -1,24 +1,33 @@
 """Ctrl-C, places that cannot be written to, and schedulers without workers: nothing is waited for in silence."""
 
+import contextlib
+import importlib
+import json
 import logging
 import os
 import signal
+import socket
 import sqlite3
 import stat
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import percuss
+from command_line import percuss_command
 from fake_studies import TWO_BARS
+from percuss.cli import common
 from percuss.cli.main import app
 from percuss.errors import InputError
 from percuss.heartbeat import Watch, beat
 from percuss.interrupt import interruptible
+from percuss.solver import march
 from percuss.studies.cluster import _WaitForWorkers
 
+run_command = importlib.import_module("percuss.cli.run")
 CASE = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
 
 
@@ -90,6 +99,52 @@ def test_a_watch_notices_silence_once_and_not_while_there_are_beats():
         assert silences == []
         watch._ended.wait(1.0)
     assert silences == [1]
+
+
+def test_the_exit_code_of_a_run_that_ctrl_c_ended(tmp_path, monkeypatch):
+    @contextlib.contextmanager
+    def pressing():
+        yield lambda done, total: press() if done == 10 else None
+
+    monkeypatch.setattr(run_command, "progress_bar", pressing)
+    monkeypatch.setattr(march, "CHUNK_STEPS", 10)
+    (tmp_path / "case.yaml").write_text(repr({**CASE, "time": {"steps": 30, "courant": 0.5}}))
+    done = percuss_command("run", "case.yaml", "--json", cwd=tmp_path, plain=True)
+    assert (json.loads(done.stdout)["status"], done.returncode) == ("interrupted", 130)
+
+
+def test_a_plug_in_that_never_returns_is_named(tmp_path, monkeypatch):
+    """The plug-in waits for what is said of it."""
+    monkeypatch.setattr(common, "STANDSTILL", 0.1)
+    (tmp_path / "endless.py").write_text("import sys\nwhile 'the work is in' not in sys.stderr.getvalue(): pass\n")
+    done = percuss_command("plugins", "--plugin", "endless.py", cwd=tmp_path)
+    assert f"; the work is in {tmp_path}/endless.py:2; Ctrl-C ends it\n" in done.stderr
+
+
+def test_a_compiled_loop_that_ctrl_c_waits_for_is_told_and_a_second_ctrl_c_ends_the_process(monkeypatch, capsys):
+    told, ended = threading.Event(), threading.Event()
+    monkeypatch.setattr(common, "REACTION", 0.01)
+    monkeypatch.setattr(common, "where_is", lambda thread: told.set() or "a compiled kernel")
+    monkeypatch.setattr(common.os, "_exit", lambda code: (ended.set(), sys.exit(code)))
+    receiving, sending = socket.socketpair()
+
+    def keep_watch():
+        with pytest.raises(SystemExit, match="130"):
+            common._watch_interrupts(receiving)
+
+    watch = threading.Thread(target=keep_watch)
+    watch.start()
+    sending.send(bytes([signal.SIGINT]))
+    assert told.wait(60)
+    assert not ended.is_set()
+    sending.send(bytes([signal.SIGINT]))
+    watch.join(60)
+    assert ended.is_set()
+    sending.close()
+    assert capsys.readouterr().err == (
+        "Ctrl-C: a compiled kernel is waited for; a second Ctrl-C ends the process all the same\n"
+        "interrupted in a compiled kernel\n"
+    )
 
 
 # ------------------------------------------------------------------------------------- a folder of somebody else

@@ -82,7 +82,10 @@ METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and not 
 # ---------------------------------------------------------------------------------------------------- rooms
 
 ROOMS = ("methods", "case", "solver", "certificate", "results", "studies", "reporting", "testing", "cli")
-GROUND = {"blas", "compiling", "errors", "filelock", "files", "heartbeat", "interrupt", "jsonable", "lapack", "version"}
+GROUND = {
+    *("blas", "compiling", "errors", "filelock", "files", "heartbeat", "interrupt", "jsonable", "lapack", "process"),
+    "version",
+}
 DOORS = {"percuss", "percuss.__main__"}
 # a result shows its picture in a notebook
 DECLARED = {(f"percuss.results.{result}", "percuss.reporting.report") for result in ("result", "exact_result")}

@@ -20,7 +20,15 @@ from percuss.errors import InputError, PercussError, Problem, UnwrittenError, sh
 from percuss.files import expect_writable
 from percuss.heartbeat import Watch, beat
 from percuss.methods.blame import line_in_plugin
-from percuss.methods.process_guard import exit_text, guarded_output, plug_ins_cannot_exit, where_is
+from percuss.methods.process_guard import (
+    STANDSTILL,
+    exit_text,
+    guarded_output,
+    plug_ins_cannot_exit,
+    tell_standstill,
+    where_is,
+)
+from percuss.process import INTERRUPTED, ctrl_c_raises
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -36,9 +44,8 @@ Plugins = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")]
 
 
-STANDSTILL = 60.0  # seconds without a completed step after which the line of the plug-in is named
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
-REACTION = 2.0  # seconds that a command has to end after a second Ctrl-C
+REACTION = 2.0  # seconds that a command has to end after Ctrl-C
 
 COMPILING = "compiling the time loop, once for this kind of model"
 
@@ -161,43 +168,44 @@ def _standstill_told() -> Iterator[None]:
         yield
         return
 
-    def say() -> None:
-        if place := where_is(main.ident or 0):
-            message = f"note: no step has been completed for {STANDSTILL:g} s; the work is in {place}; Ctrl-C ends it"
-            print(message, file=sys.stderr, flush=True)
-
     receiving, sending = socket.socketpair()
     sending.setblocking(False)
     before = signal.set_wakeup_fd(sending.fileno(), warn_on_full_buffer=False)
-    threading.Thread(target=_second_interrupt, args=(receiving,), daemon=True).start()
+    threading.Thread(target=_watch_interrupts, args=(receiving,), daemon=True).start()
     try:
-        with Watch(STANDSTILL, say):
+        with ctrl_c_raises(), Watch(STANDSTILL, tell_standstill):
             yield
     except KeyboardInterrupt as interrupt:
         where = line_in_plugin(interrupt)
         print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
-        raise typer.Exit(1) from None
+        raise typer.Exit(INTERRUPTED) from None
     finally:
         signal.set_wakeup_fd(before)
         sending.close()  # which ends the thread
 
 
-def _second_interrupt(receiving: socket.socket) -> None:
-    """End this process if it has not reacted to two Ctrl-C after a while; tell where it was."""
+def _watch_interrupts(receiving: socket.socket) -> None:
+    """Say what a Ctrl-C waits for, and end this process if it has not reacted to two of them after a while."""
     interrupts = 0
     with receiving:
-        while received := receiving.recv(64):
-            interrupts += received.count(bytes([signal.SIGINT]))
-            if interrupts < 2:
-                continue
-            receiving.settimeout(REACTION)
+        while True:
             try:
-                receiving.recv(64)  # empty once the command has ended
-                receiving.settimeout(None)
+                received = receiving.recv(64)
             except TimeoutError:
                 place = where_is(threading.main_thread().ident or 0)
-                print(f"interrupted{f' in {place}' if place else ''}", file=sys.stderr, flush=True)
-                os._exit(1)
+                if interrupts > 1:
+                    print(f"interrupted{f' in {place}' if place else ''}", file=sys.stderr, flush=True)
+                    os._exit(INTERRUPTED)
+                if place:
+                    message = f"Ctrl-C: {place} is waited for; a second Ctrl-C ends the process all the same"
+                    print(message, file=sys.stderr, flush=True)
+                receiving.settimeout(None)
+                continue
+            if not received:  # the command has ended
+                return
+            interrupts += received.count(bytes([signal.SIGINT]))
+            if interrupts:
+                receiving.settimeout(REACTION)
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from percuss.cli.study import study
 from percuss.cli.verify import verify
 from percuss.cli.waves import waves
 from percuss.files import CANNOT_BE_WRITTEN
+from percuss.process import begin, end_whatever_runs
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
 
@@ -39,7 +40,11 @@ for command in (run, check, compare, study, recommend, stability, waves, report,
 
 
 def main() -> None:
-    """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input."""
+    """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input.
+
+    The exit code is 130 for a command that Ctrl-C ended.
+    """
+    begin()
     start_with_one_blas_thread()
     # Pydantic would look through all installed distributions for plug-ins of its own.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -50,9 +55,10 @@ def main() -> None:
             app(standalone_mode=True)
         finally:
             sys.stdout.flush()  # here, where an error can still be told
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(1)
+    except SystemExit as ended:
+        exec("")  # noqa: S102 - a Ctrl-C inside the last text that was executed would end Python by a signal
+        end_whatever_runs(ended.code if isinstance(ended.code, int) else 0)
+        raise
     except OSError as error:
         if error.errno not in CANNOT_BE_WRITTEN:
             raise

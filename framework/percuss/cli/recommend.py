@@ -19,6 +19,7 @@ from percuss.cli.common import (
     progress_bar,
     reporting,
 )
+from percuss.process import INTERRUPTED
 
 
 def recommend(
@@ -89,5 +90,6 @@ def recommend(
         outputs.finish()
         if not found.study.complete:
             print("interrupted: the same command goes on from here", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED)
         if found.best is None:
             raise typer.Exit(1)

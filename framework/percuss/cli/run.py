@@ -23,6 +23,7 @@ from percuss.cli.common import (
 )
 from percuss.errors import InputError, Problem, RunError
 from percuss.files import expect_writable
+from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -131,6 +132,8 @@ def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_jso
     if failure is not None:
         print(f"error: {failure}", file=sys.stderr)
     outputs.finish()
+    if result.status == "interrupted":
+        raise typer.Exit(INTERRUPTED)
     if result.status != "done" or open_accounts(result.summary):
         raise typer.Exit(1)
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from percuss.cli.common import AsJson, Outputs, Plugins, print_json, progress_bar, reporting
+from percuss.process import INTERRUPTED
 
 
 def study(
@@ -63,6 +64,8 @@ def study(
             )
             print(message, file=sys.stderr)
         outputs.finish()
+        if counts.get("waiting"):
+            raise typer.Exit(INTERRUPTED)
         if not made.complete or not made.counts.get("done"):
             raise typer.Exit(1)
 

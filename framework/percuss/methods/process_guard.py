@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,17 @@ from typing import Any
 from percuss.files import PACKAGE
 from percuss.methods.blame import line_in_plugin, running_line
 
-__all__ = ["exit_text", "guarded_output", "plug_ins_cannot_exit", "where_is"]
+__all__ = [
+    "STANDSTILL",
+    "exit_text",
+    "guarded_output",
+    "plug_ins_cannot_exit",
+    "process_as_before",
+    "tell_standstill",
+    "where_is",
+]
+
+STANDSTILL = 10.0  # seconds without a completed step after which the line of the plug-in is named
 
 # Nothing in this folder prints: text that appears to come from here comes from a compiled kernel.
 KERNELS_RUN_IN = str(PACKAGE / "solver")
@@ -48,6 +59,9 @@ class _Output:
             fate = "it is shown here" if self._shown else "its text is left out"
             print(f"note: {place} prints to standard output, which is for results; {fate}", file=sys.stderr)
         return sys.stderr.write(text) if self._shown else len(text)
+
+    def close(self) -> None:
+        """Leave the standard output open: what follows is printed there."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._real, name)
@@ -86,6 +100,17 @@ def plug_ins_cannot_exit() -> Iterator[None]:
         os._exit = real
 
 
+@contextmanager
+def process_as_before() -> Iterator[None]:
+    """Put back what the import of a plug-in inside this context changes in this process: streams, depth of calls."""
+    streams, depth = (sys.stdin, sys.stdout, sys.stderr), sys.getrecursionlimit()
+    try:
+        yield
+    finally:
+        sys.setrecursionlimit(depth)
+        sys.stdin, sys.stdout, sys.stderr = streams
+
+
 def exit_text(error: SystemExit) -> str:
     """Return the message for a plug-in that ends the process, with its place, or an empty text if no plug-in does."""
     where = line_in_plugin(error)
@@ -99,3 +124,10 @@ def where_is(thread: int) -> str:
         return ""
     in_solver = Path(frame.f_code.co_filename).is_relative_to(KERNELS_RUN_IN)
     return running_line(frame) or (COMPILED if in_solver else "")
+
+
+def tell_standstill() -> None:
+    """Say on standard error in which line of a plug-in the work of the main thread stands still, if it is in one."""
+    if place := where_is(threading.main_thread().ident or 0):
+        message = f"note: no step has been completed for {STANDSTILL:g} s; the work is in {place}; Ctrl-C ends it"
+        print(message, file=sys.stderr, flush=True)

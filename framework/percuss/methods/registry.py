@@ -26,6 +26,7 @@ from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
 from percuss.methods.interfaces import FAMILIES, Component
+from percuss.methods.process_guard import process_as_before
 from percuss.methods.provenance import Broken, Provenance
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import remember
@@ -185,7 +186,7 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFi
     points = importlib.metadata.entry_points(group=GROUP) if environment is not None else ()
     for source, point in sorted(((_provenance_of(point), point) for point in points), key=lambda pair: pair[0].label):
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
-            with _undoing_failed_import(source.module.partition(".")[0]):
+            with process_as_before(), _undoing_failed_import(source.module.partition(".")[0]):
                 plugin = point.load()
             for registered in _components_of(manager, plugin, source, broken):
                 by_key.setdefault(registered.key, []).append(registered)
@@ -254,7 +255,7 @@ def _import_file(file: SingleFile) -> ModuleType:
     """Return the module of a single-file plug-in, which is imported once for each content."""
     name = file.source.module
     if name not in sys.modules:
-        with _undoing_failed_import(name):
+        with process_as_before(), _undoing_failed_import(name):
             file.import_as(name)
     return sys.modules[name]
 

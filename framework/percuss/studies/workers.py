@@ -25,7 +25,13 @@ from typing import Any, NamedTuple
 from percuss.blas import processes_with_one_blas_thread
 from percuss.errors import RunError
 from percuss.heartbeat import Watch, beat
-from percuss.methods.process_guard import guarded_output, plug_ins_cannot_exit, where_is
+from percuss.methods.process_guard import (
+    STANDSTILL,
+    guarded_output,
+    plug_ins_cannot_exit,
+    tell_standstill,
+    where_is,
+)
 from percuss.studies.job_package import Bench, Interrupted, Job
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
@@ -291,6 +297,8 @@ class _Crew:
     def __init__(self, bench: Bench, number: int, stalled_after: float) -> None:
         context = mp.get_context("forkserver" if "forkserver" in mp.get_all_start_methods() else "spawn")
         context.set_forkserver_preload([__name__])  # slow imports are made once for all workers
+        if context.get_start_method() == "forkserver":
+            _start_server()
         self.notes = Path(tempfile.mkdtemp(prefix="percuss-"))
         self.alive, self.leash = context.Pipe(duplex=False)
         self.plugins = {str(path) for plugins in bench.plugins.values() for path, _ in plugins}
@@ -367,6 +375,22 @@ def _starting() -> Iterator[None]:
         sys.modules["__main__"] = main
 
 
+def _start_server() -> None:
+    """Start the process from which all workers are forked, if it does not run yet, so that it never sees Ctrl-C.
+
+    Ctrl-C goes to all processes of a terminal, and this one would meet it in the middle of its imports.
+    """
+    from multiprocessing import forkserver, resource_tracker
+
+    resource_tracker.ensure_running()  # which lets signals through at its end
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with _starting():
+            forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 # ------------------------------------------------------------------------------------- inside a worker process
 
 _PROCESS_STATE: dict[str, Any] = {}
@@ -381,12 +405,17 @@ def _begin(bench: Bench, alive: Any, notes: str, stalled_after: float) -> None:
     note = Path(notes) / f"{os.getpid()}.run"
     guards = contextlib.ExitStack()
     _PROCESS_STATE.update(bench=bench, key="", guards=guards)
-    _PROCESS_STATE["note"] = os.open(note, os.O_CREAT | os.O_WRONLY, 0o600)
+    try:
+        _PROCESS_STATE["note"] = os.open(note, os.O_CREAT | os.O_WRONLY, 0o600)
+        crash = guards.enter_context(note.with_suffix(CRASH).open("w", encoding="utf-8"))
+    except FileNotFoundError:  # Ctrl-C has ended the work, and removed its folder, before it began here
+        os._exit(1)
     # Standard output belongs to the results of the process that hands out the work.
     os.dup2(2, 1)
     guards.enter_context(guarded_output(shown=False))
     guards.enter_context(plug_ins_cannot_exit())
-    faulthandler.enable(guards.enter_context(note.with_suffix(CRASH).open("w", encoding="utf-8")))
+    guards.enter_context(Watch(STANDSTILL, tell_standstill))
+    faulthandler.enable(crash)
     guards.enter_context(Watch(stalled_after, functools.partial(_stop_work, note.with_suffix(STALLED), stalled_after)))
 
 
