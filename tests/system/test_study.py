@@ -759,7 +759,7 @@ def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
         (["study.yaml", "--again", "faild"], "--again: expected one of failed, unstable, refused, done, found 'faild'"),
         (["study.yaml", "--export", "a.xls"], "expected a name that ends in .csv or .parquet"),
         (["study.yaml", "-o", "nowhere/a.sqlite"], "expected a folder nowhere"),
-        (["study.yaml", "-o", "study.yaml"], "study.yaml: expected a file to write, found the study study.yaml, which is"),
+        (["study.yaml", "-o", "study.yaml"], "study.yaml: expected a file to write, found the study study.yaml"),
     ],
     ids=str,
 )
