@@ -12,6 +12,7 @@ from hypothesis import assume, event, given
 from test_stability import ROWS, wall
 
 import percuss
+from percuss import heartbeat
 from percuss.certificate import criteria
 from percuss.certificate.black_box import (
     MOST_ALONE,
@@ -624,3 +625,9 @@ def test_a_spring_that_is_stiffer_while_unloading_is_unstable_above_the_critical
 @pytest.mark.parametrize("law", [{"name": "damped-penalty"}, {"name": "energy-conserving-penalty"}, {"name": "uzawa"}])
 def test_a_kernel_of_one_line_is_certain(law):
     assert certificate(model_of(hunek(10, 0.5, CD, law)))["stable"] == "yes"
+
+
+def test_the_steps_that_are_examined_are_signs_of_life():
+    before = heartbeat._BEATS[0]
+    assert certificate(model_of(hunek(4, 0.5, CD, {"name": "damped-penalty"})))["by"] == "black-box"
+    assert heartbeat._BEATS[0] > before + 10

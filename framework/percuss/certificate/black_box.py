@@ -33,6 +33,7 @@ import numpy as np
 from percuss.certificate.following_loads import directions
 from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
 from percuss.errors import PercussError
+from percuss.heartbeat import beat
 from percuss.solver.compiled.contact_equation import NEVER, WITH_MASS
 from percuss.solver.march import March
 
@@ -251,6 +252,7 @@ class ClosedStep:
         self.march.boundary.state_before[: self._remembered.size] = self._remembered
         after = self.march.stepper.step_without_loads(self.march.kernels, self.march.record, state)
         self.march.boundary.state_before[:] = 0.0
+        beat()
         return after
 
     def __call__(self, states: Floats) -> Floats:
