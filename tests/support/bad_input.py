@@ -36,6 +36,7 @@ from percuss.case.specs import CaseSection
 from percuss.case.type_words import branches, fact, item_type
 from percuss.case.validation import NO_KEY, Keyed, Named, Section
 from percuss.errors import PercussError
+from percuss.process import INTERRUPTED
 from percuss.methods.registry import Registry
 
 SHARES = {"case": 30, "value": 30, "study": 5, "table": 12, "command": 5, "result": 12, "store": 3, "plug-in": 3}
@@ -525,7 +526,7 @@ def clear(message, *names):
 
 def judged(done):
     """Return how a command ended."""
-    if done.returncode not in {0, 1, 2}:
+    if done.returncode not in {0, 1, 2, INTERRUPTED}:  # runs that are left out here wait, as after an interruption
         return "unclear", f"exit code {done.returncode}"
     if "Warning" in re.sub(r"(Syntax|Deprecation)Warning: invalid", "", done.stderr):  # Python says these of a plug-in
         return "warning", done.stderr[-500:]
