@@ -36,8 +36,8 @@ from percuss.case.specs import CaseSection
 from percuss.case.type_words import branches, fact, item_type
 from percuss.case.validation import NO_KEY, Keyed, Named, Section
 from percuss.errors import PercussError
-from percuss.process import INTERRUPTED
 from percuss.methods.registry import Registry
+from percuss.process import INTERRUPTED
 
 SHARES = {"case": 30, "value": 30, "study": 5, "table": 12, "command": 5, "result": 12, "store": 3, "plug-in": 3}
 CHUNK = 2000  # inputs of one kind that a process tries
