@@ -429,7 +429,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
                 break
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         said = process.communicate(timeout=60)[1]
-        assert process.returncode == 1
+        assert process.returncode == 130
         assert "the same command goes on from here" in said
         assert "Traceback" not in said
         assert before < percuss.open_study(out).counts["done"] < 60

@@ -52,6 +52,8 @@ BASE_OVERLAP = 64.0
 OTHER_STATES = ((1.0, True), (2.0**-12, False), (2.0**-12, True), (2.0**-24, False), (2.0**-24, True))
 # Overlap of that larger one beyond the base overlap, so that no perturbation brings a contact back to it.
 LARGER_OVERLAP = 8.0
+# Opening of such a contact in a step, in the same unit: no perturbation lets it close, nor does it open in the step.
+OPENING = 4.0
 # Gap that a law may see per unit of displacement of an end and the node beside it: a quarter of the base overlap.
 MOST_SEEN = 0.25 * BASE_OVERLAP
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
@@ -196,7 +198,7 @@ class ClosedStep:
         self.march.boundary.points[:] = larger
         self._step(self._start)
         self._remembered = self.march.boundary.state_after[: self._remembered.size].copy()
-        self._start = -self._start
+        self._start = -OPENING / (0.5 * BASE_OVERLAP) * self._start
 
     def _responds_to_state(self) -> Any:
         """Return which points have a force that depends on the state.

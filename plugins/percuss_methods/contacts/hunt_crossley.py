@@ -55,8 +55,8 @@ class HuntCrossley(ContactLaw):
     stiffening = ("beta_s", "epsilon_s")
     guarantees = ("never pulls",)
     # greatest rate of the overlap since the contact closed, energy stored and energy dissipated; of the step before,
-    # the force of the damping and the rate before it
-    state = 5
+    # the force of the damping and the rate before it; and the work of the damping
+    state = 6
     stored_in = 1
     dissipated_in = 2
 
@@ -94,6 +94,9 @@ class HuntCrossley(ContactLaw):
             trial.after[p, 0] = greatest
             trial.after[p, 1] = spring * overlap / (bound.exponent[p] + 1.0)
             mean_rate = 0.5 * (trial.before[p, 4] + rate)
-            trial.after[p, 2] = trial.before[p, 2] + trial.before[p, 3] * mean_rate * trial.dt
+            work = trial.before[p, 5] + trial.before[p, 3] * mean_rate * trial.dt
+            # Where the end turns around within a step the damping gives a little back, which the next steps take again.
+            trial.after[p, 2] = max(trial.before[p, 2], work)
+            trial.after[p, 5] = work
             trial.after[p, 3] = multiplier[p] - spring
             trial.after[p, 4] = rate
