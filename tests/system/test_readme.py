@@ -96,7 +96,9 @@ def test_a_command_runs(command: str, folder: Path) -> None:
     words = shlex.split(command)
     assert words[0] == "percuss"
     if words[1] == "report" and not (folder / words[2]).exists():  # the study may have run in another process
-        (study,) = (each for each in COMMANDS if each.startswith("percuss study") and f"/{Path(words[2]).stem}." in each)
+        (study,) = (
+            each for each in COMMANDS if each.startswith("percuss study") and f"/{Path(words[2]).stem}." in each
+        )
         assert percuss_command(*shlex.split(study)[1:], cwd=folder).returncode == 0
     done = percuss_command(*words[1:], cwd=folder)
     assert done.returncode == 0, done.stderr
