@@ -6,10 +6,10 @@ softens, yields or remembers its largest overlap does. The step is therefore exa
 overlaps, and while the contact opens after a larger overlap. Where these steps differ, growth on one of the lines
 tells that the step is unstable, but nothing tells that it is stable, as a run changes from one line to another.
 
-Two kinds of motion grow linearly in time without being an instability and are
-deflated: motions without strain that change no closed gap (rigid translation, sideways mechanisms) and, at exactly the
-step 2/omega, the highest mode of a free bar. States are weighted by the square root of the mass, (u, dt v), because the
-step without contact is close to orthogonal in these coordinates.
+Two kinds of motion grow linearly in time without being an instability and are deflated: motions without strain that
+change no closed gap (rigid translation, sideways mechanisms) and, at exactly the step 2/omega, the highest mode of a
+free bar. States are weighted by the square root of the mass, (u, dt v), because the step without contact is close to
+orthogonal in these coordinates.
 
 The state of a multi-stage scheme includes the rows that the scheme keeps between steps, dt^2 times an acceleration.
 Under such a scheme the time loop itself holds every contact with a linear law closed, because within a stage the
@@ -464,9 +464,13 @@ def _other_lines(step: ClosedStep) -> Iterator[ClosedStep]:
     if all(bound_law.linear is not None for bound_law in step.model.laws):
         return
     state = np.random.default_rng(2).uniform(-1.0, 1.0, step.parts * step.size)
+    images = {tuple(step.acting): step(state)}
     for unit, opening in OTHER_STATES:
         other = ClosedStep(motions, dt, step.closed, unit=unit, opening=opening)
-        image = (step if other.acting == step.acting else ClosedStep(motions, dt, other.acting))(state)
+        acting = tuple(other.acting)
+        if acting not in images:
+            images[acting] = ClosedStep(motions, dt, acting)(state)
+        image = images[acting]
         if not np.abs(other(state) - image).max() <= LINEARITY_TOLERANCE * np.abs(image).max():
             yield other
 
