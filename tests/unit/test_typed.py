@@ -50,7 +50,7 @@ WRONG = """
 import percuss
 
 percuss.run("case.yaml")
-percuss.rnu
+percuss.laws
 """
 
 
@@ -87,4 +87,4 @@ def test_a_users_file_is_checked_against_the_types_of_percuss(tmp_path):
     said = strict_mypy(tmp_path, *sorted(path.name for path in tmp_path.glob("*.py"))).splitlines()
     first, second, _ = said
     assert first.startswith('wrong.py:4: error: Argument 1 to "run" has incompatible type "str"; expected "Case"')
-    assert second.startswith('wrong.py:5: error: Module has no attribute "rnu"')
+    assert second.startswith('wrong.py:5: error: Module has no attribute "laws"')
