@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 
 import numba
 import numpy as np
@@ -12,6 +13,7 @@ import yaml
 
 import percuss
 from fake_studies import TWO_BARS
+from percuss.studies import job_package
 
 # A file in the place of each of these modules tells that it was imported, and fails.
 THIRD_PARTY = {"matplotlib", "numba", "numpy", "pyarrow", "rich", "scipy", "typer", "xarray", "yaml"}
@@ -148,6 +150,19 @@ def test_a_plug_in_brings_no_neighbour_and_takes_no_place(folder, monkeypatch):
     (folder / "tempfile.py").write_text(law(later="import neighbour"), encoding="utf-8")
     with pytest.raises(percuss.PluginError, match="imports 'neighbour' from beside it"):
         percuss.load("case.yaml", plugins=["tempfile.py"])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="users of Unix")
+def test_copies_of_plug_ins_lie_in_a_folder_that_no_other_user_can_write_to(tmp_path, monkeypatch):
+    """A worker on another machine gets the plug-ins of a study as text."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    plugin = {"noting.py": law().encode()}
+    copied = job_package._folder(tmp_path / "not there", plugin)
+    assert (copied / "noting.py").read_bytes() == plugin["noting.py"]
+    assert copied.stat().st_mode & 0o777 == 0o700
+    monkeypatch.setattr(os, "getuid", lambda: 1 + tmp_path.stat().st_uid)
+    with pytest.raises(percuss.PluginError, match="belongs to another user"):
+        job_package._folder(tmp_path / "not there", plugin)
 
 
 def test_machine_code_is_loaded_from_no_folder_that_a_file_in_the_current_folder_names(tmp_path, monkeypatch):
