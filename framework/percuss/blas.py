@@ -9,16 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["one_blas_thread", "processes_with_one_blas_thread", "start_with_one_blas_thread"]
+__all__ = ["ONE_THREAD", "one_blas_thread", "start_with_one_blas_thread"]
 
 # Variables of the environment from which the libraries take their number of threads when they are loaded.
-VARIABLES = (
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "OMP_NUM_THREADS",
-)
+ONE_THREAD = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "BLIS_NUM_THREADS": "1",
+    "VECLIB_MAXIMUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+}
 PACKAGES = ("numpy", "scipy.linalg")  # each brings a library of its own
 
 
@@ -100,22 +100,7 @@ def one_blas_thread() -> Iterator[None]:
         _LIMIT.end()
 
 
-@contextmanager
-def processes_with_one_blas_thread() -> Iterator[None]:
-    """Let BLAS have one thread in the processes that start inside this context."""
-    before = {name: os.environ.get(name) for name in VARIABLES}
-    os.environ.update(dict.fromkeys(VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
 def start_with_one_blas_thread() -> None:
     """Let BLAS have one thread in this process, if NumPy is not imported yet, and in those that the process starts."""
-    os.environ.update(dict.fromkeys(VARIABLES, "1"))
+    os.environ.update(ONE_THREAD)
     _LIMIT.always |= "numpy" not in sys.modules

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import stat
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -94,12 +93,11 @@ def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
 
 
 def cache_folder() -> Path:
-    """Return the folder for what need not be computed again: that of numba's configuration if it names one."""
-    configured = os.environ.get("NUMBA_CACHE_DIR")
-    numba = sys.modules.get("numba")
-    if numba is not None and numba.config.CACHE_DIR:
-        configured = numba.config.CACHE_DIR
-    if configured:
+    """Return the folder for what need not be computed again: NUMBA_CACHE_DIR of the environment, else the user's.
+
+    Code is loaded from it: so numba's settings file in the current folder, which may be anybody's, does not name it.
+    """
+    if configured := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(configured)
     import platformdirs
 

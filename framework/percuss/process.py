@@ -10,11 +10,11 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["INTERRUPTED", "begin", "ctrl_c_raises", "end_whatever_runs"]
+__all__ = ["INTERRUPTED", "begin", "ctrl_c_raises", "end_whatever_runs", "processes_with"]
 
 INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
 GRACE = 2.0  # seconds that threads have to end after the command has ended
@@ -115,6 +115,21 @@ def ctrl_c_raises() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def processes_with(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment for the processes that start inside this context."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def end_whatever_runs(code: int) -> None:

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import percuss
-from percuss.blas import VARIABLES, one_blas_thread
+from percuss.blas import ONE_THREAD, one_blas_thread
 from percuss.certificate import verdict
 from percuss.results.exact import exact_solution
 from percuss.results.true_error import contact_errors, displacement_error
@@ -166,7 +166,7 @@ def judged(name: str, version: str, model: Any, solution: Any, found: dict[str, 
 
 def called(python: str, script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Return the finished process of a script with one thread of BLAS."""
-    environment = os.environ | dict.fromkeys(VARIABLES, "1")
+    environment = os.environ | ONE_THREAD
     command = [python, str(HERE / "programs" / script), *arguments]
     try:
         return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)

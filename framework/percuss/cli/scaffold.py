@@ -138,7 +138,7 @@ def _template(file: str) -> str:
 def _class_name(name: str, code: str) -> str:
     """Return the class name: the method's name in camel case, plus ``Method`` if the code or percuss uses that word."""
     class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]+", name))
-    used = {*re.findall(r"\w+", code), *percuss.__all__} - {"MyMethod"}  # in whose place the name comes
+    used = {*re.findall(r"\w+", code), *dir(percuss)} - {"MyMethod"}  # in whose place the name comes
     return f"{class_name}Method" if class_name in used else class_name
 
 

@@ -115,8 +115,13 @@ class SingleFile:
         module.__file__ = str(self.path)
         sys.modules[name] = module  # Dataclasses and pickle look the module up there.
         record_import(name, self.content)
-        # Python's own loader is not used: its bytecode cache misses an edit within one second that keeps the size.
-        exec(compile(self.content, str(self.path), "exec", dont_inherit=True), vars(module))  # noqa: S102
+        before = sys.path.copy()
+        try:
+            # Python's own loader is not used: its bytecode cache misses an edit within one second that keeps the size.
+            exec(compile(self.content, str(self.path), "exec", dont_inherit=True), vars(module))  # noqa: S102
+        finally:  # What lies beside the file must not stand in for modules that anybody imports later.
+            beside = self.path.parent
+            sys.path[:] = [folder for folder in sys.path if folder in before or Path(folder).resolve() != beside]
 
 
 def _modules_beside(path: Path, content: bytes) -> dict[str, int]:

@@ -220,7 +220,11 @@ def _holds(path: Path, text: bytes) -> bool:
 def _copied(files: Mapping[str, bytes]) -> Path:
     """Return a folder of copies, named by a digest of their contents; several workers may make it at once."""
     digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
-    folder = Path(tempfile.gettempdir()) / f"percuss-{os.getuid() if hasattr(os, 'getuid') else 0}-{digest}"
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"percuss-{user}-{digest}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    if folder.lstat().st_uid != user:  # who owns the folder can put other code there after it was compared
+        raise PluginError(f"{folder} belongs to another user: have it removed, or set TMPDIR to a folder of your own")
     for path, text in _missing_files(folder, files):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")

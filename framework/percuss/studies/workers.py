@@ -22,7 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from percuss.blas import processes_with_one_blas_thread
+from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
 from percuss.heartbeat import Watch, beat
 from percuss.methods.process_guard import (
@@ -32,6 +32,7 @@ from percuss.methods.process_guard import (
     tell_standstill,
     where_is,
 )
+from percuss.process import processes_with
 from percuss.studies.job_package import Bench, Interrupted, Job
 from percuss.studies.perform import LOST
 from percuss.studies.store import WORKER
@@ -49,6 +50,8 @@ IN_VAIN = 5  # crews that may die before they make a run
 # replaced by new ones, which load from disk what they need, but not until they have worked for some time [s].
 MOST_MEMORY = 2**30
 SHORTEST_SERVICE = 60.0
+# The variable of Python's option -P, and what it is where the user has not set it.
+SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
 
 Keep = Callable[[Sequence[Record]], None]
 
@@ -361,18 +364,20 @@ def _memory_of(process: str) -> int:
 
 @contextlib.contextmanager
 def _starting() -> Iterator[None]:
-    """Keep processes that start now from importing the running script and from using several threads of BLAS.
+    """Keep processes that start now from code that nothing names and from using several threads of BLAS.
 
-    A script without ``if __name__ == "__main__"`` would run again in each process. The threads of several processes
-    would slow each other down.
+    Python would put the current folder first on their path, and multiprocessing puts it in the place of an empty entry
+    of ours. A script without ``if __name__ == "__main__"`` would run again in each process. The threads of several
+    processes would slow each other down.
     """
-    main = sys.modules["__main__"]
+    main, path = sys.modules["__main__"], sys.path
     sys.modules["__main__"] = ModuleType("__main__")
+    sys.path = [folder for folder in path if folder]
     try:
-        with processes_with_one_blas_thread():
+        with processes_with({**ONE_THREAD, SAFE_PATH: os.environ.get(SAFE_PATH) or SET_HERE}):
             yield
     finally:
-        sys.modules["__main__"] = main
+        sys.modules["__main__"], sys.path = main, path
 
 
 def _start_server() -> None:
@@ -382,13 +387,13 @@ def _start_server() -> None:
     """
     from multiprocessing import forkserver, resource_tracker
 
-    resource_tracker.ensure_running()  # which lets signals through at its end
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        with _starting():
+    with _starting():
+        resource_tracker.ensure_running()  # which lets signals through at its end
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
             forkserver.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 # ------------------------------------------------------------------------------------- inside a worker process
@@ -398,6 +403,8 @@ _PROCESS_STATE: dict[str, Any] = {}
 
 def _begin(bench: Bench, alive: Any, notes: str, stalled_after: float) -> None:
     """Prepare this worker process for its work."""
+    if os.environ.get(SAFE_PATH) == SET_HERE:  # What a plug-in starts in a worker has the path that it has elsewhere.
+        del os.environ[SAFE_PATH]
     # The process that hands out the work handles Ctrl-C: a worker must not take half a run for a whole one.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -15,7 +15,7 @@ import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from percuss.compiling import compiler, listen
 from percuss.files import cache_folder
@@ -37,6 +37,7 @@ from percuss.solver.compiler.readings import Readings
 from percuss.version import __version__, installed_version
 
 Kernel = Callable[..., Any]
+AnyKernel = TypeVar("AnyKernel", bound=Kernel)
 
 _COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
 
@@ -344,7 +345,7 @@ class Specialiser:
         return tag
 
 
-def compiled_function(function: Kernel) -> Kernel:
+def compiled_function(function: AnyKernel) -> AnyKernel:
     """Return a function compiled together with all functions that it calls, or as it is where numba may not compile.
 
     The machine code is stored in the user's cache folder and is never used after an edit of any of these functions, or
@@ -362,7 +363,7 @@ def compiled_function(function: Kernel) -> Kernel:
     """
     if jit_disabled():
         return function
-    return Specialiser(counting=True, inline=False).bind(function, entry=True)
+    return cast("AnyKernel", Specialiser(counting=True, inline=False).bind(function, entry=True))
 
 
 @functools.cache
@@ -410,7 +411,7 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry:
     if not _counting_can_be_left_out():
         options.pop("_nrt", None)
     configured = numba.config.CACHE_DIR
-    if cache and not configured:
+    if cache:
         numba.config.CACHE_DIR = str(cache_folder())
     try:
         compile_function = compile_entry if entry else compile_callee

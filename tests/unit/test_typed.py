@@ -1,0 +1,90 @@
+"""What type checkers see of percuss: in a user's file the public names are what they are, not `Any`."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import percuss
+import percuss_methods
+from percuss.cli.scaffold import KINDS, scaffold
+
+USER = """
+from dataclasses import dataclass
+from typing import assert_type
+
+import percuss
+from percuss_methods.contacts.penalty import Penalty
+
+case = percuss.load("case.yaml")
+assert_type(case, percuss.Case)
+result = percuss.run(case)
+assert_type(result, percuss.Result)
+assert_type(result.status, str)
+assert_type(result.summary["dt"], float)
+assert_type(percuss.study("study.yaml"), percuss.Study)
+assert_type(percuss.CONTRACT, int)
+assert_type(Penalty().scale, float | None)
+
+
+@dataclass(frozen=True)
+class Spring(percuss.ContactLaw):
+    name = "spring"
+    stiffness: float = 1.0
+
+    def bind(self, points: percuss.ContactPoints, dt: float) -> percuss.LinearLaw:
+        assert_type(points.stiffness, percuss.Floats)
+        return percuss.LinearLaw(at="end", sigma=1.0 / points.stiffness)
+
+
+@percuss.compiled_function
+def doubled(value: float) -> float:
+    return 2.0 * value
+
+
+assert_type(doubled(value=1.0), float)
+"""
+WRONG = """
+import percuss
+
+percuss.run("case.yaml")
+percuss.laws
+"""
+
+
+def test_both_packages_say_that_they_are_typed():
+    for package in (percuss, percuss_methods):
+        assert (Path(package.__file__).parent / "py.typed").is_file()
+
+
+def test_type_checkers_and_python_get_the_same_names_from_the_same_modules():
+    """Both lists stand in `percuss/__init__.py`, as names are imported when they are used, not before."""
+    branch = next(
+        node for node in ast.parse(Path(percuss.__file__).read_text("utf-8")).body if isinstance(node, ast.If)
+    )
+    imports = [node for node in branch.body if isinstance(node, ast.ImportFrom)]
+    seen = {(node.module, alias.name, alias.asname) for node in imports for alias in node.names}
+    assert seen == {(f"percuss.{module}", name, name) for name, module in percuss._MODULE_OF.items()}
+    assert sorted({*percuss.__all__, "__version__"}) == sorted(name for _, name, _ in seen)
+    assert all(getattr(percuss, name) is not None for name in percuss.__all__)
+
+
+def strict_mypy(folder, *files):
+    """Return what ``mypy --strict`` says of files of a user."""
+    pytest.importorskip("mypy", reason="the types are checked by mypy")
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", f"--cache-dir={folder / 'cache'}", *files]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False).stdout
+
+
+@pytest.mark.deep
+def test_a_users_file_is_checked_against_the_types_of_percuss(tmp_path):
+    (tmp_path / "user.py").write_text(USER, encoding="utf-8")
+    (tmp_path / "wrong.py").write_text(WRONG, encoding="utf-8")
+    for kind in KINDS:
+        scaffold(f"my-{kind}", kind, tmp_path, single_file=True)
+    said = strict_mypy(tmp_path, *sorted(path.name for path in tmp_path.glob("*.py"))).splitlines()
+    first, second, _ = said
+    assert first.startswith('wrong.py:4: error: Argument 1 to "run" has incompatible type "str"; expected "Case"')
+    assert second.startswith('wrong.py:5: error: Module has no attribute "laws"')
