@@ -686,7 +686,6 @@ class Predicting(Integrator):
         return LeapFrog(ContactState("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
 
 
-@right
 @dataclass(frozen=True)
 class Viscous(Integrator):
     """Central difference with viscosity, of a limit below one half.
