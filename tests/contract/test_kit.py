@@ -1,5 +1,6 @@
 """The conformance kit itself: right methods pass, planted mistakes are caught by the check that should, by name."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -13,9 +14,11 @@ import places
 import planted
 from command_line import percuss_command
 from percuss import PluginError
+from percuss.certificate import verdict
+from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, StrictSystem, conformance
-from percuss.testing.kit import checks_of, known_checks, perform
+from percuss.testing.kit import Report, checks_of, known_checks, perform
 from percuss.testing.subject import Subject, named
 
 REGISTRY = Registry.load()
@@ -95,6 +98,65 @@ def test_a_declared_failure_that_occurs_is_told_with_its_reason():
     undeclared = perform(never, Subject.of(planted.Silent, REGISTRY), "central-difference")
     assert undeclared.status == "failed"
     assert "energy grew by" in undeclared.message
+
+
+def with_law_of_somebody(law):
+    """Return the registry with a law of another installed package."""
+    key, source = ("contacts", law.name), Provenance("unfinished", "0.0.1", law.__module__, "/elsewhere/unfinished.py")
+    return dataclasses.replace(
+        REGISTRY, components={**REGISTRY.components, key: law}, sources={**REGISTRY.sources, key: source}
+    )
+
+
+def named_check(name):
+    return next(one for one in known_checks() if one.name == name)
+
+
+def test_an_unfinished_law_of_somebody_else_is_listed_apart_and_does_not_count():
+    cls = REGISTRY.components["integrators", "central-difference"]
+    subject = Subject.of(cls, with_law_of_somebody(planted.NoStep))
+    assert "no-step" not in subject.partners
+    assert set(subject.partners) == set(REGISTRY.names("contacts"))
+    planned = [(check.name, partner) for check, partner in checks_of(subject)]
+    assert [partner for _, partner in planned[-2:]] == ["no-step"] * 2  # the pairs with it come last
+    assert all(partner != "no-step" for _, partner in planned[:-2])
+    impact = named_check("exact-impact")
+    outcomes = (perform(impact, subject, "lagrange"), perform(impact, subject, "no-step"))
+    assert [(one.status, one.counts) for one in outcomes] == [("passed", True), ("failed", False)]
+    report = Report(cls, outcomes)
+    assert report.passed
+    assert report.verdict == "central-difference (integrators) conforms: 1 passed"
+    apart = str(report).partition("with methods of other plug-ins, which the verdict does not count:")[2]
+    assert "failed  exact-impact with no-step" in apart
+    assert [one["counts"] for one in report.as_dict()["checks"]] == [True, False]
+
+
+def test_the_methods_of_one_plug_in_judge_each_other():
+    subject = Subject.of(planted.Predicting, Subject.of(planted.WrongSign, REGISTRY).registry)
+    assert "wrong-sign" in subject.partners
+    assert perform(named_check("exact-impact"), subject, "wrong-sign").counts
+
+
+@pytest.mark.parametrize(
+    ("name", "partner"),
+    [("conserves", ""), ("first-step", ""), ("order", ""), ("exact-impact", "regularised-lagrange")],
+)
+def test_nothing_is_asked_above_the_limit_of_a_scheme(name, partner):
+    assert planted.Viscous.critical_courant < 0.45
+    outcome = perform(named_check(name), Subject.of(planted.Viscous, REGISTRY), partner)
+    assert outcome.status == "passed", outcome.message
+
+
+def test_a_partner_of_unknown_critical_step_is_asked_at_a_step_at_which_the_default_method_runs(monkeypatch):
+    known = verdict.certificate
+    monkeypatch.setattr(
+        verdict, "certificate", lambda *given, **asked: {**known(*given, **asked), "courant_critical": None}
+    )
+    impact, registry = named_check("exact-impact"), Subject.of(planted.Stiffer, REGISTRY).registry
+    outcome = perform(impact, Subject.of(planted.Predicting, registry), "stiffer")
+    assert outcome.status == "passed", outcome.message
+    # the law itself is held to the step at which the default law runs
+    assert perform(impact, Subject.of(planted.Stiffer, REGISTRY), "wu-predictor-corrector").status == "failed"
 
 
 @pytest.mark.slow

@@ -686,6 +686,38 @@ class Predicting(Integrator):
         return LeapFrog(ContactState("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
 
 
+@dataclass(frozen=True)
+class Viscous(Integrator):
+    """Central difference with viscosity, of a limit below one half.
+
+    Formula: ``v_{n+1/2} = v_{n-1/2} - dt M^-1 K (u_n + 2.5 dt v_{n-1/2})``.
+    """
+
+    name = "viscous"
+    summary = "Central difference with much viscosity"
+    references = ("nobody, nowhere",)
+    order = 1
+    conserves = ("momentum",)
+    critical_courant = 6.0**-0.5
+
+    def bind(self, dt):
+        return LeapFrog(ContactState("current", "current", "bulk", (0.0, 0.0, 1.0)), end_of_step(dt), viscosity=2.5)
+
+
+@dataclass(frozen=True)
+class Stiffer(ContactLaw):
+    """A spring that needs a small step.
+
+    Formula: ``lambda = 20 (EA/h) <-g>``.
+    """
+
+    name = "stiffer"
+    summary = "A stiff spring"
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=0.05 / points.stiffness)
+
+
 def explicit(dt):
     return LeapFrog(ContactState("predicted", "predicted", "none", (0.0, 0.0, 1.0)), end_of_step(dt))
 

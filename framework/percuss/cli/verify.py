@@ -116,7 +116,7 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
 
     from percuss.methods.registry import Registry
     from percuss.reporting.component import components_named
-    from percuss.testing.kit import Outcome, Report, checks_of, perform
+    from percuss.testing.kit import OTHERS, Outcome, Report, checks_of, perform
     from percuss.testing.subject import Subject
 
     try:
@@ -142,6 +142,8 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         with progress_bar(f"checks of {subject.name}") as progress:
             for check, partner in planned:
                 outcomes.append(perform(check, subject, partner))
+                if [outcome.counts for outcome in outcomes[-2:]] == [True, False]:
+                    say(OTHERS)
                 say(str(outcomes[-1]))
                 if quiet:  # else each line tells of the progress
                     progress(len(outcomes), len(planned))

@@ -16,7 +16,7 @@ import numpy as np
 
 from percuss.case.quantities import COMPARED_BY_KIT
 from percuss.errors import PercussError
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject
+from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -441,14 +441,11 @@ def with_examples(subject: Subject, strategy: SearchStrategy[Any]) -> SearchStra
     """
     from hypothesis import strategies as st
 
-    from percuss.testing.subject import PARTNERS
-
-    family = PARTNERS.get(subject.family, "")
     partners = [
         name
-        for name in (subject.registry.names(family) if family else ())
+        for name in subject.partners
         if not {subject.check, f"{subject.check} with {subject.name}"}
-        & set(subject.registry.components[family, name].expected_failures)
+        & set(subject.registry.components[PARTNERS[subject.family], name].expected_failures)
     ] or [""]
     return st.tuples(strategy, st.sampled_from(subject.examples), st.sampled_from(partners))
 

@@ -2,9 +2,10 @@
 
 A check is a plain function of a `Subject` that returns if the component meets the demand of the contract, and raises
 if it does not. A check that takes a partner is run once with each registered method that the component may be paired
-with. Only `Component.expected_failures` excuses a failure: the check is still run, and a declared failure that does not
-occur is an error. Where a law declares to fail a check with an integrator, nothing is demanded of it with another one
-that evaluates laws in the same states.
+with. Partners of percuss and of the component's own plug-in decide; those of other plug-ins are listed apart. Only
+`Component.expected_failures` excuses a failure: the check is still run, and a declared failure that does not occur is
+an error. Where a law declares to fail a check with an integrator, nothing is demanded of it with another one that
+evaluates laws in the same states.
 """
 
 from __future__ import annotations
@@ -32,6 +33,9 @@ from percuss.testing.subject import (
     registered_checks,
 )
 
+# heading of the outcomes that are no part of the verdict
+OTHERS = "with methods of other plug-ins, which the verdict does not count:"
+
 __all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks_of", "conformance"]
 
 
@@ -54,6 +58,8 @@ class Outcome:
     case
         Text of the case that the check read last before it failed, as a case file that can be saved and run; empty if
         the check read no case.
+    counts
+        Whether the outcome is part of the verdict; with a partner of somebody else's plug-in it is not.
     """
 
     check: Check
@@ -62,6 +68,7 @@ class Outcome:
     message: str = ""
     reason: str = ""
     case: str = ""
+    counts: bool = True
 
     @property
     def name(self) -> str:
@@ -70,8 +77,8 @@ class Outcome:
 
     @property
     def good(self) -> bool:
-        """Whether the component meets the demand, fails as declared, or the check does not apply."""
-        return self.status not in {"failed", "passes unexpectedly"}
+        """Whether the component meets the demand, fails as declared, or the outcome is no part of the verdict."""
+        return not self.counts or self.status not in {"failed", "passes unexpectedly"}
 
     def __str__(self) -> str:
         title = f"{self.status:>20}  {self.name}"
@@ -99,16 +106,17 @@ class Report:
         return all(outcome.good for outcome in self.outcomes)
 
     def count(self, status: str) -> int:
-        """Return the number of outcomes with a status."""
-        return sum(outcome.status == status for outcome in self.outcomes)
+        """Return the number of outcomes with a status that are part of the verdict."""
+        return sum(outcome.status == status for outcome in self.outcomes if outcome.counts)
 
     def __str__(self) -> str:
-        return "\n".join([self.verdict, *map(str, self.outcomes)])
+        counted, others = ([str(o) for o in self.outcomes if o.counts is counts] for counts in (True, False))
+        return "\n".join([self.verdict, *counted, *([OTHERS, *others] if others else [])])
 
     @property
     def verdict(self) -> str:
         """One line that states whether the component conforms, and the number of outcomes of each status."""
-        counts = {outcome.status: self.count(outcome.status) for outcome in self.outcomes}
+        counts = {outcome.status: self.count(outcome.status) for outcome in self.outcomes if outcome.counts}
         counted = ", ".join(f"{number} {status}" for status, number in counts.items())
         word = "conforms" if self.passed else "DOES NOT CONFORM"
         return f"{self.component.name} ({self.component.family}) {word}: {counted}"
@@ -127,6 +135,7 @@ class Report:
                     "reason": outcome.reason,
                     "demand": outcome.check.demand,
                     "case": outcome.case,
+                    "counts": outcome.counts,
                 }
                 for outcome in self.outcomes
             ],
@@ -172,7 +181,7 @@ def _fails_in_the_same_states(kit_check: Check, subject: Subject, partner: str) 
     if not partner or subject.family != "contacts":
         return ""
     states = _shown_states(subject, partner)
-    others = [name for family, name in subject.registry.components if family == "integrators" and name != partner]
+    others = (name for name in subject.partners if name != partner)
     alike = (name for name in others if states is not None and _shown_states(subject, name) == states)
     return next((name for name in alike if expected(kit_check, subject, name)), "")
 
@@ -185,6 +194,12 @@ def _shown_states(subject: Subject, integrator: str) -> Any:
 
 def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
     """Run a check on a subject and return its outcome."""
+    outcome = _outcome(kit_check, subject, partner)
+    return dataclasses.replace(outcome, counts=not partner or partner in subject.partners)
+
+
+def _outcome(kit_check: Check, subject: Subject, partner: str) -> Outcome:
+    """Return the outcome of a check as if it counted."""
     fails_with = _fails_with(kit_check, subject, partner) or _fails_in_the_same_states(kit_check, subject, partner)
     if fails_with and not expected(kit_check, subject, partner):
         law, integrator = (subject.name, partner) if subject.family == "contacts" else (partner, subject.name)
@@ -264,6 +279,8 @@ def conformance_test(component: type[Component], *, draws: int = DRAWS) -> Calla
             pytest.skip(outcome.message)
         if outcome.status == "expected failure":
             pytest.xfail(outcome.reason)
+        if not outcome.counts:
+            pytest.skip(f"{OTHERS} {outcome.status} {outcome.message}")
         if not outcome.good:
             pytest.fail(str(outcome), pytrace=False)
 

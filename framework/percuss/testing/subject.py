@@ -17,6 +17,7 @@ from percuss.methods.registry import Registry
 
 DRAWS = 12  # number of cases that a check draws
 PARTNERS = {"integrators": "contacts", "contacts": "integrators"}
+SHIPPED = "percuss"  # distribution whose methods judge those of others
 Status = Literal["passed", "failed", "expected failure", "passes unexpectedly", "not applicable"]
 
 
@@ -109,6 +110,24 @@ class Subject:
                 if isinstance(example.get(key), str) and (folder / example[key]).is_file()
             }
         return out
+
+    def judges(self, family: str) -> list[str]:
+        """Return the methods of a family that judge the component: those of percuss, and those of its own plug-in.
+
+        A method of somebody else may be unfinished: the fault of a pair with it may be its own.
+        """
+        own = self.registry.sources[self.family, self.name]
+        return [
+            name
+            for name in self.registry.names(family)
+            if (source := self.registry.sources[family, name]).distribution in {SHIPPED, own.distribution or SHIPPED}
+            or source.file == own.file
+        ]
+
+    @property
+    def partners(self) -> list[str]:
+        """Names of the partners that judge the component; none if its family has no partners."""
+        return self.judges(PARTNERS[self.family]) if self.family in PARTNERS else []
 
     def make(self, options: Mapping[str, Any]) -> Any:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
@@ -234,14 +253,16 @@ def named(kit_check: Check, partner: str) -> str:
 
 
 def registered_checks(subject: Subject) -> Iterator[tuple[Check, str]]:
-    """Yield each check of a subject with an empty partner, or once with each partner if the check is run in pairs."""
-    for kit_check in CHECKS:
-        if subject.family not in kit_check.families:
-            continue
-        if kit_check.in_pairs:
-            yield from ((kit_check, partner) for partner in subject.registry.names(PARTNERS[subject.family]))
-        else:
-            yield kit_check, ""
+    """Yield each check of a subject with an empty partner, or once with each partner if the check is run in pairs.
+
+    Pairs with partners that do not judge the subject come last.
+    """
+    checks = [kit_check for kit_check in CHECKS if subject.family in kit_check.families]
+    for kit_check in checks:
+        yield from ((kit_check, partner) for partner in (subject.partners if kit_check.in_pairs else [""]))
+    others = subject.registry.names(PARTNERS[subject.family]) if subject.family in PARTNERS else []
+    for partner in (name for name in others if name not in subject.partners):
+        yield from ((kit_check, partner) for kit_check in checks if kit_check.in_pairs)
 
 
 def names_of_checks(subject: Subject) -> list[str]:

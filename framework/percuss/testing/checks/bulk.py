@@ -518,7 +518,7 @@ def check_balance_in_contact(subject: Subject) -> None:
         raise NotApplicable("ends in contact have the mass of all other ends")
     laws = [
         {"name": name, **dict(subject.registry.components["contacts", name].examples[0])}
-        for name in subject.registry.names("contacts")
+        for name in subject.judges("contacts")
     ]
 
     def check_ledgers(case: dict[str, Any]) -> None:

@@ -25,7 +25,6 @@ from percuss.testing.draws import (
     with_examples,
 )
 from percuss.testing.subject import (
-    PARTNERS,
     CheckFailed,
     NotApplicable,
     Subject,
@@ -194,8 +193,7 @@ def _use(subject: Subject, instance: Any, options: Mapping[str, Any]) -> None:
     A method whose pair with the default partner is refused runs with the first partner that it may have.
     """
     if subject.family in METHODS:
-        partners = subject.registry.names(PARTNERS[subject.family]) if subject.family in PARTNERS else ()
-        for partner in ("", *partners):
+        for partner in ("", *subject.partners):
             with contextlib.suppress(NotApplicable):
                 subject.run(subject.placed({**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}, options, partner))
                 return

@@ -244,7 +244,7 @@ def check_stored_and_dissipated(subject: Subject) -> None:
     law: Any = subject.component
     if law.stored_in is None or law.dissipated_in is None:
         raise NotApplicable("it does not say both what its contacts store and what they dissipate")
-    integrator = next(name for name in subject.registry.names("integrators") if _is_leap_frog(subject, name))
+    integrator = next(name for name in subject.partners if _is_leap_frog(subject, name))
     for options in subject.examples:
         errors = []
         for courant in (0.4, 0.1):
@@ -315,7 +315,7 @@ def check_pushes_apart(subject: Subject) -> None:
     """
     case = {**STRUCK_WALL, "time": {"end": 0.009, "courant": 0.5}}
     for options in subject.examples:
-        for partner in subject.registry.names("integrators"):
+        for partner in subject.partners:
             try:
                 result = subject.run(subject.placed(case, options, partner))
             except (InputError, NotApplicable):
