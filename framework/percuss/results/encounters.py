@@ -43,6 +43,11 @@ def _ends(model: Model) -> Iterator[End]:
                 yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
 
 
+def _touching(end: End) -> float:
+    """Return the distance below which another end touches an end."""
+    return TOUCHING * float(end.body.mesh.lengths[end.body.end_element(end.node)])
+
+
 def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
     """Return the neighbouring ends on one line that face each other without a contact, and their initial distance.
 
@@ -51,26 +56,30 @@ def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
     in_contact = {node for contact_pair in model.contact_pairs for node in contact_pair.nodes}
     lines: dict[Any, tuple[list[End], list[End]]] = {}
     for end in _ends(model):
-        forward = bool(end.outward[np.flatnonzero(np.abs(end.outward) > 1e-9)[0]] > 0.0)
-        axis = end.outward if forward else -end.outward
-        size = float(end.body.mesh.lengths.sum())
-        beside = (end.position - (end.position @ axis) * axis) / size
-        key = (*np.round(axis, 9) + 0.0, *np.round(beside, 6) + 0.0)
-        lines.setdefault(key, ([], []))[0 if forward else 1].append(end)
+        forward = next(part for part in end.outward.tolist() if abs(part) > 1e-9) > 0.0
+        lines.setdefault(_line(end, forward), ([], []))[0 if forward else 1].append(end)
     pairs = []
     for forward_ends, backward_ends in lines.values():
         backward_ends.sort(key=lambda end: -float(end.position @ end.outward))
         places = [-float(end.position @ end.outward) for end in backward_ends]
         for end in forward_ends:
-            place = float(end.position @ end.outward)
-            tolerance = TOUCHING * float(end.body.mesh.lengths.min())
+            place, tolerance = float(end.position @ end.outward), _touching(end)
             index = bisect.bisect_left(places, place - tolerance)
             if index == len(places):
                 continue
-            other, gap = backward_ends[index], max(places[index] - place, 0.0)
+            other, gap = backward_ends[index], places[index] - place
             if other.body is not end.body and not {end.node, other.node} <= in_contact:
                 pairs.append((end, other, 0.0 if gap <= tolerance else gap))
     return pairs
+
+
+def _line(end: End, forward: bool) -> tuple[float, ...]:
+    """Return a key that ends on one line have in common."""
+    if end.outward.size == 1:
+        return ()
+    axis = end.outward if forward else -end.outward
+    beside = (end.position - (end.position @ axis) * axis) / float(end.body.mesh.lengths.sum())
+    return (*np.round(axis, 9) + 0.0, *np.round(beside, 6) + 0.0)
 
 
 def expected_meetings(model: Model) -> list[str]:
@@ -99,7 +108,7 @@ def encounters(march: March, outcome: Outcome, arrays: dict[str, Any]) -> list[s
     notes = []
     for end, other, gap in undeclared_pairs(model):
         depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ end.outward).min())
-        if depth > TOUCHING * float(end.body.mesh.lengths.min()):
+        if depth > _touching(end):
             notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
     for number, contact_pair in enumerate(model.contact_pairs):
         if model.dim == 1 or len(contact_pair.nodes) == 1:
