@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 MOST_SHOWN = 20  # mistakes that the message of an error shows
 LONGEST_SHOWN = 1000  # letters of a path or a message that are shown
+# Characters that move the cursor of a terminal, change its state or the direction of its text; a line may end and be
+# indented.
+CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 class PercussError(Exception):
@@ -30,14 +34,24 @@ class RefusedPair(PercussError):
         Reason for the refusal, in one sentence.
     said_by
         Name of the component that refused the combination.
+    problems
+        The places of both names in the case, once the case is known; the message then begins with them.
     """
 
-    def __init__(self, integrator: str, contact: str, reason: str, said_by: str) -> None:
-        super().__init__(f"{integrator} with {contact} is refused by {said_by}: {reason}")
+    def __init__(
+        self, integrator: str, contact: str, reason: str, said_by: str, problems: Iterable[Problem] = ()
+    ) -> None:
         self.integrator, self.contact, self.reason, self.said_by = integrator, contact, reason, said_by
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)) or self.sentence)
+
+    @property
+    def sentence(self) -> str:
+        """The refusal in one sentence, without the places of the names."""
+        return f"{self.integrator} with {self.contact} is refused by {self.said_by}: {self.reason}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.integrator, self.contact, self.reason, self.said_by)
+        return type(self), (self.integrator, self.contact, self.reason, self.said_by, self.problems)
 
 
 @dataclass(frozen=True)
@@ -116,6 +130,11 @@ class RunError(PercussError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (str(self), self.result)
+
+
+def printable(text: str) -> str:
+    """Return a text with an escape in the place of each control character, so that it cannot steer a terminal."""
+    return CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def shortened(text: str, most: int = LONGEST_SHOWN) -> str:

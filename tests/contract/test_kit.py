@@ -299,7 +299,7 @@ def test_the_strict_host_hands_out_nothing_that_can_be_changed():
         StrictSystem(CASE, cd, planted.ChangesPoints())
     with pytest.raises(ValueError, match="read-only"):
         StrictSystem(CASE, cd, planted.ChangesTrial()).march()
-    with pytest.raises(CheckFailed, match="left a point without a value"):
+    with pytest.raises(CheckFailed, match=r"leaves the multiplier of point \d of \d unset"):
         StrictSystem(CASE, cd, planted.FirstOnly()).march()
     points = StrictSystem(CASE, cd, planted.Spring()).points
     with pytest.raises(AttributeError):

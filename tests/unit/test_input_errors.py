@@ -164,7 +164,7 @@ def test_a_file_that_is_too_large_is_not_read(folder, monkeypatch):
     assert message("# " + "x" * 1_000_000) == (
         "case.yaml: expected at most 1 MB of text, found more\n  Keep tables in a CSV file."
     )
-    with pytest.raises(InputError, match="expected at most 1 MB of text"):
+    with pytest.raises(InputError, match="expected a YAML file, found a device"):  # it has no end
         load("/dev/zero")
 
 

@@ -103,9 +103,9 @@ def test_without_a_mistake_it_runs(file, compiled):
 
 
 MISTAKES = {
-    1: ("law faulty left the multiplier of contact 'stop' unset", "every branch of its kernel has to set every"),
-    2: ("law faulty used the multiplier of contact 'stop' before it had set it", "every branch of its kernel"),
-    3: ("law faulty gave a multiplier of contact 'stop' that is not a number", "the root of a negative number"),
+    1: ("law faulty leaves the multiplier of contact 'stop' unset", "every branch of its kernel has to set every"),
+    2: ("law faulty uses the multiplier of contact 'stop' before it has set it", "every branch of its kernel"),
+    3: ("law faulty computes a multiplier of contact 'stop' that is not a number", "the root of a negative number"),
 }
 
 

@@ -84,9 +84,9 @@ WRONG = {
     "no such state": (LAW, "trial.predicted_gap", "trial.gapp", "mine.py:34: contact law mine: multipliers: AttributeError"),
     "an error in the kernel": (LAW, SET, f'            raise ValueError("late")\n{SET}', "multipliers: ValueError: late"),
     "writes to its input": (LAW, SET, f"            trial.gap[p] = 0.0\n{SET}", "it changes what it was handed; it may write to"),
-    "sets nothing": (LAW, SET, "            x = max(", "multipliers leaves point 0 of 1 without a number: set every entry"),
+    "sets nothing": (LAW, SET, "            x = max(", "multipliers leaves the multiplier of point 0 of 1 unset: every branch"),
     "beyond the end": (LAW, "trial.delassus[p]", "trial.delassus[p + 7]", "mine.py:34: contact law mine: multipliers: IndexError"),
-    "not a number": (LAW, "max(-", "max(np.nan * ", "multipliers leaves point 0 of 1 without a number"),
+    "not a number": (LAW, "max(-", "max(np.nan * ", "multipliers computes a multiplier of point 0 of 1 that is not a number: its kernel divides by zero"),
     "keeps a list": (LAW, SET, f"            SEEN.append(p)\n{SET}", "multipliers changes `SEEN`: a kernel keeps nothing"),
     "keeps in a class": (
         LAW, SET, f"            Memory.deepest = max(Memory.deepest, -trial.gap[p])\n{SET}Memory.deepest, ",
@@ -106,7 +106,7 @@ WRONG = {
     ),
     "a branch that sets nothing": (
         LAW, SET, f"            if trial.gap[p] < 0.0 and trial.rate[p] > 0.0:\n                continue\n{SET}",
-        "multipliers leaves point 0 of 1 without a number: set every entry, 0.0 where nothing presses (at gap -1e-06",
+        "unset: every branch of its kernel has to set every multiplier, 0.0 where nothing presses (at gap -1e-06",
     ),
     "no annotation": (LAW, '"a law"\n', '"a law"\n    k = 500.0\n', "Mine.k has no annotation, so that no case can set it"),
     "a name unknown in step": (SCHEME, "import numpy as np\n", "", "integrator mine: step: NameError: name 'np'"),

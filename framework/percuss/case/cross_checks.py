@@ -169,6 +169,9 @@ class CrossChecks:
             pair = (frozenset(contact.sides), contact.wall)
             if between and len(pair[0]) == 1:
                 self.wrong(places[1], f"the end {contact.sides[1]} is in contact with itself", "Name two ends.")
+            elif between and len({side.body for side in contact.sides}) == 1:
+                message = f"expected ends of two bodies, found {contact.sides[0]} and {contact.sides[1]} of one"
+                self.wrong(places[1], message, "Name the end of the body that it meets.")
             elif pair in pairs:
                 same = "ends" if between else "end and wall"
                 self.wrong(path, f"the contact '{pairs[pair]}' has the same {same}", "Keep one of them.", key=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
 from percuss.errors import InputError, Problem, shortened
+from percuss.files import found_instead, is_folder
 
 __all__ = ["KeyPath", "Mark", "Source", "dotted", "flow", "override_label"]
 
@@ -124,9 +125,12 @@ class Source:
             If the file cannot be read or is not YAML.
         """
         name, file = str(path), Path(path)
+        if other := found_instead(file):
+            advice = "Name a file in it." if is_folder(file) else "Save its text in a file first."
+            raise InputError([Problem(name, "", f"expected a YAML file, found {other}", advice)])
         try:
             with file.open("rb") as stream:
-                content = stream.read(MAX_BYTES + 1)  # no more, as a device may have no end
+                content = stream.read(MAX_BYTES + 1)
             _expect_no_own_file(name, content)
             text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
         except FileNotFoundError:
@@ -134,10 +138,6 @@ class Source:
             close = difflib.get_close_matches(file.name, beside, n=1)
             advice = f"Did you mean '{file.parent / close[0]}'?" if close else "Check the path."
             raise InputError([Problem(name, "", "no such file", advice)]) from None
-        except IsADirectoryError:
-            raise InputError(
-                [Problem(name, "", "expected a YAML file, found a folder", "Name a file in it.")]
-            ) from None
         except UnicodeDecodeError as error:
             line = error.object.count(b"\n", 0, error.start) + 1
             raise InputError([Problem(f"{name}:{line}", "", "not UTF-8 text", "Save the file as UTF-8.")]) from None

@@ -88,7 +88,8 @@ def stability(
             errors.append(error)
             rows += [_row(varied, way, None, str(error.problems[0].message)) for way in ways]
         except (PluginError, RefusedPair) as error:
-            rows += [_row(varied, way, None, str(error)) for way in ways]
+            reason = error.sentence if isinstance(error, RefusedPair) else str(error)
+            rows += [_row(varied, way, None, reason) for way in ways]
         else:
             doubts = closed_contacts(model, model.dt).doubts
             rows += [_critical_row(model, varied, way, doubts) for way in by or ("black-box" if doubts else "pencil",)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from percuss.cli.common import AsJson, CaseFile, Plugins, Sets, load_case, print_json, reporting
+from percuss.errors import printable
 
 
 def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: AsJson = False) -> None:
@@ -15,4 +16,4 @@ def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: As
         if as_json:
             print_json(explained.data)
         else:
-            print(explained.text)
+            print(printable(explained.text))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from percuss.errors import InputError, PercussError, Problem, UnwrittenError, shortened
+from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, shortened
 from percuss.files import expect_writable
 from percuss.heartbeat import Watch, beat
 from percuss.methods.blame import line_in_plugin
@@ -125,14 +125,13 @@ def reporting(as_json: bool) -> Iterator[None]:
             raise
         _refuse(text, as_json=as_json)
     except PercussError as error:
+        problems = [vars(problem) for problem in getattr(error, "problems", ())]
         if as_json:
-            problems = [vars(problem) for problem in error.problems] if isinstance(error, InputError) else []
             status = "bad input" if error.exit_code == 2 else "failed"
             print_json({"status": status, "error": str(error), "problems": problems})
-        print(f"error: {error}" if not isinstance(error, InputError) else str(error), file=sys.stderr)
+        tell(str(error) if problems else f"error: {error}")
         if isinstance(error, InputError):
-            count = len(error.problems)
-            print(f"{count} mistake{'s' if count > 1 else ''}; nothing was run", file=sys.stderr)
+            tell(f"{len(problems)} mistake{'s' if len(problems) > 1 else ''}; nothing was run")
         raise typer.Exit(error.exit_code) from None
     except MemoryError as error:
         _refuse(
@@ -153,7 +152,7 @@ def _refuse(text: str, *, as_json: bool) -> NoReturn:
     """Print an error that is no list of mistakes, and end the command with exit code 2."""
     if as_json:
         print_json({"status": "bad input", "error": text, "problems": []})
-    print(f"error: {text}", file=sys.stderr)
+    tell(f"error: {text}")
     raise typer.Exit(2) from None
 
 
@@ -284,16 +283,21 @@ class Outputs:
     def finish(self) -> None:
         """Report the files that could not be written, after all else, and end the command with exit code 2."""
         for error in self.errors:
-            print(f"error: {error}", file=sys.stderr)
+            tell(f"error: {error}")
         if self.errors:
             raise typer.Exit(2)
+
+
+def tell(text: str) -> None:
+    """Print a message on standard error, in which texts of files and plug-ins cannot steer a terminal."""
+    print(printable(text), file=sys.stderr, flush=True)
 
 
 def print_json(data: dict[str, Any]) -> None:
     """Print one JSON object on standard output."""
     from percuss.jsonable import infinity_as_text
 
-    print(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False))
+    print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)))
 
 
 def load_case(
@@ -339,7 +343,7 @@ def load_to_write(
 def print_notes(case: Case) -> None:
     """Print the notes of a case on standard error, for commands whose report has no place for them."""
     for note in case.notes:
-        print(f"note: {note}", file=sys.stderr)
+        tell(f"note: {note}")
 
 
 def names_in(text: str) -> list[str]:

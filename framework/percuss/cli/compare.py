@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +18,7 @@ from percuss.cli.common import (
     print_json,
     progress_bar,
     reporting,
+    tell,
 )
 
 
@@ -51,11 +51,11 @@ def compare(
         contacts = names_in(contact)
         own = comparison.own_laws(loaded) if contacts else []
         if own:
-            print(f"note: the own method of {', '.join(own)} is replaced in every run", file=sys.stderr)
+            tell(f"note: the own method of {', '.join(own)} is replaced in every run")
         with progress_bar("runs") as progress:
             rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied, progress=progress)
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):
-            print(f"note: {note}", file=sys.stderr)
+            tell(f"note: {note}")
         orders = convergence.orders(rows)
         outputs = Outputs()
         if plot is not None:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from percuss.cli.common import AsJson, Plugins, print_json, reporting
+from percuss.errors import printable
 
 
 def plugins(
@@ -25,7 +26,7 @@ def plugins(
             if as_json:
                 print_json({"components": [component.component_data(registry, *key) for key in keys]})
             else:
-                print("\n\n".join(component.component_text(registry, *key) for key in keys))
+                print(printable("\n\n".join(component.component_text(registry, *key) for key in keys)))
         elif as_json:
             print_json(component.registry_data(registry))
         else:

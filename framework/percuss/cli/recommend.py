@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +17,7 @@ from percuss.cli.common import (
     print_json,
     progress_bar,
     reporting,
+    tell,
 )
 from percuss.process import INTERRUPTED
 
@@ -89,7 +89,7 @@ def recommend(
             tell_recommendation(found)
         outputs.finish()
         if not found.study.complete:
-            print("interrupted: the same command goes on from here", file=sys.stderr)
+            tell("interrupted: the same command goes on from here")
             raise typer.Exit(INTERRUPTED)
         if found.best is None:
             raise typer.Exit(1)

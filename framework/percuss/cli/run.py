@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +19,7 @@ from percuss.cli.common import (
     print_notes,
     progress_bar,
     reporting,
+    tell,
 )
 from percuss.errors import InputError, Problem, RunError
 from percuss.files import expect_writable
@@ -130,7 +130,7 @@ def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_jso
 
         tell_result(result)
     if failure is not None:
-        print(f"error: {failure}", file=sys.stderr)
+        tell(f"error: {failure}")
     outputs.finish()
     if result.status == "interrupted":
         raise typer.Exit(INTERRUPTED)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, Outputs, Plugins, print_json, progress_bar, reporting
+from percuss.cli.common import AsJson, Outputs, Plugins, print_json, progress_bar, reporting, tell
 from percuss.process import INTERRUPTED
 
 
@@ -57,12 +56,12 @@ def study(
             tell_study(made)
         counts = made.counts
         if counts.get("waiting"):
-            print("interrupted: the same command goes on from here", file=sys.stderr)
+            tell("interrupted: the same command goes on from here")
         if lost := counts.get("lost"):
             message = (
                 f"{lost} of {len(made.as_records())} runs were lost to the machine: the same command makes them again"
             )
-            print(message, file=sys.stderr)
+            tell(message)
         outputs.finish()
         if counts.get("waiting"):
             raise typer.Exit(INTERRUPTED)
@@ -78,7 +77,7 @@ class _ResumeNotice:
 
     def __call__(self, done: int, total: int) -> None:
         if not self.announced and done:
-            print(f"{done} of {total} runs are there already", file=sys.stderr)
+            tell(f"{done} of {total} runs are there already")
         self.announced = True
         self.progress(done, total)
 

@@ -10,6 +10,7 @@ import typer
 
 from percuss.cli.common import AsJson, print_json, progress_bar, reporting
 from percuss.errors import InputError, PercussError, PluginError, Problem
+from percuss.files import is_file
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
@@ -80,12 +81,12 @@ def _verify_files(files: list[Path], plugins: list[Path], *, quiet: bool) -> tup
 
 def _is_result(path: Path) -> bool:
     """Return whether a file is meant as a saved result: by its name, or by its first bytes."""
-    if path.suffix == ".nc":
-        return True
+    if path.suffix == ".nc" or not is_file(path):  # what is no file is told when it is read as a case
+        return path.suffix == ".nc"
     try:
         with path.open("rb") as file:
             return file.read(4).startswith(BEGINNINGS_OF_RESULTS)
-    except OSError:  # which is told when the file is read as a case
+    except OSError:
         return False
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import weakref
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which multipliers 
 # Up to this number of contact points every instance of a law is tried; above it, one instance of its class for each
 # number of points.
 MOST_POINTS = 32
+SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
 LOWEST_INDEX = -2  # A lower index of a bound array counts as a mistake; -1 and -2 are used on purpose.
 _TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
@@ -211,11 +212,10 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
         raise PluginError(f"{where + ': ' if where else ''}contact law {law.name}: multipliers: {text}") from error
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
+        did, remedy = fault_of_nan(kernel, bound, trial, point)
+        name = f"point {point} of {multiplier.size}"
         raise breach(
-            law,
-            "multipliers",
-            f"multipliers leaves point {point} of {multiplier.size} without a number: set every entry, 0.0 where "
-            f"nothing presses (at {describe_state(trial, point)})",
+            law, "multipliers", f"multipliers {did.format(name)}: {remedy} (at {describe_state(trial, point)})"
         )
     if not np.isfinite(trial.shift).all():
         point = int((~np.isfinite(trial.shift)).argmax())
@@ -234,6 +234,37 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
             f"finite number (at {describe_state(trial, point)})",
         )
     return multiplier
+
+
+class Fault(NamedTuple):
+    """The fault of a kernel that leaves nan for a multiplier: what it did to a point, ``{}``, and the remedy."""
+
+    did: str
+    remedy: str
+
+
+SET_ALL = "every branch of its kernel has to set every multiplier, 0.0 where nothing presses"
+UNSET = Fault("leaves the multiplier of {} unset", SET_ALL)
+USED_UNSET = Fault("uses the multiplier of {} before it has set it", SET_ALL)
+COMPUTED = Fault(
+    "computes a multiplier of {} that is not a number",
+    "its kernel divides by zero, takes the root of a negative number, or the like",
+)
+
+
+def fault_of_nan(kernel: Any, bound: Any, trial: Trial, point: int) -> Fault:
+    """Return why a kernel in plain Python left nan for the multiplier of a point.
+
+    It is called again with another initial value: if that value is still there, the kernel did not set the multiplier;
+    if the result is now a number, it was computed from its own initial value.
+    """
+    filled = np.full(trial.gap.size, SENTINEL)
+    again = trial._replace(after=trial.before.copy(), shift=np.zeros_like(trial.shift))
+    with np.errstate(all="ignore"):
+        kernel(bound, again, filled)
+    if filled[point] == SENTINEL:
+        return UNSET
+    return COMPUTED if np.isnan(filled[point]) else USED_UNSET
 
 
 def describe_state(trial: Trial, point: int) -> str:

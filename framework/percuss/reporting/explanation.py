@@ -14,6 +14,7 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
+from percuss.results.encounters import expected_meetings
 from percuss.results.exact import why_not_covered
 from percuss.solver.bound_law import OF_END_FORCE
 from percuss.solver.cells import cells_of
@@ -83,7 +84,7 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
     for method in methods:
         lines += _method_lines(method)
         lines += _stage_lines(model) if method["family"] == "integrators" else []
-    notes = [*case.notes, *verdict["ignores"]]
+    notes = [*case.notes, *verdict["ignores"], *expected_meetings(model)]
     lines += [f"note: {note}" for note in notes]
     data = {
         "title": case.title,

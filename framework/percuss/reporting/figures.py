@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from percuss.errors import InputError, PercussError, Problem
+from percuss.errors import InputError, PercussError, Problem, printable
 from percuss.files import replacing
 from percuss.results.ledger import open_accounts
 
@@ -106,7 +106,7 @@ def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str]
     def write(lines: Iterable[str], size: float, colour: str, weight: str = "normal") -> None:
         nonlocal y
         for line in lines:
-            figure.text(left, y, line, size=size, color=colour, weight=weight, va="top", parse_math=False)
+            figure.text(left, y, printable(line), size=size, color=colour, weight=weight, va="top", parse_math=False)
             y -= 1.5 * size / 72 / height
 
     write(wrapped(title or "Untitled case", 88, 2), 17, INK, "bold")

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-__all__ = ["Column", "console", "print_table"]
+from percuss.errors import printable
+
+__all__ = ["Column", "console", "plain_text", "print_table"]
 
 GAP = 3  # characters between two columns: two of padding and the line
 BREAKS = re.compile(r"[^\s._,/=-]*[\s._,/=-]*")  # the pieces of a name or a head, between which a line may end
@@ -60,6 +63,11 @@ class Column:
         return max(min(self.least, self.full_width), *(len(piece.rstrip()) for piece in pieces))
 
 
+def plain_text(text: str) -> str:
+    """Return a text of a file or a plug-in as it may stand in a line of a console: nothing in it is a command."""
+    return escape(printable(text))
+
+
 def console() -> Console:
     """Return the console on standard output: of the width of the terminal, or as wide as its content in a pipe."""
     made = Console(highlight=False)
@@ -83,6 +91,8 @@ def print_table(out: Console, columns: Sequence[Column], title: str = "", *, con
         below, with these columns again.
     """
     room = out.width if out.is_terminal else None
+    title = printable(title)
+    columns = [replace(c, head=printable(c.head), cells=[printable(cell) for cell in c.cells]) for c in columns]
     if continued:
         names, rest = list(columns[:continued]), list(columns[continued:])
         while rest:
@@ -114,7 +124,7 @@ def _print(out: Console, columns: Sequence[Column], title: str, room: int | None
             out.print()
         return
     widths = _widths(columns, room)
-    table = Table(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=title or None)
+    table = Table(box=box.HEAVY_HEAD if out.is_terminal else box.MARKDOWN, title=Text(title) if title else None)
     for column, width in zip(columns, widths, strict=True):
         head = Text("\n".join(_broken(column.head, width)))
         table.add_column(head, width=width, no_wrap=True, justify="right" if column.is_number else "left")

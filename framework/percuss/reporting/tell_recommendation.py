@@ -6,11 +6,9 @@ import math
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-
 from percuss.case.quantities import METRICS
 from percuss.case.yaml_text import flow
-from percuss.reporting.tables import Column, print_table
+from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 
 if TYPE_CHECKING:
@@ -27,28 +25,28 @@ def tell_recommendation(found: Recommendation) -> None:
     pairs = len({one.candidate.pair for one in done})
     marches = sum(one.seconds or 0.0 for one in done)
     console.print(
-        f"[bold]{escape(found.study.title)}[/bold]: {escape(bounds_in_words(found.bounds))}: {len(done)} runs of "
-        f"{pairs} pairs, whose marches took {marches:.3g} s"
+        f"[bold]{plain_text(found.study.title)}[/bold]: {plain_text(bounds_in_words(found.bounds))}: {len(done)} runs "
+        f"of {pairs} pairs, whose marches took {marches:.3g} s"
     )
-    console.print(f"the error is {escape(error_in_words(found))}")
+    console.print(f"the error is {plain_text(error_in_words(found))}")
     if found.untried:
         console.print(f"{found.untried} pairs were not tried: --runs allows no more")
     if found.best is not None:
         _print_best(console, found, found.best)
     elif found.nearest is not None:
-        console.print(f"no run meets that; the nearest is {escape(in_words(found.nearest))}", soft_wrap=True)
+        console.print(f"no run meets that; the nearest is {plain_text(in_words(found.nearest))}", soft_wrap=True)
     else:
         console.print("no run meets that, and none has the numbers that are bounded")
     _print_front(console, found)
     reasons = Counter((one.status, one.reason.split("\n")[0]) for one in found.tried if one.status != "done")
     for (status, reason), count in reasons.most_common(MOST_REASONS):
-        console.print(f"{count} {status}: {escape(reason)}", soft_wrap=True)
+        console.print(f"{count} {status}: {plain_text(reason)}", soft_wrap=True)
     if len(reasons) > MOST_REASONS:
         console.print(f"and {len(reasons) - MOST_REASONS} other reasons")
     if found.refused:
         pairs_refused = "; ".join(f"{integrator} + {contact}" for integrator, contact in found.refused)
-        console.print(f"refused, with reasons in --json: {escape(pairs_refused)}", soft_wrap=True)
-    console.print(f"runs: {escape(str(found.study.path))}", soft_wrap=True)
+        console.print(f"refused, with reasons in --json: {plain_text(pairs_refused)}", soft_wrap=True)
+    console.print(f"runs: {plain_text(str(found.study.path))}", soft_wrap=True)
 
 
 def bounds_in_words(bounds: Bounds) -> str:
@@ -97,16 +95,16 @@ def methods_in_words(one: Tried) -> str:
 
 
 def _print_best(console: Any, found: Recommendation, best: Tried) -> None:
-    console.print(f"[bold]cheapest:[/bold] {escape(in_words(best))}", soft_wrap=True)
+    console.print(f"[bold]cheapest:[/bold] {plain_text(in_words(best))}", soft_wrap=True)
     changes = best.candidate.changes
     method = {name: changes[f"method.{name}"] for name in ("integrator", "contact")}
     lines = ["method:", *(f"{INDENT}{name}: {flow(value)}" for name, value in method.items())]
     lines += [f"refine: {best.candidate.refine}", f"time: {{courant: {best.candidate.courant:g}}}"]
     for line in lines:
-        console.print(f"{INDENT}{escape(line)}", soft_wrap=True)
+        console.print(f"{INDENT}{plain_text(line)}", soft_wrap=True)
     command = found.study.command(best.key)
     if command is not None:
-        console.print(f"{INDENT}{escape(command)}", soft_wrap=True)
+        console.print(f"{INDENT}{plain_text(command)}", soft_wrap=True)
     if best.stable != "yes":
         console.print(f"its certificate says {best.stable}: that it is stable is known from this run alone")
     if found.beside is None:
@@ -114,7 +112,7 @@ def _print_best(console: Any, found: Recommendation, best: Tried) -> None:
     else:
         console.print(f"of its {found.beside} neighbours none is cheaper and meets the bounds")
     if found.second is not None:
-        console.print(f"[bold]second:[/bold] {escape(in_words(found.second))}", soft_wrap=True)
+        console.print(f"[bold]second:[/bold] {plain_text(in_words(found.second))}", soft_wrap=True)
     else:
         console.print("no run of another pair meets the bounds")
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.markup import escape
+
+from percuss.reporting.tables import plain_text
 
 if TYPE_CHECKING:
     from percuss.results.differences import Difference
@@ -20,16 +21,16 @@ def tell_reruns(reruns: Sequence[Rerun]) -> None:
     console = Console(highlight=False, soft_wrap=True)
     for rerun in reruns:
         mark = "[green]the same bits[/green]" if rerun.passed else "[red]DIFFERS[/red]"
-        console.print(f"{mark} [bold]{escape(rerun.path)}[/bold] {escape(rerun.title)}")
+        console.print(f"{mark} [bold]{plain_text(rerun.path)}[/bold] {plain_text(rerun.title)}")
         if rerun.error:
-            console.print(f"  {escape(rerun.error)}")
+            console.print(f"  {plain_text(rerun.error)}")
         for difference in rerun.differences[:SHOWN]:
-            console.print(f"  {escape(_words(difference))}")
+            console.print(f"  {plain_text(_words(difference))}")
         if len(rerun.differences) > SHOWN:
             console.print(f"  and {len(rerun.differences) - SHOWN} other quantities: see --json")
         for change in rerun.changes:
             then, now = (_shortened(value) for value in (change.then, change.now))
-            console.print(f"  changed since: {escape(change.what)}: {escape(then)}, now {escape(now)}")
+            console.print(f"  changed since: {plain_text(change.what)}: {plain_text(then)}, now {plain_text(now)}")
         if not rerun.passed and not rerun.changes:
             console.print("  nothing that percuss records has changed: on one machine that should give the same bits")
     passed = sum(rerun.passed for rerun in reruns)

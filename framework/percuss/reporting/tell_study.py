@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-
 from percuss.case.quantities import STUDY_TABLE
-from percuss.reporting.tables import Column, print_table
+from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.reporting.terminal import _number
 
@@ -23,7 +21,7 @@ def tell_study(study: Study) -> None:
     console, rows = console_of_output(), study.as_records()
     counts = ", ".join(f"{count} {status}" for status, count in study.counts.items())
     resumed = f", {study.found} found done" if study.found else ""
-    console.print(f"[bold]{escape(study.title or 'untitled study')}[/bold]: {len(rows)} runs: {counts}{resumed}")
+    console.print(f"[bold]{plain_text(study.title or 'untitled study')}[/bold]: {len(rows)} runs: {counts}{resumed}")
     if fragile := sum(row["fragile"] is True for row in rows):
         console.print(f"fragile, as the answer hangs on round-off: {fragile}")
     done = [row for row in rows if row["status"] == "done"]
@@ -31,14 +29,16 @@ def tell_study(study: Study) -> None:
     if done and measured:
         _print_best_runs(console, done, measured, list(rows[0]))
     for name, without in _without_value(study, done).items():
-        console.print(f"no value of {escape(name)} in {without} of {len(done)} done: {escape(study.columns[name])}")
+        console.print(
+            f"no value of {plain_text(name)} in {without} of {len(done)} done: {plain_text(study.columns[name])}"
+        )
     reasons = Counter((row["status"], row["said_by"], row["reason"].split("\n")[0]) for row in rows if row["reason"])
     for (status, said_by, reason), count in reasons.most_common(BEST):
         source = f" (says {said_by})" if said_by else ""
-        console.print(f"{count} {status}{escape(source)}: {escape(reason)}")
+        console.print(f"{count} {status}{plain_text(source)}: {plain_text(reason)}")
     if len(reasons) > BEST:
         console.print(f"and {len(reasons) - BEST} other reasons: see the column `reason`")
-    console.print(f"rows: {escape(str(study.path))}")
+    console.print(f"rows: {plain_text(str(study.path))}")
 
 
 def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:

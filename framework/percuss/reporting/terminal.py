@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.markup import escape
 
 from percuss import version
 from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
 from percuss.methods.admission import OLDEST, OLDEST_OF
-from percuss.reporting.tables import Column, print_table
+from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
 from percuss.studies.comparison import Run, metrics
@@ -41,16 +40,16 @@ def tell_result(result: Result) -> None:
     summary = result.summary
     resolved = result.provenance["resolved"]
     console = console_of_output()
-    console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {summary['status']}")
+    console.print(f"[bold]{plain_text(result.title or 'untitled case')}[/bold]: {summary['status']}")
     console.print(
         f"{resolved['integrator']}, "
         f"{summary['steps']} steps of {summary['dt']:.6g} (Courant number {summary['courant']:.4g}), "
         f"{'compiled' if summary['compiled'] else 'plain Python'}, marched in {summary['seconds']['march']:.3g} s"
     )
     for note in summary["notes"]:
-        console.print(f"  note: {escape(note)}")
+        console.print(f"  note: {plain_text(note)}")
     for reason in summary["compiled_why"]:
-        console.print(f"  not compiled: {escape(reason)}")
+        console.print(f"  not compiled: {plain_text(reason)}")
     if summary["status"] == "unstable" and summary["steps"] == 0:
         return
     laws = {}
@@ -68,15 +67,15 @@ def tell_result(result: Result) -> None:
 def tell_exact(result: ExactSolutionResult) -> None:
     """Print an exact solution: how far it holds, notes, contacts, and the balances of energy and momentum."""
     summary, console = result.summary, console_of_output()
-    console.print(f"[bold]{escape(result.title or 'untitled case')}[/bold]: {result.status}")
-    console.print(escape(result.solution_name))
+    console.print(f"[bold]{plain_text(result.title or 'untitled case')}[/bold]: {result.status}")
+    console.print(plain_text(result.solution_name))
     for note in summary["notes"]:
-        console.print(f"  note: {escape(note)}")
+        console.print(f"  note: {plain_text(note)}")
     # Exact contacts do not overlap and do no work; the table has the columns of a run, so that both are read alike.
     contacts = summary["contacts"]
     _print_contacts(console, contacts, dict.fromkeys(contacts, "exact"), dict.fromkeys(contacts, 0.0))
     if summary["exact_reason"]:
-        console.print(f"exact solution: {escape(summary['exact_reason'])}")
+        console.print(f"exact solution: {plain_text(summary['exact_reason'])}")
     _print_balances(console, summary, 0.0)
 
 
@@ -126,14 +125,14 @@ def _print_errors(console: Console, summary: Summary) -> None:
                 for key, quantity in METRICS.items()
                 if quantity.against_exact and key in measured
             )
-            console.print(f"{'true ' if not until else ''}error of {escape(name)}{until}: {measures}")
+            console.print(f"{'true ' if not until else ''}error of {plain_text(name)}{until}: {measures}")
     if summary.get("fragile") is not None:
         sensitivity = (
             "hangs on round-off: a nudge of 1e-12 changes it" if summary["fragile"] else "stands a nudge of 1e-12"
         )
         console.print(f"the {'contact force' if summary['contacts'] else 'motion'} {sensitivity}")
     if summary["exact_reason"]:
-        console.print(f"exact solution: {escape(summary['exact_reason'])}")
+        console.print(f"exact solution: {plain_text(summary['exact_reason'])}")
 
 
 def tell_rows(title: str, rows: list[Run]) -> None:
@@ -157,7 +156,9 @@ def tell_rows(title: str, rows: list[Run]) -> None:
     for row in rows:
         if row.reason:
             source = f" (says {row.said_by})" if row.said_by else ""
-            console.print(f"[bold]{escape(row.label)}[/bold] {row.status}{escape(source)}: {escape(row.reason)}")
+            console.print(
+                f"[bold]{plain_text(row.label)}[/bold] {row.status}{plain_text(source)}: {plain_text(row.reason)}"
+            )
 
 
 def tell_orders(orders: list[dict[str, Any]]) -> None:
@@ -211,7 +212,7 @@ def tell_stability(title: str, rows: list[dict[str, Any]], *, whole: bool = Fals
         console.print(f"{len(shown)} of {len(lines)} combinations: --all prints every one, -o FILE.csv saves them")
     reasons = Counter(f"{row['by']}: {row['reason']}" for row in rows if row["reason"])
     for reason, count in list(reasons.items())[: None if whole else STABILITY_REASONS]:
-        console.print(f"{f'{count} times ' if count > 1 else ''}{escape(reason)}")
+        console.print(f"{f'{count} times ' if count > 1 else ''}{plain_text(reason)}")
     if not whole and len(reasons) > STABILITY_REASONS:
         console.print(f"and {len(reasons) - STABILITY_REASONS} other reasons: --all prints them")
 
@@ -271,7 +272,7 @@ def tell_waves(title: str, waves: Waves) -> None:
     ]
     print_table(console, columns, title)
     if waves.reason:
-        console.print(escape(waves.reason))
+        console.print(plain_text(waves.reason))
 
 
 def tell_checks(cases: list[dict[str, Any]]) -> None:
@@ -279,15 +280,15 @@ def tell_checks(cases: list[dict[str, Any]]) -> None:
     console = console_of_output()
     for case in cases:
         mark = "[green]passed[/green]" if case["passed"] else "[red]FAILED[/red]"
-        console.print(f"{mark} [bold]{escape(case['case'])}[/bold] {escape(case['title'])}")
+        console.print(f"{mark} [bold]{plain_text(case['case'])}[/bold] {plain_text(case['title'])}")
         if case["error"]:
-            console.print(f"  {escape(case['error'])}")
+            console.print(f"  {plain_text(case['error'])}")
         for check in case["checks"]:
             sign = "ok" if check["passed"] else "FAIL"
-            measured = _number(check["measured"]) if not check["why"] else escape(check["why"])
+            measured = _number(check["measured"]) if not check["why"] else plain_text(check["why"])
             console.print(
-                f"  {sign:4} {escape(check['what'])}: {measured}, "
-                f"expected {check['expected']:.6g} within {check['within']:.3g} ({escape(check['source'])})"
+                f"  {sign:4} {plain_text(check['what'])}: {measured}, "
+                f"expected {check['expected']:.6g} within {check['within']:.3g} ({plain_text(check['source'])})"
             )
     passed = sum(case["passed"] for case in cases)
     console.print(f"{passed} of {len(cases)} cases passed")
@@ -312,4 +313,6 @@ def tell_registry(registry: Registry) -> None:
     )
     for broken in registry.broken:
         where = f" ({broken.file})" if broken.file else ""
-        console.print(f"[red]not usable[/red] {escape(broken.source)}{escape(where)}: {escape(broken.error)}")
+        console.print(
+            f"[red]not usable[/red] {plain_text(broken.source)}{plain_text(where)}: {plain_text(broken.error)}"
+        )

@@ -11,6 +11,7 @@ from percuss.certificate import cause
 from percuss.compiling import Stopwatch
 from percuss.jsonable import as_lists, plain
 from percuss.results import energy_growth, ledger, true_error
+from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins, resolved_methods
 from percuss.results.result import Result
@@ -96,6 +97,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     notes = [
         *model.case.notes,
         *_warnings(march, outcome, certificate, accounts["energy"]),
+        *encounters(march, outcome, arrays),
         *energy_growth.growth_notes(march, outcome, growth),
     ]
     notes += [f"{NOT_VALID}: {words}" for words in ledger.open_accounts(accounts)]

@@ -15,7 +15,7 @@ import numpy as np
 
 from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import line_in_plugin
-from percuss.methods.kernel_trial import describe_state, kernel_of
+from percuss.methods.kernel_trial import Fault, describe_state, fault_of_nan, kernel_of
 from percuss.solver.build import Kernels, LoopParts, bind
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from percuss.solver.bound_law import BoundLaw
     from percuss.solver.entities import Follower
     from percuss.solver.model import Model
-
-SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
 
 
 class Marching(Protocol):
@@ -49,33 +47,26 @@ class NoMultiplier(Exception):
     ----------
     law, contact
         Names of the law and of the contact.
-    kind
-        ``"unset"``, ``"used before it was set"`` or ``"not a number"``.
+    fault
+        What the kernel did, and the remedy.
     state
         The state of the contact that the kernel received, in words.
     """
 
-    def __init__(self, law: str, contact: str, kind: str, state: str) -> None:
-        super().__init__(law, contact, kind, state)
-        self.law, self.contact, self.kind, self.state = law, contact, kind, state
+    def __init__(self, law: str, contact: str, fault: Fault, state: str) -> None:
+        super().__init__(law, contact, fault, state)
+        self.law, self.contact, self.fault, self.state = law, contact, fault, state
 
     @property
     def description(self) -> str:
         """The fault of the kernel, in words."""
-        verb = {
-            "unset": "left the multiplier of contact '{}' unset",
-            "used before it was set": "used the multiplier of contact '{}' before it had set it",
-            "not a number": "gave a multiplier of contact '{}' that is not a number",
-        }[self.kind]
-        return f"law {self.law} {verb.format(self.contact)}"
+        contact = f"contact '{self.contact}'"
+        return f"law {self.law} {self.fault.did.format(contact)}"
 
     @property
     def cause(self) -> str:
         """The cause of the fault and its remedy, in words."""
-        remedy = "every branch of its kernel has to set every multiplier, 0.0 where nothing presses"
-        if self.kind == "not a number":
-            remedy = "its kernel divides by zero, takes the root of a negative number, or the like"
-        return f"the kernel was called with {self.state}: {remedy}"
+        return f"the kernel was called with {self.state}: {self.fault.remedy}"
 
 
 class KernelError(Exception):
@@ -83,12 +74,7 @@ class KernelError(Exception):
 
 
 def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
-    """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` or `KernelError` if it fails.
-
-    A multiplier that is nan after the call is examined in a second call with another initial value: if that value is
-    still there, the kernel did not set the multiplier; if the result is now a number, it was computed from its own
-    initial value.
-    """
+    """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` or `KernelError` if it fails."""
 
     def probe(bound: Any, trial: Trial, multiplier: Floats) -> None:
         try:
@@ -98,14 +84,8 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
         state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
         if np.isnan(multiplier).any() and np.isfinite(state).all():
             point = int(np.isnan(multiplier).argmax())
-            filled = np.full(multiplier.size, SENTINEL)
-            kernel(bound, trial, filled)
-            kind = "not a number"
-            if filled[point] == SENTINEL:
-                kind = "unset"
-            elif not np.isnan(filled[point]):
-                kind = "used before it was set"
-            raise NoMultiplier(law, contacts[point], kind, describe_state(trial, point))
+            fault = fault_of_nan(kernel, bound, trial, point)
+            raise NoMultiplier(law, contacts[point], fault, describe_state(trial, point))
 
     return probe
 

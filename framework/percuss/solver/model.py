@@ -164,6 +164,20 @@ class Model:
         self._set(dt=dt, steps=steps if steps is not None else size_limits.step_count(self.case, dt))
 
     def _bind(self) -> None:
+        """Bind the integrator and the laws for the step; name the places of two that refuse each other."""
+        try:
+            self._bind_methods()
+        except RefusedPair as refused:
+            contact = next((pair.name for pair in self.contact_pairs if pair.law.name == refused.contact), "")
+            own = ("contacts", contact, "method")
+            law = own if self.case.origin.get(own) is not None else ("method", "contact")
+            problems = [
+                self.case.problem(("method", "integrator"), refused.sentence),
+                self.case.problem(law, f"{refused.contact}, the contact law of that pair"),
+            ]
+            raise RefusedPair(refused.integrator, refused.contact, refused.reason, refused.said_by, problems) from None
+
+    def _bind_methods(self) -> None:
         """Bind the integrator and the laws for the step, and refuse methods that do not work together."""
         integrator = self.case.method.integrator
         # Before anything else asks the integrator, so that the first of its answers are those that are watched.
@@ -541,13 +555,16 @@ class Model:
 
     def _check_movable(self) -> None:
         problems: list[Problem] = []
-        for start, _ in self.segments(laws=False):
+        for start, stop in self.segments(laws=False):
             diagonal = self.delassus_rows((start + 0.5) * self.dt)[0]
             for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
                 lightest = min(self.mass[node] for node in contact_pair.nodes)
                 if lightest > 0.0 and delassus * lightest < 1e-12:
                     message = "expected a contact that can move, found every side fixed or driven"
                     advice = "Free one of the ends, or drop the contact."
+                    if start > 0 or stop < self.steps:
+                        message += f" from {start * self.dt:.6g} to {min(stop, self.steps) * self.dt:.6g}"
+                        advice = "Drive one of its ends at a time: without a free end its force is unknown."
                     problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
             _raise(problems)
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
+from percuss.methods.kernel_trial import fault_of_nan
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.subject import CheckFailed, NotApplicable
 
@@ -32,6 +33,14 @@ class Histories:
     contact_force: Floats
     gap: Floats
     displacement: Floats
+
+
+def expect_numbers(kernel: Any, bound: Any, trial: Trial, multiplier: Floats) -> None:
+    """Raise `CheckFailed` if a kernel left nan for a multiplier, with what it did."""
+    if np.isnan(multiplier).any():
+        point = int(np.isnan(multiplier).argmax())
+        did, remedy = fault_of_nan(kernel, bound, trial, point)
+        raise CheckFailed(f"`multipliers` {did.format(f'point {point} of {multiplier.size}')}: {remedy}")
 
 
 class StrictSystem:
@@ -276,9 +285,9 @@ class StrictSystem:
         kernel: Any = getattr(type(self.law), "multipliers", None)
         if kernel is None:
             raise CheckFailed("bind returned no LinearLaw, and there is no static method `multipliers`")
-        getattr(kernel, "py_func", kernel)(self.bound, trial, multiplier)
-        if np.isnan(multiplier).any():
-            raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
+        kernel = getattr(kernel, "py_func", kernel)
+        kernel(self.bound, trial, multiplier)
+        expect_numbers(kernel, self.bound, trial, multiplier)
         self._state_after, self._shift = trial.after, trial.shift
         return multiplier
 

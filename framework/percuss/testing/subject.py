@@ -204,7 +204,7 @@ class Subject:
         try:
             return examined_run(self.load(case), compiled=compiled, with_critical_step=with_critical_step)
         except RefusedPair as refused:
-            raise NotApplicable(f"refused: {refused}") from None
+            raise NotApplicable(f"refused: {refused.sentence}") from None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from percuss.errors import InputError, RunError, nearest
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import STEEL, bar_chains, for_all, round_off, with_examples
-from percuss.testing.strict import StrictSystem
+from percuss.testing.strict import StrictSystem, expect_numbers
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, gives_own_steps, was_not_started
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
@@ -163,8 +163,7 @@ def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
         if "read-only" in str(error):
             raise CheckFailed(f"`multipliers` changes what it was handed: {error}") from None
         raise
-    if np.isnan(multiplier).any():
-        raise CheckFailed("`multipliers` left a point without a value: set every entry, 0.0 where nothing presses")
+    expect_numbers(getattr(kernel, "py_func", kernel), bound, trial, multiplier)
     return {"multiplier": multiplier} | ({"shift": trial.shift.copy()} if trial.shift.size else {})
 
 

@@ -1,0 +1,138 @@
+"""Ends that meet although no contact is declared between them, and ends in contact that have slid off each other.
+
+A contact of two ends knows their distance along its normal alone, and bodies without a contact do not know each other:
+in both cases a run goes on with forces that no body would feel.
+"""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.solver.contact_pairs import TOUCHING
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats
+    from percuss.solver.entities import Body
+    from percuss.solver.march import March, Outcome
+    from percuss.solver.model import Model
+
+NOT_DECLARED = "no contact is declared between them"
+
+
+@dataclass(frozen=True)
+class End:
+    """An end of a body: its address in a case, its node in the model, its normal out of the body and its position."""
+
+    name: str
+    body: Body
+    node: int
+    outward: Floats
+    position: Floats
+
+
+def _ends(model: Model) -> Iterator[End]:
+    """Yield the ends of all bodies."""
+    for body in model.bodies.values():
+        for region, (nodes, outward, _) in body.mesh.regions.items():
+            if len(nodes) == 1:
+                yield End(f"{body.name}.{region}", body, body.start + nodes[0], outward, body.mesh.nodes[nodes[0]])
+
+
+def _touching(end: End) -> float:
+    """Return the distance below which another end touches an end."""
+    return TOUCHING * float(end.body.mesh.lengths[end.body.end_element(end.node)])
+
+
+def undeclared_pairs(model: Model) -> list[tuple[End, End, float]]:
+    """Return the neighbouring ends on one line that face each other without a contact, and their initial distance.
+
+    Ends that both have a contact with another partner are left out: several experiments may lie on one line.
+    """
+    in_contact = {node for contact_pair in model.contact_pairs for node in contact_pair.nodes}
+    lines: dict[Any, tuple[list[End], list[End]]] = {}
+    for end in _ends(model):
+        forward = next(part for part in end.outward.tolist() if abs(part) > 1e-9) > 0.0
+        lines.setdefault(_line(end, forward), ([], []))[0 if forward else 1].append(end)
+    pairs = []
+    for forward_ends, backward_ends in lines.values():
+        backward_ends.sort(key=lambda end: -float(end.position @ end.outward))
+        places = [-float(end.position @ end.outward) for end in backward_ends]
+        for end in forward_ends:
+            place, tolerance = float(end.position @ end.outward), _touching(end)
+            index = bisect.bisect_left(places, place - tolerance)
+            if index == len(places):
+                continue
+            other, gap = backward_ends[index], places[index] - place
+            if other.body is not end.body and not {end.node, other.node} <= in_contact:
+                pairs.append((end, other, 0.0 if gap <= tolerance else gap))
+    return pairs
+
+
+def _line(end: End, forward: bool) -> tuple[float, ...]:
+    """Return a key that ends on one line have in common."""
+    if end.outward.size == 1:
+        return ()
+    axis = end.outward if forward else -end.outward
+    beside = (end.position - (end.position @ axis) * axis) / float(end.body.mesh.lengths.sum())
+    return (*np.round(axis, 9) + 0.0, *np.round(beside, 6) + 0.0)
+
+
+def expected_meetings(model: Model) -> list[str]:
+    """Return one sentence for each pair of ends without a contact that touch, or meet at their first velocities."""
+    sentences = []
+    for end, other, gap in undeclared_pairs(model):
+        closing = float(end.outward @ (end.body.velocity - other.body.velocity))
+        if gap == 0.0:
+            sentences.append(f"{end.name} and {other.name} touch, and {NOT_DECLARED}")
+        elif closing * model.steps * model.dt > gap:
+            sentences.append(
+                f"{end.name} and {other.name} will meet at time {gap / closing:.6g} if their bodies keep their first "
+                f"velocities, and {NOT_DECLARED}"
+            )
+    return sentences
+
+
+def encounters(march: March, outcome: Outcome, arrays: dict[str, Any]) -> list[str]:
+    """Return notes on bodies that passed through each other, and on contacts that pressed beside their ends.
+
+    They are seen where the motion of the ends is recorded, and at the end of the run.
+    """
+    model = march.model
+    if outcome.done == 0:
+        return []
+    notes = []
+    for end, other, gap in undeclared_pairs(model):
+        depth = -float((gap + _relative(march, outcome, arrays, end.node, other.node) @ end.outward).min())
+        if depth > _touching(end):
+            notes.append(f"{end.name} passes through {other.name}, by {depth:.3g} at most: {NOT_DECLARED}")
+    for number, contact_pair in enumerate(model.contact_pairs):
+        if model.dim == 1 or len(contact_pair.nodes) == 1:
+            continue
+        relative = _relative(march, outcome, arrays, *contact_pair.nodes)
+        beside = np.linalg.norm(relative - np.outer(relative @ contact_pair.normal, contact_pair.normal), axis=1)
+        pressing = arrays["contact_force"][-beside.size :, number] != 0.0
+        # The faces are taken as squares: they have no point in common beyond half the sum of their sides.
+        width = 0.5 * sum(model.body_of(node).spec.area ** 0.5 for node in contact_pair.nodes)
+        if (off := np.flatnonzero(pressing & (beside > width))).size:
+            since = arrays["time"][-beside.size :][off[0]]
+            notes.append(
+                f"contact '{contact_pair.name}' presses from time {since:.6g} on although its ends have slid off each "
+                f"other: they are {beside[off].max():.3g} apart sideways, and {width:.3g} wide; a contact of two ends "
+                "knows their distance along its normal alone"
+            )
+    return notes
+
+
+def _relative(march: March, outcome: Outcome, arrays: dict[str, Any], first: int, second: int) -> Floats:
+    """Return the displacement of one node relative to another where it is known, (times, dim)."""
+    if first in march.probes and second in march.probes:
+        of_probes = {node: arrays["displacement"][:, march.probes.index(node)] for node in (first, second)}
+        relative: Floats = of_probes[second] - of_probes[first]
+        return relative
+    last: Floats = outcome.final_displacement.reshape(-1, march.dim)
+    return last[[second]] - last[[first]]
