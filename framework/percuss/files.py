@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import stat
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -91,19 +90,6 @@ def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
     attempt = replacing(path, Path(path).suffix)
     attempt.__enter__()
     attempt.__exit__(OSError, None, None)
-
-
-def cache_folder() -> Path:
-    """Return the folder for what need not be computed again: that of numba's configuration if it names one."""
-    configured = os.environ.get("NUMBA_CACHE_DIR")
-    numba = sys.modules.get("numba")
-    if numba is not None and numba.config.CACHE_DIR:
-        configured = numba.config.CACHE_DIR
-    if configured:
-        return Path(configured)
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("percuss", appauthor=False))
 
 
 class replacing:  # noqa: N801 - named like a function because it is used in with statements
