@@ -1,7 +1,9 @@
 """The cache folder: what is damaged in it is not believed, and it is not used where others can write to it."""
 
+import json
 import os
 import random
+import shutil
 import stat
 import subprocess
 import sys
@@ -65,7 +67,7 @@ def _moved(x):
 
 
 @pytest.mark.parametrize("how", DAMAGES)
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.deep) for seed in range(1, 20))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.deep) for seed in range(1, 6))])
 def test_damaged_machine_code_and_intermediate_code_are_compiled_again(folder, monkeypatch, how, seed):
     def answer():
         monkeypatch.setattr(specialise, "_COMPILED", {})
@@ -178,3 +180,51 @@ def test_a_command_says_once_that_it_does_not_use_the_folder(tmp_path, command):
     assert done.stderr.count("note: the cache folder") == 1
     assert "Traceback" not in done.stderr
     assert not [each for each in open_to_all.rglob("*") if each.is_file()]
+
+
+# -------------------------------------------------------------------------------------------------- a whole command
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """The cache folder after a run, and the numbers of this run."""
+    parent = tmp_path_factory.mktemp("warm")
+    return parent, summary(parent)
+
+
+def summary(parent):
+    """The numbers of a run of a case, which uses a cache folder in `parent`."""
+    done = subprocess.run(
+        [sys.executable, "-m", "percuss", "run", str(CASES / "hunek.yaml"), "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(parent)},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "Aborted" not in done.stderr
+    return {name: value for name, value in json.loads(done.stdout).items() if name != "seconds"}
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("how", DAMAGES)
+def test_no_file_of_a_run_is_believed_when_it_is_damaged(folder, warm, how):
+    for seed in range(5):
+        shutil.copytree(warm[0] / "percuss", folder, dirs_exist_ok=True)
+        files = sorted(file for file in folder.iterdir() if file.stat().st_size)
+        assert {file.suffix for file in files} == {".code", ".compiled", ".imports"}
+        damage(files, how, seed)
+        assert [file.name for file in files if cache.kept(file.name) is not None] == []
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("how", DAMAGES)
+def test_no_damage_changes_a_run(folder, warm, how):
+    """Each file is read, as those made from it are damaged too; all are there again afterwards."""
+    shutil.copytree(warm[0] / "percuss", folder)
+    damage(sorted(file for file in folder.iterdir() if file.stat().st_size), how)
+    assert summary(folder.parent) == warm[1]
+    names = {file.name for file in folder.iterdir() if file.suffix != ".lock"}
+    assert names == {file.name for file in (warm[0] / "percuss").iterdir() if file.suffix != ".lock"}
+    assert [name for name in names if cache.kept(name) is None] == []
