@@ -82,7 +82,7 @@ def _made(path: Path) -> Path | None:
     except OSError:
         return None
     with contextlib.suppress(OSError):  # it belongs to root, or lies on a disk that cannot be written to
-        folder.chmod(stat.S_IRWXU)
+        folder.chmod(state.st_mode & stat.S_IRWXU)
     return folder
 
 
