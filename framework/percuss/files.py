@@ -92,18 +92,6 @@ def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
     attempt.__exit__(OSError, None, None)
 
 
-def cache_folder() -> Path:
-    """Return the folder for what need not be computed again: NUMBA_CACHE_DIR of the environment, else the user's.
-
-    Code is loaded from it: so numba's settings file in the current folder, which may be anybody's, does not name it.
-    """
-    if configured := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(configured)
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("percuss", appauthor=False))
-
-
 class replacing:  # noqa: N801 - named like a function because it is used in with statements
     """A context manager that gives a temporary path and, if no error occurs, renames that file to the target.
 

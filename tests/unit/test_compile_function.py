@@ -25,13 +25,13 @@ def _mean(values, divisor):
         total += value / divisor
     return total
 
-mean = compile_callee(_mean, cache=True, error_model="numpy", forceinline=True)
+mean = compile_callee(_mean, key="mean", error_model="numpy", forceinline=True)
 
 def _twice(values, divisor):
     print("divisor", divisor)
     return mean(values, divisor) + mean(values, divisor)
 
-twice = compile_callee(_twice, cache=True, error_model="numpy")
+twice = compile_callee(_twice, key="twice", error_model="numpy")
 """
 ENTRY = """
 import sys
@@ -44,7 +44,7 @@ from callees import mean, twice
 def scaled(values, divisor):
     return FACTOR * twice(values, divisor)
 
-scaled = compile_entry(scaled, cache=True, error_model="numpy")
+scaled = compile_entry(scaled, key="scaled by FACTOR", error_model="numpy")
 print(scaled(np.arange(5.0), 4))
 try:
     scaled(np.arange(5.0), 0)
@@ -61,8 +61,7 @@ def answer(tmp_path):
 
     def answer(factor: int, *arguments: str) -> list[str]:
         program = tmp_path / f"times_{factor}.py"
-        if not program.exists():  # numba compiles again what is in a file with another time
-            program.write_text(ENTRY.replace("FACTOR", str(factor)))
+        program.write_text(ENTRY.replace("FACTOR", str(factor)))
         done = subprocess.run(
             [sys.executable, str(program), *arguments],
             capture_output=True,
@@ -134,7 +133,7 @@ def added(x):
     return x + 1.0
 
 import os
-entry = compile_entry(added, cache=True)
+entry = compile_entry(added, key="added")
 (folder / f"ready {os.getpid()}").touch()
 while len(list(folder.glob("ready *"))) < count:
     time.sleep(0.01)

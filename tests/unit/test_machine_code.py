@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from llvmlite import binding, ir
 
-from percuss import lapack
+from percuss import cache, lapack
 from percuss.solver.compiler import machine_code
 from percuss.solver.compiler.linking import Block, call_at
 from percuss.solver.compiler.machine_code import MachineCode, address_of_stored, key_of, refers_to_c_alone, store
@@ -31,9 +31,9 @@ def compiled(library_function="sqrt", status=0):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(machine_code, "_ADDRESSES", {})
-    return tmp_path / "machine_code"
+    return tmp_path
 
 
 def test_what_is_stored_is_loaded_and_called(folder):
@@ -50,12 +50,14 @@ def test_a_damaged_file_is_not_loaded(folder):
     for place in (0, 30, -1):
         key = key_of("test", str(folder), str(place))
         store(key, code)
-        content = bytearray((folder / key).read_bytes())
+        (file,) = folder.iterdir()
+        content = bytearray(file.read_bytes())
         content[place] ^= 1
-        (folder / key).write_bytes(content)
+        file.write_bytes(content)
         assert address_of_stored(key) is None
     store(key, code)
-    (folder / key).write_bytes((folder / key).read_bytes()[:-100])
+    (file,) = folder.iterdir()
+    file.write_bytes(file.read_bytes()[:-100])
     assert address_of_stored(key) is None
     store(key, code)
     assert address_of_stored(key) is not None
@@ -86,7 +88,7 @@ def test_any_other_status_than_that_of_a_result_is_an_error(folder, status):
 
 def test_a_folder_that_cannot_be_written_to_is_left_alone(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
-    monkeypatch.setattr(machine_code, "cache_folder", lambda: tmp_path / "file")
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "file")
     store("key", compiled())
     assert address_of_stored("key") is None
 

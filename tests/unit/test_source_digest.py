@@ -2,6 +2,7 @@
 
 import pytest
 
+from percuss import cache
 from percuss.methods import source_digest
 
 CONTENT = b"import numpy as np\nfrom . import beside\nTABLE = 'table.csv'\n"
@@ -9,9 +10,9 @@ CONTENT = b"import numpy as np\nfrom . import beside\nTABLE = 'table.csv'\n"
 
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(source_digest, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
     source_digest._imports_and_texts.cache_clear()
-    yield tmp_path / "sources"
+    yield tmp_path
     source_digest._imports_and_texts.cache_clear()
 
 
@@ -46,5 +47,5 @@ def test_other_text_and_another_package_are_other_sources(kept):
 
 def test_a_folder_that_cannot_be_made_is_no_obstacle(tmp_path, monkeypatch):
     (tmp_path / "file").write_bytes(b"")
-    monkeypatch.setattr(source_digest, "cache_folder", lambda: tmp_path / "file")
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "file")
     assert found() == source_digest._parsed(CONTENT, "mine")

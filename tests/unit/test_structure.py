@@ -83,7 +83,19 @@ METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and not 
 
 ROOMS = ("methods", "case", "solver", "certificate", "results", "studies", "reporting", "testing", "cli")
 GROUND = {
-    *("blas", "compiling", "errors", "filelock", "files", "heartbeat", "interrupt", "jsonable", "lapack", "process"),
+    *(
+        "blas",
+        "cache",
+        "compiling",
+        "errors",
+        "filelock",
+        "files",
+        "heartbeat",
+        "interrupt",
+        "jsonable",
+        "lapack",
+        "process",
+    ),
     "version",
 }
 DOORS = {"percuss", "percuss.__main__"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -113,8 +114,6 @@ def _verify_case(path: Path, plugins: list[Path]) -> dict[str, Any]:
 
 def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report]:
     """Run the conformance kit on the named methods, or else on those of the files; print outcomes unless `quiet`."""
-    import platformdirs
-
     from percuss.methods.registry import Registry
     from percuss.reporting.component import components_named
     from percuss.testing.kit import OTHERS, Outcome, Report, checks_of, perform
@@ -124,8 +123,8 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
         from hypothesis.configuration import set_hypothesis_home_dir
     except ModuleNotFoundError:
         raise PluginError("the kit draws its cases with hypothesis: pip install 'percuss[kit]'") from None
-    # Hypothesis would otherwise keep its examples in the user's current folder.
-    set_hypothesis_home_dir(platformdirs.user_cache_path("percuss", appauthor=False) / "hypothesis")
+    # Hypothesis would otherwise keep what it computes in the user's current folder.
+    set_hypothesis_home_dir(os.devnull)
     registry = Registry.load(files)
     keys = [key for name in names for key in components_named(registry, name, f"--method {name}")] or _keys_of_files(
         registry

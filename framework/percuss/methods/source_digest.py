@@ -10,7 +10,6 @@ its own code; functions and values that it reads have digests of their own (`per
 from __future__ import annotations
 
 import ast
-import contextlib
 import functools
 import hashlib
 import json
@@ -25,8 +24,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from percuss.errors import InputError, Problem, UnwrittenError
-from percuss.files import PACKAGE, cache_folder, replacing
+from percuss.cache import keep, kept
+from percuss.errors import InputError, Problem
+from percuss.files import PACKAGE
 from percuss.version import installed_version
 
 if TYPE_CHECKING:
@@ -341,17 +341,13 @@ def _imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStatem
 
     They are kept in the user's cache folder, as to find them takes a good part of a short run.
     """
-    key = content_digest(b"\0".join([content, package.encode(), sys.version.encode(), _own_content()]))
-    file = cache_folder() / "sources" / f"{key}.json"
-    try:
-        imports, texts = json.loads(file.read_bytes())
+    name = content_digest(b"\0".join([content, package.encode(), sys.version.encode(), _own_content()])) + ".imports"
+    stored = kept(name)
+    if stored is not None:
+        imports, texts = json.loads(stored)
         return tuple(ImportStatement(line, module, tuple(parts)) for line, module, parts in imports), tuple(texts)
-    except (OSError, ValueError, TypeError):  # it is not there, or damaged
-        found = _parsed(content, package)
-    with contextlib.suppress(OSError, InputError, UnwrittenError):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(file, ".json") as temporary:
-            temporary.write_text(json.dumps(found), encoding="utf-8")
+    found = _parsed(content, package)
+    keep(name, json.dumps(found).encode())
     return found
 
 

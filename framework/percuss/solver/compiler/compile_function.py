@@ -10,55 +10,61 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import pickle
 import types
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from percuss.solver.compiler.machine_code import jit_disabled
+from percuss.cache import cache_folder, keep, kept
+from percuss.filelock import in_turn
+from percuss.solver.compiler.machine_code import jit_disabled, key_of
 
 Kernel = Callable[..., Any]
 
+LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 
-def compile_callee(function: types.FunctionType, *, cache: bool = False, **options: Any) -> Kernel:
+
+def compile_callee(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
     """Compile a function for compiled callers alone; a call from Python would crash the process.
 
     Parameters
     ----------
     function
         The function.
-    cache
-        Whether what is compiled is stored on disk, in the folder that numba is configured for.
+    key
+        Name under which what is compiled is stored on disk, another one for any other code; empty not to store it.
     **options
         Options of `numba.njit`.
     """
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    compilers = pipelines()
-    if compilers is None:
-        return _compiled(function, cache, _cache_classes()[0], options)
-    return _compiled(function, cache, _cache_classes()[1], {"pipeline_class": compilers.CalleeCompiler, **options})
+    stored, compilers = StoredFunction(key), pipelines()
+    if compilers is not None:
+        stored.restore = compilers.restored_callee
+        options["pipeline_class"] = compilers.CalleeCompiler
+    return _compiled(function, stored, options)
 
 
-def compile_entry(function: types.FunctionType, *, cache: bool = False, **options: Any) -> Kernel:
+def compile_entry(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
     """Compile a function that Python calls, with the code of its callees inside; parameters as in `compile_callee`."""
     options |= {"no_cfunc_wrapper": True}
-    compilers = pipelines()
-    if compilers is None:
-        return _compiled(function, cache, _cache_classes()[0], options)
-    compiler = compilers.compiler_of_one_entry()
-    kernel: Any = _compiled(function, cache, _cache_classes()[0], {"pipeline_class": compiler, **options})
-    if cache and not jit_disabled():
-        compiler.cache = kernel._cache
-    return kernel  # type: ignore[no-any-return]
+    stored, compilers = StoredFunction(key), pipelines()
+    if compilers is not None:
+        stored.restore = compilers.restored_entry
+        options["pipeline_class"] = compilers.compiler_of_one_entry(stored)
+    return _compiled(function, stored, options)
 
 
-def _compiled(function: types.FunctionType, cache: bool, cache_class: Any, options: dict[str, Any]) -> Kernel:
+def _compiled(function: types.FunctionType, stored: StoredFunction, options: dict[str, Any]) -> Kernel:
     import numba
 
-    # A function with given signatures is compiled as soon as it is made, and looks for its cache then.
-    kernel: Any = numba.njit(cache=cache and "signature_or_function" in options, **options)(function)
-    if cache and not jit_disabled():
-        kernel._cache = cache_class(function)
+    signatures = options.pop("signature_or_function", ())
+    kernel: Any = numba.njit(**options)(function)
+    if not jit_disabled():
+        kernel._cache = stored
+        for signature in signatures:  # numba compiles for these at once, and for no others
+            kernel.compile(signature)
+        if signatures:
+            kernel.disable_compile()
     return kernel  # type: ignore[no-any-return]
 
 
@@ -75,54 +81,70 @@ def pipelines() -> types.ModuleType | None:
     return numba_pipelines
 
 
-@functools.cache
-def _cache_classes() -> tuple[Any, Any]:
-    """Return the classes of the disk caches of entries and of callees."""
-    from numba.core.caching import FunctionCache
+def _restored(target_context: Any, payload: tuple[Any, ...]) -> Any:
+    """Return the compiled function from what `CompileResult._reduce` returned, as numba does it."""
+    from numba.core.compiler import CompileResult
 
-    compilers = pipelines()
+    return CompileResult._rebuild(target_context, *payload)
 
-    class ForgivingCache(FunctionCache):  # type: ignore[misc]
-        """A cache of machine code that begins anew where it cannot be read.
 
-        Numba takes union types for equal if their names are, so that in a process that has loaded a single-file
-        plug-in before and after an edit, what it stores for the new version also refers to the module of the old one.
-        Another process does not have that module.
+class StoredFunction:
+    """What is compiled of one function, stored on disk for each signature, in the place of numba's own cache.
 
-        Attributes
-        ----------
-        stored
-            The compiled function that was stored last.
+    Parameters
+    ----------
+    key
+        Name of the function, another one for any other code; empty if nothing is stored.
+
+    Attributes
+    ----------
+    restore
+        Returns what is compiled from what is stored of it.
+    stored
+        What an entry has compiled or loaded last.
+    cache_path
+        What numba shows in its statistics: no folder belongs to this function alone.
+    """
+
+    cache_path = None
+    stored: Any = None
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        self.restore: Callable[[Any, tuple[Any, ...]], Any] = _restored
+
+    def in_turn(self) -> contextlib.AbstractContextManager[None]:
+        """Return a context in which no other process compiles this function."""
+        folder = cache_folder() if self.key else None
+        return contextlib.nullcontext() if folder is None else in_turn(folder / f"{self.key}.lock", LONGEST_WAIT)
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Store the function compiled for a signature, unless it was stored already or refers to addresses."""
+        if self.key and compiled is not self.stored and not compiled.library.has_dynamic_globals:
+            from numba.core.serialize import dumps
+
+            keep(self._name_of(signature), dumps((signature, compiled._reduce())))
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Return the function compiled for a signature, or None.
+
+        Numba takes union types for equal if their names are, so that in a process that has loaded a single-file plug-in
+        before and after an edit, what it stores for the new version also refers to the module of the old one. Another
+        process does not have that module.
         """
+        target_context.refresh()
+        content = kept(self._name_of(signature)) if self.key else None
+        if content is None:
+            return None
+        try:
+            of, payload = pickle.loads(content)  # noqa: S301 - its digest was checked
+            return self.restore(target_context, payload) if of == signature else None
+        except (ImportError, AttributeError):
+            return None
 
-        stored: Any = None
+    def flush(self) -> None:
+        """Leave what is stored as it is: numba asks for this where a function is to be compiled again."""
 
-        if compilers is not None:
-            _impl_class = compilers.EntryCacheImpl
-
-        @property
-        def lock_file(self) -> Path:
-            """File on which a process holds a lock while it compiles the function for this cache."""
-            return Path(self.cache_path) / f"{self._impl.filename_base}.lock"
-
-        def save_overload(self, sig: Any, data: Any) -> None:
-            """Store the function compiled for a signature, unless it was stored already or the disk is full."""
-            if data is not self.stored:
-                with contextlib.suppress(OSError):  # the function runs all the same, and is compiled again next time
-                    super().save_overload(sig, data)
-
-        def load_overload(self, sig: Any, target_context: Any) -> Any:
-            """Return the function compiled for a signature, or None."""
-            try:
-                return super().load_overload(sig, target_context)
-            except (ImportError, AttributeError):
-                self.flush()
-                return None
-
-    class CalleeCache(ForgivingCache):
-        """The cache of callees, which stores intermediate code."""
-
-        if compilers is not None:
-            _impl_class = compilers.CalleeCacheImpl
-
-    return ForgivingCache, CalleeCache
+    def _name_of(self, signature: Any) -> str:
+        # Types are told apart by more than their names, as tuples of two classes of one name are: see above.
+        return f"{key_of(self.key, repr(signature))}.compiled"

@@ -18,9 +18,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from percuss.cache import keep, kept
 from percuss.compiling import LOCK
-from percuss.errors import InputError, UnwrittenError
-from percuss.files import cache_folder, replacing
 from percuss.methods.source_digest import content_digest, surroundings
 
 __all__ = [
@@ -34,7 +33,6 @@ __all__ = [
 ]
 
 OWN_NAMES = ("Py", "_Py", "numba", "NRT_")  # beginnings of the names that Python and numba provide to compiled code
-MAGIC = b"percuss machine code\n"
 
 _ADDRESSES: dict[str, tuple[int, str]] = {}  # address and form of the functions that this process has loaded, by key
 _LIBRARIES: list[Any] = []  # llvmlite removes the code of a library from memory when nothing refers to it any more
@@ -89,24 +87,21 @@ def address_of_stored(key: str) -> tuple[int, str] | None:
     """Return the address of a stored function and the form of its data, or None if it cannot be loaded."""
     with LOCK:
         if key not in _ADDRESSES:
-            code = _read(_file_of(key))
-            address = 0 if code is None else _load(key, code)
-            if code is None or address == 0:
+            stored = kept(_name_of(key))
+            if stored is None:
                 return None
-            _ADDRESSES[key] = address, code.form
+            header, object_code = stored.split(b"\n", 1)
+            symbol, form = json.loads(header)
+            address = _load(key, MachineCode(symbol, form, object_code))
+            if address == 0:
+                return None
+            _ADDRESSES[key] = address, form
         return _ADDRESSES[key]
 
 
 def store(key: str, code: MachineCode) -> None:
-    """Store machine code; a folder that cannot be written to is left as it is."""
-    header = json.dumps({"symbol": code.symbol, "form": code.form, "digest": _digest(code)}).encode()
-    file = _file_of(key)
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(file, ".code") as temporary:
-            temporary.write_bytes(MAGIC + header + b"\n" + code.object_code)
-    except (OSError, InputError, UnwrittenError):
-        return
+    """Store machine code."""
+    keep(_name_of(key), json.dumps([code.symbol, code.form]).encode() + b"\n" + code.object_code)
 
 
 def refers_to_c_alone(names: Iterable[str]) -> bool:
@@ -121,23 +116,8 @@ def refers_to_c_alone(names: Iterable[str]) -> bool:
     return all(hasattr(process, name) for name in outside)
 
 
-def _file_of(key: str) -> Path:
-    return cache_folder() / "machine_code" / key
-
-
-def _digest(code: MachineCode) -> str:
-    return hashlib.sha256(f"{code.symbol}\0{code.form}\0".encode() + code.object_code).hexdigest()
-
-
-def _read(file: Path) -> MachineCode | None:
-    """Return the machine code in a file; None where there is no such file, or a damaged one."""
-    try:
-        magic, header, object_code = file.read_bytes().split(b"\n", 2)
-        described = json.loads(header)
-        code = MachineCode(described["symbol"], described["form"], object_code)
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return code if magic + b"\n" == MAGIC and described.get("digest") == _digest(code) else None
+def _name_of(key: str) -> str:
+    return f"{key}.code"
 
 
 @functools.cache

@@ -10,7 +10,6 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from numba import _dynfunc
-from numba.core.caching import CompileResultCacheImpl
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -19,10 +18,7 @@ from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing import signature as typing_signature
 
-from percuss.filelock import in_turn
-
 FREE_ORDER = {"fast", "reassoc"}  # options of numba's `fastmath` with which the terms of a sum are added in any order
-LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 ENVIRONMENT_PREFIX = "_ZN08NumbaEnv"  # first letters of the name of a variable that refers to a function's globals
 
 
@@ -137,19 +133,17 @@ class EntryCompiler(_Compiler):
     Attributes
     ----------
     cache
-        The cache of the entry; None where it is not stored. Each entry with a cache has a compiler class of its own.
+        The cache of the entry. Each entry has a compiler class of its own.
     """
 
     lowering = EntryLowering
-    cache: Any = None
+    cache: Any
 
     def compile_extra(self, function: Any) -> Any:
         """Compile the function, or load it once another process has compiled it."""
-        if self.cache is None:
-            return super().compile_extra(function)
         state = self.state
         key = state.args if state.return_type is None else typing_signature(state.return_type, *state.args)
-        with in_turn(self.cache.lock_file, LONGEST_WAIT):
+        with self.cache.in_turn():
             compiled = self.cache.load_overload(key, state.targetctx)
             if compiled is None:
                 compiled = super().compile_extra(function)
@@ -160,25 +154,18 @@ class EntryCompiler(_Compiler):
             return compiled
 
 
-def compiler_of_one_entry() -> type[EntryCompiler]:
-    """Return a compiler class whose `cache` belongs to one entry."""
-
-    class Compiler(EntryCompiler):
-        """The compiler of one entry."""
-
-    return Compiler
+def compiler_of_one_entry(cache: Any) -> type[EntryCompiler]:
+    """Return a compiler class of one entry, which has this `cache`."""
+    return type("Compiler", (EntryCompiler,), {"cache": cache})
 
 
-class EntryCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
-    """What is stored of an entry, and how it is restored: its object code stays with it."""
-
-    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
-        """Return the compiled entry from what `CompileResult._reduce` returned."""
-        restored = super().rebuild(target_context, payload)
-        _, form, code = payload[0]
-        if form == "object":
-            restored.library.restored_from = code[0]
-        return restored
+def restored_entry(target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+    """Return the compiled entry from what `CompileResult._reduce` returned; its object code stays with it."""
+    restored = CompileResult._rebuild(target_context, *payload)
+    _, form, code = payload[0]
+    if form == "object":
+        restored.library.restored_from = code[0]
+    return restored
 
 
 def object_code(library: Any) -> tuple[bytes, list[str]]:
@@ -189,29 +176,26 @@ def object_code(library: Any) -> tuple[bytes, list[str]]:
     return bytes(code), outside
 
 
-class CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
-    """What is stored of a callee, and how it is restored."""
-
-    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
-        """Return the compiled callee from what `CompileResult._reduce` returned."""
-        stored, fndesc, environment, signature, objectmode, lifted, annotation, reload_init, environments = payload
-        for initialise in reload_init:
-            initialise()
-        library = CalleeLibrary.restored(target_context.codegen(), stored)
-        return CompileResult(
-            target_context=target_context,
-            typing_context=target_context.typing_context,
-            library=library,
-            environment=environment,
-            entry_point=_unreachable_from_python(library, fndesc, environment),
-            fndesc=fndesc,
-            type_annotation=annotation,
-            signature=signature,
-            objectmode=objectmode,
-            lifted=lifted,
-            typing_error=None,
-            call_helper=None,
-            metadata=None,
-            reload_init=reload_init,
-            referenced_envs=environments,
-        )
+def restored_callee(target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+    """Return the compiled callee from what `CompileResult._reduce` returned."""
+    stored, fndesc, environment, signature, objectmode, lifted, annotation, reload_init, environments = payload
+    for initialise in reload_init:
+        initialise()
+    library = CalleeLibrary.restored(target_context.codegen(), stored)
+    return CompileResult(
+        target_context=target_context,
+        typing_context=target_context.typing_context,
+        library=library,
+        environment=environment,
+        entry_point=_unreachable_from_python(library, fndesc, environment),
+        fndesc=fndesc,
+        type_annotation=annotation,
+        signature=signature,
+        objectmode=objectmode,
+        lifted=lifted,
+        typing_error=None,
+        call_helper=None,
+        metadata=None,
+        reload_init=reload_init,
+        referenced_envs=environments,
+    )

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from percuss.compiling import compiler, listen
-from percuss.files import cache_folder
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.solver import compiled
@@ -226,7 +225,7 @@ class Specialiser:
         return kernel
 
     def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
-        kernel = _COMPILED.get(tag) or _compile(copy, options, entry=entry, cache=tag not in self._unkept)
+        kernel = _COMPILED.get(tag) or _compile(copy, options, entry=entry, key="" if tag in self._unkept else tag)
         _COMPILED[tag] = kernel
         return kernel
 
@@ -401,23 +400,15 @@ def _copy(
     return copy
 
 
-def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry: bool, cache: bool) -> Kernel:
-    import numba
-
-    listen()  # the clock has to listen before the first call, which compiles
+def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry: bool, key: str) -> Kernel:
     options = dict(options)
     if isinstance(options.get("fastmath"), tuple):
         options["fastmath"] = set(options["fastmath"])
     if not _counting_can_be_left_out():
         options.pop("_nrt", None)
-    configured = numba.config.CACHE_DIR
-    if cache:
-        numba.config.CACHE_DIR = str(cache_folder())
-    try:
-        compile_function = compile_entry if entry else compile_callee
-        return compile_function(function, cache=cache, **options)
-    finally:
-        numba.config.CACHE_DIR = configured
+    listen()  # the clock has to listen before the first call, which compiles
+    compile_function = compile_entry if entry else compile_callee
+    return compile_function(function, key=key, **options)
 
 
 @functools.cache
