@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 
-import numba
 import pytest
 
 from percuss import cache
@@ -24,7 +23,7 @@ others_can_write = pytest.mark.skipif(not hasattr(os, "getuid"), reason="folders
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     """The cache folder of a test; nothing is known of folders that were used before."""
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "own"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "own"))
     cache._made.cache_clear()
     cache._tidy.cache_clear()
     return tmp_path / "own" / "percuss"
