@@ -541,6 +541,54 @@ class Impulsive(ContactLaw):
                 break
 
 
+class OneNumber(NamedTuple):
+    share: float
+
+
+@caught_by("contacts-at-one-end")
+@dataclass(frozen=True)
+class OneShare(ContactLaw):
+    """Binds an option as one number for all of its contacts, though those at one end may have others."""
+
+    name = "one-share"
+    summary = law.summary
+    uses_coupling = True
+    share: Annotated[float, Gt(0), Unit("1"), Doc("share of the rate that an impulse takes")] = 0.5
+
+    def bind(self, points, dt):
+        return OneNumber(self.share)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(200):
+            for p in range(multiplier.size):
+                if trial.predicted_gap[p] <= 0.0:
+                    rate = coupled_rate(trial, multiplier, p) - (1.0 - bound.share) * trial.predicted_rate[p]
+                    multiplier[p] = max(multiplier[p] - rate / (trial.rate_response * trial.delassus[p]), 0.0)
+
+
+@caught_by("contacts-at-one-end")
+@dataclass(frozen=True)
+class SweepsOnce(ContactLaw):
+    """Sweeps over its contacts a single time, so that the first of those at one end feels nothing of the others."""
+
+    name = "sweeps-once"
+    summary = law.summary
+    uses_coupling = True
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for p in range(multiplier.size):
+            if trial.predicted_gap[p] <= 0.0:
+                rate = coupled_rate(trial, multiplier, p)
+                multiplier[p] = max(-rate / (trial.rate_response * trial.delassus[p]), 0.0)
+
+
 @caught_by("coupling")
 @dataclass(frozen=True)
 class CouplingClaimed(ContactLaw):

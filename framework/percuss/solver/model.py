@@ -18,7 +18,7 @@ from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
-from percuss.solver.bound_law import BoundLaw, bind_law
+from percuss.solver.bound_law import BoundLaw, bind_law, joined
 from percuss.solver.bulk_trial import try_kernels
 from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
@@ -422,7 +422,7 @@ class Model:
             return array
 
         contact_pairs = [self.contact_pairs[p] for p in where]
-        delassus, coupling = self.whole._largest_delassus
+        delassus, coupling, _ = self.whole._largest_delassus
         return ContactPoints(
             names=tuple(contact_pair.name for contact_pair in contact_pairs),
             stiffness=column([contact_pair.stiffness for contact_pair in contact_pairs]),
@@ -437,14 +437,19 @@ class Model:
         )
 
     @cached_property
-    def _largest_delassus(self) -> tuple[Floats, Floats]:
-        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each."""
+    def _largest_delassus(self) -> tuple[Floats, Floats, list[set[int]]]:
+        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each.
+
+        The last are the contact points that are coupled with each at some time of the run.
+        """
         largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
+        neighbours: list[set[int]] = [set() for _ in self.contact_pairs]
         for start, _ in self.segments(laws=False):
             diagonal, others = self.delassus_rows((start + 0.5) * self.dt)
             largest = np.maximum(largest, diagonal)
             sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
-        return largest, sums / largest
+            neighbours = [near.union(row) for near, row in zip(neighbours, others, strict=True)]
+        return largest, sums / largest, neighbours
 
     @cached_property
     def _trace_stiffness(self) -> Floats:
@@ -585,7 +590,31 @@ class Model:
             except ValueError as error:
                 problems.append(self.case.problem(("method", "contact"), said_by(error)))
         _raise(problems)
-        return tuple(sorted(laws, key=lambda bound_law: bound_law.linear is None))
+        coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
+        for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
+            alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
+            one = joined(alike, self.points, dt)
+            if one is not None:
+                laws = [*(bound_law for bound_law in laws if bound_law not in alike), one]
+            else:
+                self._refuse_shared_ends(alike)
+        return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
+
+    def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
+        """Refuse laws of one class at one end, which their kernel is to solve together, and cannot."""
+        neighbours = self.whole._largest_delassus[2]
+        advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
+
+        def problem(p: int, q: int) -> Problem:
+            first, second = self.contact_pairs[p].name, self.contact_pairs[q].name
+            message = (
+                f"expected contacts '{first}' and '{second}', which share an end, to be solved together by the kernel "
+                f"of {laws[0].law.name}; found options that it cannot tell apart"
+            )
+            return self.case.problem(("contacts", second), message, advice, any_inside=True)
+
+        pairs = itertools.combinations(laws, 2)
+        _raise([problem(p, q) for one, other in pairs for p in one.where for q in neighbours[p] if q in other.where])
 
     def delassus(self, midpoint: float) -> Floats:
         """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
@@ -637,10 +666,11 @@ class Model:
             contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
         }
         for bound_law in self.laws:
-            for name, value in bound_law.resolved.items():
-                numbers = np.broadcast_to(value, (len(bound_law.where),))
-                for point, number in zip(bound_law.where, numbers, strict=True):
-                    parameters[self.contact_pairs[point].name][name] = float(number)
+            for where, resolved in bound_law.resolved:
+                for name, value in resolved.items():
+                    numbers = np.broadcast_to(value, (len(where),))
+                    for point, number in zip(where, numbers, strict=True):
+                        parameters[self.contact_pairs[point].name][name] = float(number)
         return parameters
 
 
