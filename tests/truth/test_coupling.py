@@ -373,8 +373,8 @@ def test_a_law_that_cannot_solve_unlike_contacts_together_is_refused_where_they_
         model(of_two, SHARED["contacts"])
     (problem,) = refused.value.problems
     assert problem.message == (
-        "expected contacts 'one' and 'two', which share an end, to be solved together by the kernel of newton-impact; "
-        "found options that it cannot tell apart"
+        "expected the coupled contacts 'one' and 'two' to be solved together by the kernel of newton-impact; found "
+        "options that it cannot tell apart"
     )
     assert str(problem).startswith("--set contacts.two.method")
     assert len(model({}, SHARED["contacts"]).laws) == 1
@@ -393,6 +393,23 @@ def test_what_a_kernel_ignores_is_said_by_check_and_by_the_run(file):
     assert told.data["certificate"]["ignores"][0].startswith(note)
     (found,) = [one for one in percuss.run(case, compiled=False).summary["notes"] if "share an end" in one]
     assert found.startswith(note)
+
+
+def test_what_a_kernel_ignores_where_the_mass_couples_both_ends_of_a_bar_is_said(file):
+    """With a mass that couples nodes the contacts of a bar of one element act on one another, at whichever ends."""
+    bar = {"bar": {"length": 1, "elements": 4}, "material": {"young": 100, "density": 0.01}, "area": 1}
+    bodies = {"a": bar, "b": {**bar, "bar": {"length": 1, "elements": 1}, "at": 1}, "c": {**bar, "at": 2}}
+    contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
+    case = {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": {"steps": 1, "courant": 0.5}}
+    said = {
+        mass: Model(percuss.load({**case, "method": {"contact": "alone", "mass": mass}}, plugins=[file]))
+        for mass in ("lumped", "reciprocal")
+    }
+    assert said["lumped"].ignored_couplings() == []
+    (sentence,) = said["reciprocal"].ignored_couplings()
+    assert sentence.startswith(
+        "contacts 'ab', 'bc' are coupled by the mass of a body, and the kernel of law alone sees"
+    )
 
 
 def test_nothing_is_said_where_no_end_is_shared_or_laws_are_rows(file):

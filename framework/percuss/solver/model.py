@@ -601,15 +601,15 @@ class Model:
         return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
 
     def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
-        """Refuse laws of one class at one end, which their kernel is to solve together, and cannot."""
+        """Refuse laws of one class between coupled contacts, which their kernel is to solve together, and cannot."""
         neighbours = self.whole._largest_delassus[2]
         advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
 
         def problem(p: int, q: int) -> Problem:
             first, second = self.contact_pairs[p].name, self.contact_pairs[q].name
             message = (
-                f"expected contacts '{first}' and '{second}', which share an end, to be solved together by the kernel "
-                f"of {laws[0].law.name}; found options that it cannot tell apart"
+                f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
+                f"{laws[0].law.name}; found options that it cannot tell apart"
             )
             return self.case.problem(("contacts", second), message, advice, any_inside=True)
 
@@ -637,26 +637,28 @@ class Model:
         return order, records
 
     def ignored_couplings(self) -> list[str]:
-        """Return one sentence for each end shared by contacts of which a law with a kernel ignores the coupling."""
+        """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
         at_node: dict[int, list[int]] = {}
         for p, contact_pair in enumerate(self.contact_pairs):
             for node in contact_pair.nodes:
                 at_node.setdefault(node, []).append(p)
+        coupled = {tuple(contacts): "share an end" for contacts in at_node.values() if len(contacts) > 1}
+        for p, near in enumerate(self.whole._largest_delassus[2]):
+            apart = (q for q in near if p < q and not {*self.contact_pairs[p].nodes} & {*self.contact_pairs[q].nodes})
+            coupled |= dict.fromkeys(((p, q) for q in apart), "are coupled by the mass of a body")
         sentences = []
         for bound_law in self.laws:
             law = bound_law.law
             if bound_law.linear is not None or law.uses_coupling:
                 continue
-            under_law = set(bound_law.where)
-            shared_ends = [
-                contacts for contacts in at_node.values() if len(contacts) > 1 and not under_law.isdisjoint(contacts)
-            ]
-            for contacts in shared_ends:
+            for contacts, how in coupled.items():
+                if set(bound_law.where).isdisjoint(contacts):
+                    continue
                 names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)
+                where = "at that end " if how == "share an end" else ""
                 sentences.append(
-                    f"contacts {names} share an end, and the kernel of law {law.name} sees each of its contacts by "
-                    "itself: it ignores what the others at that end press in the same step (it does not declare "
-                    "`uses_coupling`)"
+                    f"contacts {names} {how}, and the kernel of law {law.name} sees each of its contacts by itself: it "
+                    f"ignores what the others {where}press in the same step (it does not declare `uses_coupling`)"
                 )
         return sentences
 
