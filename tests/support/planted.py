@@ -17,6 +17,7 @@ from percuss import (
     Ge,
     Gt,
     Integrator,
+    Le,
     LeapFrog,
     LinearLaw,
     Load,
@@ -539,6 +540,71 @@ class Impulsive(ContactLaw):
                     moved, largest = max(moved, abs(multiplier[p] - before)), max(largest, multiplier[p])
             if moved <= 1e-14 * largest:
                 break
+
+
+class OneNumber(NamedTuple):
+    e: float
+
+
+@caught_by("contacts-at-one-end")
+@dataclass(frozen=True)
+class OneRestitution(ContactLaw):
+    """Binds an option as one number for all of its contacts, though those at one end may have others.
+
+    Formula: where ``g* <= 0``: ``0 <= lambda, g' + e g'_before >= 0``, one of them zero; else ``lambda = 0``.
+    """
+
+    name = "one-restitution"
+    summary = law.summary
+    references = Impulsive.references
+    guarantees = ("never pulls",)
+    uses_coupling = True
+    expected_failures = Impulsive.expected_failures
+    e: Annotated[float, Ge(0), Le(1), Unit("1"), Doc("restitution")] = 0.0
+
+    def bind(self, points, dt):
+        return OneNumber(self.e)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for _ in range(1000):
+            moved, largest = 0.0, 0.0
+            for p in range(multiplier.size):
+                if trial.predicted_gap[p] <= 0.0:
+                    before = multiplier[p]
+                    rate = coupled_rate(trial, multiplier, p) + bound.e * trial.rate[p]
+                    multiplier[p] = max(before - rate / (trial.rate_response * trial.delassus[p]), 0.0)
+                    moved, largest = max(moved, abs(multiplier[p] - before)), max(largest, multiplier[p])
+            if moved <= 1e-14 * largest:
+                break
+
+
+@caught_by("contacts-at-one-end")
+@dataclass(frozen=True)
+class SweepsOnce(ContactLaw):
+    """Sweeps over its contacts a single time, so that the first of those at one end feels nothing of the others.
+
+    Formula: where ``g* <= 0``: ``0 <= lambda, g' >= 0``, one of them zero; else ``lambda = 0``.
+    """
+
+    name = "sweeps-once"
+    summary = law.summary
+    references = Impulsive.references
+    guarantees = ("never pulls",)
+    uses_coupling = True
+    expected_failures = Impulsive.expected_failures
+
+    def bind(self, points, dt):
+        return NOTHING
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        multiplier[:] = 0.0
+        for p in range(multiplier.size):
+            if trial.predicted_gap[p] <= 0.0:
+                rate = coupled_rate(trial, multiplier, p)
+                multiplier[p] = max(-rate / (trial.rate_response * trial.delassus[p]), 0.0)
 
 
 @caught_by("coupling")

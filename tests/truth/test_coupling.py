@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import dense
 import percuss
+from percuss.certificate import verdict
 from percuss.reporting.explanation import explanation
 from percuss.solver.compiler.compile_function import jit_disabled
 from percuss.solver.march import March
@@ -18,11 +19,13 @@ LAWS = '''
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from percuss import ContactLaw, Doc, Ge, Le, Unit, coupled_gap, coupled_rate
+import numpy as np
+
+from percuss import ContactLaw, Doc, Floats, Ge, Le, Unit, coupled_gap, coupled_rate
 
 
 class Bound(NamedTuple):
-    e: float
+    e: Floats
 
 
 @dataclass(frozen=True)
@@ -35,10 +38,11 @@ class NewtonImpact(ContactLaw):
     name = "newton-impact"
     summary = "impulses at the velocity level"
     uses_coupling = True
+    state = 1  # e, to see which contact it belongs to
     e: Annotated[float, Ge(0), Le(1), Unit("1"), Doc("restitution")] = 0.0
 
     def bind(self, points, dt):
-        return Bound(self.e)
+        return Bound(np.full(len(points.names), self.e))
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
@@ -46,9 +50,10 @@ class NewtonImpact(ContactLaw):
         for _ in range(1000):
             moved = 0.0
             for p in range(multiplier.size):
+                trial.after[p, 0] = bound.e[p]
                 if trial.predicted_gap[p] <= 0.0:
                     before = multiplier[p]
-                    rate = coupled_rate(trial, multiplier, p) + bound.e * trial.rate[p]
+                    rate = coupled_rate(trial, multiplier, p) + bound.e[p] * trial.rate[p]
                     multiplier[p] = max(before - rate / (trial.rate_response * trial.delassus[p]), 0.0)
                     moved = max(moved, abs(multiplier[p] - before))
             if moved <= 1e-14 * multiplier.max():
@@ -67,7 +72,7 @@ class Apart(ContactLaw):
     uses_coupling = True
 
     def bind(self, points, dt):
-        return Bound(0.0)
+        return Bound(np.zeros(len(points.names)))
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
@@ -94,7 +99,7 @@ class Alone(ContactLaw):
     summary = "impulses at the velocity level, each contact by itself"
 
     def bind(self, points, dt):
-        return Bound(0.0)
+        return Bound(np.zeros(len(points.names)))
 
     @staticmethod
     def multipliers(bound, trial, multiplier):
@@ -117,12 +122,12 @@ def normals(case, bars):
     N, g0 = np.zeros((bars.x.size, len(case["contacts"]))), np.zeros(len(case["contacts"]))
     for p, one in enumerate(case["contacts"].values()):
         ends = one.get("between") or [one["body"]]
-        a = bars.node(ends[0])
+        a, outward = bars.node(ends[0]), 1.0 if ends[0].endswith(".right") else -1.0
         other = bars.x[bars.node(ends[1])] if len(ends) == 2 else one["wall"]
-        N[a, p] = -1.0
+        N[a, p] = -outward
         if len(ends) == 2:
-            N[bars.node(ends[1]), p] = 1.0
-        g0[p] = other - bars.x[a]
+            N[bars.node(ends[1]), p] = outward
+        g0[p] = outward * (other - bars.x[a])
     return N, g0
 
 
@@ -254,6 +259,129 @@ def test_laws_of_all_kinds_at_one_end_are_solved_together(file, case):
     assert Model(loaded).ignored_couplings() == []
 
 
+WEDGED = {
+    "percuss": 1,
+    "bodies": {
+        "held": {"bar": {"length": 1.5, "elements": 6}, "material": {"young": 137, "density": 0.65}, "area": 1.7,
+                 "fixed": ["left"]},
+        "other": {"bar": {"length": 1.4, "elements": 4}, "at": 1.5, "material": {"young": 204, "density": 0.77},
+                  "area": 1.3, "velocity": -1.0},
+        "beside": {"bar": {"length": 1.2, "elements": 3}, "at": 0.3, "material": {"young": 150, "density": 0.7},
+                   "area": 0.9},
+    },
+    "contacts": {
+        "held": {"between": ["held.right", "other.left"],
+                 "method": {"name": "uzawa", "epsilon_s": 191.0, "iterations": 3}},
+        "wall": {"body": "other.left", "wall": 1.49, "method": {"name": "uzawa", "epsilon_s": 435.0, "iterations": 3}},
+        "beside": {"between": ["beside.right", "other.left"],
+                   "method": {"name": "uzawa", "epsilon_s": 120.0, "iterations": 2}},
+    },
+    "method": {"integrator": "central-difference"},
+    "time": {"step": 0.012, "steps": 60},
+}  # fmt: skip
+
+
+def wedged():
+    """Return K, M^-1 with held nodes at rest, v and x of `WEDGED`; its contacts are those of `other.left`."""
+    bars = dense.assemble(WEDGED)
+    inverse = 1.0 / np.diag(bars.M)
+    inverse[bars.node("held.left")] = 0.0
+    return bars, inverse
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [("held", "wall", "beside"), ("beside", "wall", "held")], ids=" ".join)
+@pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plain"])
+def test_uzawas_iteration_is_one_for_all_contacts_of_an_end_whatever_their_options(order, compiled):
+    """The formula of its docstring with full matrices; a contact with fewer iterations keeps its last iterate."""
+    case = {**WEDGED, "contacts": {name: WEDGED["contacts"][name] for name in order}}
+    dt, (bars, inverse), (N, g0) = case["time"]["step"], wedged(), normals(case, wedged()[0])
+    S = N.T @ (inverse[:, None] * N)
+    laws = [contact["method"] for contact in case["contacts"].values()]
+    stiffness, counts = (np.array([law[key] for law in laws]) for key in ("epsilon_s", "iterations"))
+    u, v, expected = np.zeros(bars.x.size), bars.v.copy(), []
+    for _ in range(case["time"]["steps"] + 1):
+        v -= dt * inverse * (bars.K @ u)
+        iterate = np.zeros(3)
+        for k in range(counts.max()):
+            following = np.maximum(iterate - stiffness * (g0 + N.T @ (u + dt * v) + dt * dt * S @ iterate), 0.0)
+            iterate = np.where(k < counts, following, iterate)
+        v += dt * inverse * (N @ iterate)
+        u += dt * v
+        expected.append(iterate)
+    force, _ = marched(percuss.load(case, {"time.on_unstable": "warn"}), compiled=compiled)
+    expected = np.array(expected)
+    assert (expected > 0.0).all(axis=1).any()
+    assert np.abs(force - expected).max() <= 1e-11 * expected.max()
+
+
+def test_the_certificate_of_contacts_with_unlike_options_is_that_of_the_documented_iteration():
+    """The closed step has an amplification matrix of the formula: it begins to grow at the critical step, not above."""
+    case = percuss.load({**WEDGED, "time": {"step": 0.012, "steps": 10}})
+    found = verdict.certificate(Model(case))
+    bars, inverse = wedged()
+    N, _ = normals(WEDGED, bars)
+    laws = [contact["method"] for contact in WEDGED["contacts"].values()]
+    free = inverse > 0.0
+
+    def radius(dt, closed):
+        normal, some = N[:, closed], [laws[p] for p in closed]
+        S = normal.T @ (inverse[:, None] * normal)
+        of_gap = np.zeros((len(closed), len(closed)))
+        for k in range(3):
+            gap = np.eye(len(closed)) + dt * dt * S @ of_gap
+            following = of_gap - np.diag([law["epsilon_s"] for law in some]) @ gap
+            of_gap = np.where([[k < law["iterations"]] for law in some], following, of_gap)
+        back = (np.eye(free.size) + dt * dt * inverse[:, None] * normal @ of_gap @ normal.T)[np.ix_(free, free)]
+        step = 2.0 * np.eye(free.sum()) - dt * dt * (inverse[:, None] * bars.K)[np.ix_(free, free)]
+        A = np.block([[back @ step, -back], [np.eye(free.sum()), np.zeros_like(back)]])
+        return np.abs(np.linalg.eigvals(A)).max()
+
+    sets = [list(some) for size in (1, 2, 3) for some in itertools.combinations(range(3), size)]
+    critical = found["dt_critical"]
+    assert critical < 0.98 * found["dt_critical_free"]
+    # free bodies move rigidly, with a double eigenvalue of 1 that rounding splits by the root of the rounding unit
+    assert max(radius(critical * (1.0 - 1e-4), some) for some in sets) <= 1.0 + 1e-6
+    assert max(radius(critical * (1.0 + 1e-3), some) for some in sets) > 1.0 + 1e-4
+
+
+def test_contacts_of_a_law_that_are_solved_together_keep_their_own_options_and_states(file):
+    case = {**SHARED, "method": {"integrator": "central-difference"}, "contacts": {
+        "one": {**SHARED["contacts"]["one"], "method": {"name": "newton-impact", "e": 0.5}},
+        "wall": {"body": "hammer.right", "wall": 10.0, "method": {"name": "newton-impact", "e": 0.25}},
+        "two": {**SHARED["contacts"]["two"], "method": {"name": "newton-impact", "e": 0.5}},
+    }}  # fmt: skip
+    case = percuss.load(case, {"time.end": 0.01, "time.on_unstable": "warn"}, plugins=[file])
+    assert [bound_law.where for bound_law in Model(case).laws] == [(0, 1, 2)]
+    assert percuss.run(case, compiled=False).arrays["contact_state"][-1].tolist() == [[0.5], [0.25], [0.5]]
+    uzawas = Model(percuss.load(WEDGED)).parameters()
+    assert [uzawas[name]["epsilon_s"] for name in ("held", "wall", "beside")] == [191.0, 435.0, 120.0]
+
+
+def test_a_law_that_cannot_solve_unlike_contacts_together_is_refused_where_they_share_an_end(tmp_path):
+    """What it binds is one number for all its contacts, so that its kernel cannot see that they differ."""
+    text = LAWS.replace("np.full(len(points.names), self.e)", "self.e").replace("bound.e[p]", "bound.e")
+    scalar = tmp_path / "scalar.py"
+    scalar.write_text(text, encoding="utf-8")
+    of_two = {"two.method": {"name": "newton-impact", "e": 0.5}}
+
+    def model(changes, contacts):
+        case = {**SHARED, "contacts": contacts, "method": {"contact": "newton-impact"}}
+        return Model(percuss.load(case, {f"contacts.{key}": value for key, value in changes.items()}, plugins=[scalar]))
+
+    with pytest.raises(percuss.InputError) as refused:
+        model(of_two, SHARED["contacts"])
+    (problem,) = refused.value.problems
+    assert problem.message == (
+        "expected the coupled contacts 'one' and 'two' to be solved together by the kernel of newton-impact; found "
+        "options that it cannot tell apart"
+    )
+    assert str(problem).startswith("--set contacts.two.method")
+    assert len(model({}, SHARED["contacts"]).laws) == 1
+    apart = {"one": SHARED["contacts"]["one"], "two": {"body": "hammer.left", "wall": -1.0}}
+    assert len(model(of_two, apart).laws) == 2
+
+
 def test_what_a_kernel_ignores_is_said_by_check_and_by_the_run(file):
     method = {"integrator": "central-difference", "contact": "alone"}
     coarse = {f"bodies.{name}.bar.elements": 2 for name in SHARED["bodies"]} | {"time.on_unstable": "warn"}
@@ -265,6 +393,23 @@ def test_what_a_kernel_ignores_is_said_by_check_and_by_the_run(file):
     assert told.data["certificate"]["ignores"][0].startswith(note)
     (found,) = [one for one in percuss.run(case, compiled=False).summary["notes"] if "share an end" in one]
     assert found.startswith(note)
+
+
+def test_what_a_kernel_ignores_where_the_mass_couples_both_ends_of_a_bar_is_said(file):
+    """With a mass that couples nodes the contacts of a bar of one element act on one another, at whichever ends."""
+    bar = {"bar": {"length": 1, "elements": 4}, "material": {"young": 100, "density": 0.01}, "area": 1}
+    bodies = {"a": bar, "b": {**bar, "bar": {"length": 1, "elements": 1}, "at": 1}, "c": {**bar, "at": 2}}
+    contacts = {"ab": {"between": ["a.right", "b.left"]}, "bc": {"between": ["b.right", "c.left"]}}
+    case = {"percuss": 1, "bodies": bodies, "contacts": contacts, "time": {"steps": 1, "courant": 0.5}}
+    said = {
+        mass: Model(percuss.load({**case, "method": {"contact": "alone", "mass": mass}}, plugins=[file]))
+        for mass in ("lumped", "reciprocal")
+    }
+    assert said["lumped"].ignored_couplings() == []
+    (sentence,) = said["reciprocal"].ignored_couplings()
+    assert sentence.startswith(
+        "contacts 'ab', 'bc' are coupled by the mass of a body, and the kernel of law alone sees"
+    )
 
 
 def test_nothing_is_said_where_no_end_is_shared_or_laws_are_rows(file):

@@ -10,21 +10,22 @@ from __future__ import annotations
 
 import itertools
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.errors import PluginError
 from percuss.methods.blame import breach, line_in_plugin
-from percuss.methods.interfaces import LinearLaw, Trial
-from percuss.methods.plugin_calls import answer, read_only
+from percuss.methods.interfaces import Trial
+from percuss.methods.plugin_calls import mapped, read_only
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats
 
 DEPTHS = (1e-6, 1e-3)  # magnitudes of the gaps in the trial states
 SHARES_OF_THE_RUN = (0.13, 0.31, 0.5, 0.77, 0.98)  # times at which multipliers are compared with those at t = 0
+COUPLED = -0.3  # off-diagonal entry of S of neighbours over the root of the product of their own
 # Up to this number of contact points every instance of a law is tried; above it, one instance of its class for each
 # number of points.
 MOST_POINTS = 32
@@ -33,32 +34,8 @@ LOWEST_INDEX = -2  # A lower index of a bound array counts as a mistake; -1 and 
 _TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
 
-def bound_of(law: ContactLaw, points: ContactPoints, dt: float) -> Any:
-    """Return the result of a law's `bind`: its linear law, or read-only arrays for its kernel, which has been tried.
-
-    Raises
-    ------
-    PluginError
-        If `bind` returned neither a `LinearLaw` nor a NamedTuple, or the kernel fails its trial calls.
-    """
-    bound = answer(law, "bind", points, dt)
-    if isinstance(bound, LinearLaw):
-        return bound
-    if not (isinstance(bound, tuple) and hasattr(bound, "_fields")):
-        returned = "nothing" if bound is None else f"a {type(bound).__name__}"
-        expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
-        raise breach(law, "bind", f"bind returned {returned}, expected {expected}")
-    bound = read_only(bound)
-    count = len(points.names)
-    key = (count, repr(law)) if count <= MOST_POINTS else count
-    if key not in _TRIED.setdefault(type(law), set()):
-        _try_kernel(law, bound, points, dt)
-        _TRIED[type(law)].add(key)
-    return bound
-
-
-def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
-    """Call the kernel of a law in many states, and a second time in each of them.
+def try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
+    """Call the kernel of a law in many states, and a second time in each of them, unless that was done before.
 
     Raises
     ------
@@ -66,13 +43,17 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
         If the kernel fails, leaves a multiplier unset, changes a global variable, reads a bound array at an index below
         `LOWEST_INDEX`, or gives other multipliers the second time.
     """
+    count = len(points.names)
+    key = (count, repr(law)) if count <= MOST_POINTS else count
+    if key in _TRIED.setdefault(type(law), set()):
+        return
     kernel: Any = kernel_of(law)
     kernel = getattr(kernel, "py_func", kernel)
     globals_before = _mutable_globals(kernel)
     # The state variables that the kernel leaves are those that it finds in the next state.
     tried: list[tuple[Trial, Floats]] = []
-    for state in _trial_states(len(points.names), dt):
-        trial = _trial_of(points, dt, state, law, tried[-1][0].after if tried else None)
+    for state in _trial_states(count, dt):
+        trial = trial_of(points, dt, state, law, tried[-1][0].after if tried else None)
         tried.append((trial, _multipliers_of(law, kernel, bound, trial)))
     for name, value in _mutable_globals(kernel).items():
         if value != globals_before[name]:
@@ -109,6 +90,7 @@ def _try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -
                     "state between calls, draws random numbers or reads the clock; what it needs is in what `bind` "
                     "returns and in the trial, and what it remembers in `trial.before` and `trial.after`",
                 )
+    _TRIED[type(law)].add(key)
 
 
 def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: float, end: float) -> bool:
@@ -116,7 +98,7 @@ def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: fl
     kernel: Any = kernel_of(law)
     kernel = getattr(kernel, "py_func", kernel)
     for state in _trial_states(len(points.names), dt):
-        trial = _trial_of(points, dt, state, law)
+        trial = trial_of(points, dt, state, law)
         multipliers = _multipliers_of(law, kernel, bound, trial)
         for share in SHARES_OF_THE_RUN:
             if not np.array_equal(multipliers, _multipliers_of(law, kernel, bound, trial._replace(time=share * end))):
@@ -148,10 +130,7 @@ def _with_watched_arrays(value: Any, low_indices: list[int]) -> Any:
         view = value.view(_WatchedArray)
         view.low_indices = low_indices
         return view
-    if isinstance(value, tuple):
-        parts = [_with_watched_arrays(item, low_indices) for item in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return value
+    return mapped(lambda item: _with_watched_arrays(item, low_indices), value) if isinstance(value, tuple) else value
 
 
 def _trial_states(count: int, dt: float) -> Iterator[list[Any]]:
@@ -170,17 +149,24 @@ def _trial_states(count: int, dt: float) -> Iterator[list[Any]]:
             yield [gap, gap + dt * predicted, rate, predicted]
 
 
-def _trial_of(
-    points: ContactPoints, dt: float, state: list[Any], law: ContactLaw, before: Floats | None = None
+def trial_of(
+    points: ContactPoints,
+    dt: float,
+    state: Sequence[Any],
+    law: Any,
+    before: Floats | None = None,
+    *,
+    strength: float = COUPLED,
 ) -> Trial:
-    """Return the `Trial` of a state; the points of a law that uses coupling are coupled in a chain.
+    """Return the `Trial` of a state; the points of a law, or class of laws, that uses coupling are coupled in a chain.
 
-    State variables are those of `before`, (points, k), zeros where it is None.
+    State variables are those of `before`, (points, k), zeros where it is None. The coupling of two neighbours is
+    `strength` times the root of the product of their own entries of S; there is none for a strength of 0.
     """
-    count = len(points.names)
-    neighbours = [[q for q in (p - 1, p + 1) if 0 <= q < count] if law.uses_coupling else [] for p in range(count)]
+    count, chained = len(points.names), bool(law.uses_coupling and strength)
+    neighbours = [[q for q in (p - 1, p + 1) if 0 <= q < count] if chained else [] for p in range(count)]
     pairs = [(p, q) for p, row in enumerate(neighbours) for q in row]
-    coupling = np.array([-0.3 * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float)
+    coupling = np.array([strength * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float)
     gap, predicted_gap, rate, predicted_rate, first_neighbour, neighbour, coupling, pushed_by_others = (
         read_only(np.ascontiguousarray(array))
         for array in (

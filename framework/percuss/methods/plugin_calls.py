@@ -19,7 +19,7 @@ import numpy as np
 from percuss.methods.blame import breach, is_third_party, line_in_plugin
 from percuss.methods.interfaces import Component, Exact, LeapFrog, Mesh
 
-__all__ = ["answer", "read_only", "same"]
+__all__ = ["answer", "mapped", "read_only", "same"]
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 # How many calls of each method have been repeated, by the class and the options of the component.
@@ -78,10 +78,22 @@ def read_only(value: Any) -> Any:
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         arrays = {name: read_only(item) for name, item in fields.items() if isinstance(item, np.ndarray | tuple)}
         return dataclasses.replace(value, **arrays) if arrays else value
-    if isinstance(value, tuple):
-        parts = [read_only(item) for item in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return value
+    return mapped(read_only, value) if isinstance(value, tuple) else value
+
+
+def mapped(function: Callable[..., Any], *values: Any) -> Any:
+    """Return nested tuples with the answer of `function` to the corresponding entries of `values` in their place.
+
+    Raises
+    ------
+    ValueError
+        If the tuples differ in length.
+    """
+    first = values[0]
+    if not isinstance(first, tuple):
+        return function(*values)
+    parts = [mapped(function, *entries) for entries in zip(*values, strict=True)]
+    return type(first)(*parts) if hasattr(first, "_fields") else tuple(parts)
 
 
 def same(first: Any, second: Any, depth: int = 0) -> bool:

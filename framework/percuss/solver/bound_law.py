@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,8 @@ import numpy as np
 
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
-from percuss.methods.kernel_trial import bound_of, kernel_of
+from percuss.methods.kernel_trial import kernel_of, try_kernel
+from percuss.methods.plugin_calls import answer, mapped, read_only, same
 
 OF_END_FORCE = ("sees", "pushes", "softens")
 COEFFICIENTS = ("sigma", "gap", "rate", "acceleration", *OF_END_FORCE)
@@ -23,7 +25,7 @@ class BoundLaw:
     Attributes
     ----------
     law
-        The law with its options.
+        The law with its options; of laws that are `joined` the first, which stands for their class.
     where
         Numbers of its contact points, in the order of the case.
     points
@@ -35,7 +37,7 @@ class BoundLaw:
     kernel, kernel_data
         The kernel of a law that is not linear, and the data that its `bind` returned for the kernel.
     resolved
-        Its parameters with the values used: one number, or one for each point.
+        Its parameters with the values used, one number or one for each point, for the points of each option set.
     """
 
     law: ContactLaw
@@ -45,7 +47,7 @@ class BoundLaw:
     during: Floats | None
     kernel: Callable[..., None] | None
     kernel_data: Any
-    resolved: Mapping[str, Floats | float]
+    resolved: tuple[tuple[tuple[int, ...], Mapping[str, Floats | float]], ...]
 
 
 def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt: float) -> BoundLaw:
@@ -59,8 +61,15 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
     ValueError
         If the options of the law do not fit together or do not fit its points.
     """
-    bound, resolved = bound_of(law, points, dt), law.resolved(points, dt)
+    bound, resolved = answer(law, "bind", points, dt), law.resolved(points, dt)
     linear = broadcast(bound, points, law) if isinstance(bound, LinearLaw) else None
+    if linear is None:
+        if not (isinstance(bound, tuple) and hasattr(bound, "_fields")):
+            returned = "nothing" if bound is None else f"a {type(bound).__name__}"
+            expected = "LinearLaw, or a NamedTuple of what its kernel `multipliers` needs"
+            raise breach(law, "bind", f"bind returned {returned}, expected {expected}")
+        bound = read_only(bound)
+        try_kernel(law, bound, points, dt)
     return BoundLaw(
         law=law,
         where=where,
@@ -69,8 +78,40 @@ def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt:
         during=linear.during if linear is not None else None,
         kernel=kernel_of(law) if linear is None else None,
         kernel_data=bound if linear is None else None,
-        resolved=resolved,
+        resolved=((where, resolved),),
     )
+
+
+def joined(
+    laws: Sequence[BoundLaw], points_of: Callable[[Sequence[int], float], ContactPoints], dt: float
+) -> BoundLaw | None:
+    """Return laws of one class with a kernel as one; None if their bound data differ in more than values of points.
+
+    Values of points are the rows of arrays that have one for each point, and two where each point is there twice;
+    `points_of` returns the properties of contact points.
+    """
+    if len(laws) == 1:
+        return laws[0]
+    counts = [len(bound_law.where) for bound_law in laws]
+    where = [point for bound_law in laws for point in bound_law.where]
+    order = np.argsort(where)
+
+    def join(*values: Any) -> Any:
+        own, twice = values[: len(laws)], values[len(laws) :]
+        if [np.shape(value)[:1] for value in (*own, *twice)] == [(k,) for k in counts] + [(2 * k,) for k in counts]:
+            return np.concatenate(own)[order]
+        if not all(same(own[0], value) for value in own):
+            raise ValueError("unlike values for all points")
+        return own[0]
+
+    twice = [answer(bound_law.law, "bind", points_of(bound_law.where * 2, dt), dt) for bound_law in laws]
+    try:
+        data = read_only(mapped(join, *(bound_law.kernel_data for bound_law in laws), *twice))
+    except (TypeError, ValueError):
+        return None
+    points, resolved = points_of(sorted(where), dt), tuple(part for each in laws for part in each.resolved)
+    try_kernel(laws[0].law, data, points, dt)
+    return dataclasses.replace(laws[0], where=tuple(sorted(where)), points=points, kernel_data=data, resolved=resolved)
 
 
 def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> LinearLaw:

@@ -18,7 +18,7 @@ from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver import size_limits
-from percuss.solver.bound_law import BoundLaw, bind_law
+from percuss.solver.bound_law import BoundLaw, bind_law, joined
 from percuss.solver.bulk_trial import try_kernels
 from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
@@ -436,7 +436,7 @@ class Model:
             return array
 
         contact_pairs = [self.contact_pairs[p] for p in where]
-        delassus, coupling = self.whole._largest_delassus
+        delassus, coupling, _ = self.whole._largest_delassus
         return ContactPoints(
             names=tuple(contact_pair.name for contact_pair in contact_pairs),
             stiffness=column([contact_pair.stiffness for contact_pair in contact_pairs]),
@@ -451,14 +451,19 @@ class Model:
         )
 
     @cached_property
-    def _largest_delassus(self) -> tuple[Floats, Floats]:
-        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each."""
+    def _largest_delassus(self) -> tuple[Floats, Floats, list[set[int]]]:
+        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each.
+
+        The last are the contact points that are coupled with each at some time of the run.
+        """
         largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
+        neighbours: list[set[int]] = [set() for _ in self.contact_pairs]
         for start, _ in self.segments(laws=False):
             diagonal, others = self.delassus_rows((start + 0.5) * self.dt)
             largest = np.maximum(largest, diagonal)
             sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
-        return largest, sums / largest
+            neighbours = [near.union(row) for near, row in zip(neighbours, others, strict=True)]
+        return largest, sums / largest, neighbours
 
     @cached_property
     def _trace_stiffness(self) -> Floats:
@@ -602,7 +607,31 @@ class Model:
             except ValueError as error:
                 problems.append(self.case.problem(("method", "contact"), said_by(error)))
         _raise(problems)
-        return tuple(sorted(laws, key=lambda bound_law: bound_law.linear is None))
+        coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
+        for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
+            alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
+            one = joined(alike, self.points, dt)
+            if one is not None:
+                laws = [*(bound_law for bound_law in laws if bound_law not in alike), one]
+            else:
+                self._refuse_shared_ends(alike)
+        return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
+
+    def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
+        """Refuse laws of one class between coupled contacts, which their kernel is to solve together, and cannot."""
+        neighbours = self.whole._largest_delassus[2]
+        advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
+
+        def problem(p: int, q: int) -> Problem:
+            first, second = self.contact_pairs[p].name, self.contact_pairs[q].name
+            message = (
+                f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
+                f"{laws[0].law.name}; found options that it cannot tell apart"
+            )
+            return self.case.problem(("contacts", second), message, advice, any_inside=True)
+
+        pairs = itertools.combinations(laws, 2)
+        _raise([problem(p, q) for one, other in pairs for p in one.where for q in neighbours[p] if q in other.where])
 
     def delassus(self, midpoint: float) -> Floats:
         """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
@@ -625,26 +654,28 @@ class Model:
         return order, records
 
     def ignored_couplings(self) -> list[str]:
-        """Return one sentence for each end shared by contacts of which a law with a kernel ignores the coupling."""
+        """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
         at_node: dict[int, list[int]] = {}
         for p, contact_pair in enumerate(self.contact_pairs):
             for node in contact_pair.nodes:
                 at_node.setdefault(node, []).append(p)
+        coupled = {tuple(contacts): "share an end" for contacts in at_node.values() if len(contacts) > 1}
+        for p, near in enumerate(self.whole._largest_delassus[2]):
+            apart = (q for q in near if p < q and not {*self.contact_pairs[p].nodes} & {*self.contact_pairs[q].nodes})
+            coupled |= dict.fromkeys(((p, q) for q in apart), "are coupled by the mass of a body")
         sentences = []
         for bound_law in self.laws:
             law = bound_law.law
             if bound_law.linear is not None or law.uses_coupling:
                 continue
-            under_law = set(bound_law.where)
-            shared_ends = [
-                contacts for contacts in at_node.values() if len(contacts) > 1 and not under_law.isdisjoint(contacts)
-            ]
-            for contacts in shared_ends:
+            for contacts, how in coupled.items():
+                if set(bound_law.where).isdisjoint(contacts):
+                    continue
                 names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)
+                where = "at that end " if how == "share an end" else ""
                 sentences.append(
-                    f"contacts {names} share an end, and the kernel of law {law.name} sees each of its contacts by "
-                    "itself: it ignores what the others at that end press in the same step (it does not declare "
-                    "`uses_coupling`)"
+                    f"contacts {names} {how}, and the kernel of law {law.name} sees each of its contacts by itself: it "
+                    f"ignores what the others {where}press in the same step (it does not declare `uses_coupling`)"
                 )
         return sentences
 
@@ -654,10 +685,11 @@ class Model:
             contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
         }
         for bound_law in self.laws:
-            for name, value in bound_law.resolved.items():
-                numbers = np.broadcast_to(value, (len(bound_law.where),))
-                for point, number in zip(bound_law.where, numbers, strict=True):
-                    parameters[self.contact_pairs[point].name][name] = float(number)
+            for where, resolved in bound_law.resolved:
+                for name, value in resolved.items():
+                    numbers = np.broadcast_to(value, (len(where),))
+                    for point, number in zip(where, numbers, strict=True):
+                        parameters[self.contact_pairs[point].name][name] = float(number)
         return parameters
 
 

@@ -12,14 +12,14 @@ from percuss import ContactLaw, ContactPoints, Doc, Ge, Trial, Unit, coupled_gap
 from percuss_methods.contacts import _auto
 
 if TYPE_CHECKING:
-    from percuss import Floats
+    from percuss import Floats, Integers
 
 
 class Bound(NamedTuple):
-    """Stiffness eps_s of each point, and the number of iterations."""
+    """Stiffness eps_s and number of iterations of each point."""
 
     stiffness: Floats
-    iterations: int
+    iterations: Integers
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,17 @@ class Uzawa(ContactLaw):
     """Augmented Lagrangian: a fixed number of Uzawa's iterations on the gap at the end of the step.
 
     Formula: ``lambda^0 = 0``, ``lambda^{k+1} = <lambda^k - eps_s g(u_{n+1}(lambda^k))>`` for all contacts at once;
-    lambda_n is the last iterate. ``eps_s = beta_s EA/h`` on the softer side.
+    lambda_n is the last iterate. ``eps_s = beta_s EA/h`` on the softer side. A contact whose iterations are fewer than
+    those of others at the same ends keeps its last iterate while theirs go on.
 
     The first iterate is the penalty force at the predicted gap, as with Wu's predictor-corrector and `penalty`. At ends
     in no other contact the distance to the multiplier of `lagrange` shrinks by ``1 - theta`` in each iteration,
     ``theta = dt^2 eps_s s``, so that the last iterate is a penalty force of stiffness ``(1 - (1 - theta)^k) / (dt^2
     s)``. In a leap-frog scheme that is stable with closed contacts up to theta = 1 for an odd number of iterations. For
     an even one it is so up to theta = 2, above which the last iterate is zero and nothing holds the bodies apart. Of
-    contacts that share an end theta is dt^2 eps_s times the largest eigenvalue of S. ``beta_s: auto`` keeps theta at
-    0.8 or less, contacts at the same ends included. Multipliers start from zero in each step: there is none kept from
-    the step before.
+    contacts that share an end theta is dt^2 times the largest eigenvalue of ``S diag(eps_s)``. ``beta_s: auto`` keeps
+    theta at 0.8 or less, contacts at the same ends included. Multipliers start from zero in each step: there is none
+    kept from the step before.
     """
 
     name = "uzawa"
@@ -59,19 +60,23 @@ class Uzawa(ContactLaw):
         _auto.refuse_several(self, ("beta_s", "epsilon_s"), "stiffness")
 
     def bind(self, points: ContactPoints, dt: float) -> Bound:
-        """Return stiffness and number of iterations."""
-        return Bound(_auto.limited_stiffness(self, points, dt), self.iterations)
+        """Return stiffness and number of iterations of each point."""
+        return Bound(_auto.limited_stiffness(self, points, dt), np.full(len(points.names), self.iterations))
 
     @staticmethod
     def multipliers(bound: Bound, trial: Trial, multiplier: Floats) -> None:
         """Set the multipliers to the last iterate."""
         multiplier[:] = 0.0
         gap = np.empty(multiplier.size)
-        for _ in range(bound.iterations):
+        most = 0
+        for p in range(multiplier.size):
+            most = max(most, bound.iterations[p])
+        for k in range(most):
             for p in range(multiplier.size):
                 gap[p] = coupled_gap(trial, multiplier, p)
             for p in range(multiplier.size):
-                multiplier[p] = max(multiplier[p] - bound.stiffness[p] * gap[p], 0.0)
+                if k < bound.iterations[p]:
+                    multiplier[p] = max(multiplier[p] - bound.stiffness[p] * gap[p], 0.0)
 
     def resolved(self, points: ContactPoints, dt: float) -> Mapping[str, Any]:
         """Return the stiffness in both forms, and theta."""

@@ -241,7 +241,9 @@ class ContactLaw(Component, contract="contacts"):
     If contacts share an end, the force of one contact changes the motion of the other. Linear laws are solved together.
     A kernel receives the state of each point as if no other contact force acted in the step, unless it declares
     `uses_coupling`; then `percuss.coupled_gap` and `percuss.coupled_rate` give the predicted gap and rate including the
-    forces of all contacts at the ends of the point, and a few sweeps over the points solve them together::
+    forces of all contacts at the ends of the point, and a few sweeps over the points solve them together. All contacts
+    of such a law are then points of one call, whatever their options, so `bind` returns what may differ with the
+    options as arrays of one row for each point; contacts that share an end and for which it does not are refused::
 
         @staticmethod
         def multipliers(bound, trial, multiplier):  # no overlap at the end of the step

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from percuss.errors import InputError, RunError, nearest
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
+from percuss.methods.kernel_trial import COUPLED, trial_of
 from percuss.methods.plugin_calls import read_only
-from percuss.testing.draws import STEEL, bar_chains, for_all, round_off, with_examples
+from percuss.testing.draws import (
+    SAFETY_FACTOR,
+    STEEL,
+    TWO_BARS,
+    bar_chains,
+    for_all,
+    largest_difference,
+    round_off,
+    with_examples,
+)
 from percuss.testing.strict import StrictSystem, expect_numbers
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, gives_own_steps, was_not_started
 
@@ -22,6 +32,14 @@ STRUCK_WALL: dict[str, Any] = {
     "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
     "record": {"probes": []},
 }
+# Two bars that strike each other, and a wall that one of them reaches with the same end.
+STRUCK_TWICE: dict[str, Any] = {
+    **TWO_BARS,
+    "contacts": {**TWO_BARS["contacts"], "wall": {"body": "a.right", "wall": 1.0002}},
+    "time": {**TWO_BARS["time"], "on_unstable": "warn"},
+}
+NUDGE = 1e-9  # relative change of an option
+NEARLY_EQUAL = 1e-6  # largest change of a short run by it, relative to its peaks, unless all runs change more
 REDUCTION = 0.6  # largest allowed ratio of the energies not accounted for with a time step and with one four times it
 GUARANTEES = ("never pulls", "no penetration", "keeps the free step")
 
@@ -65,44 +83,14 @@ def sample_trial(points: ContactPoints, dt: float, law: Any) -> Trial:
     """Return a trial of a class of laws with some contact points closed and others open; state variables are zero."""
     k = np.arange(len(points.names))
     depth = 1e-3 * np.where(k % 2, -1.0, 1.0) * (1.0 + k)
-    gaps, rates = (depth, depth - 1e-4), (np.cos(k), np.cos(k) - 0.3)
-    for array in (*gaps, *rates):
-        array.flags.writeable = False
-    first, neighbour, coupling, pushed = chained(points, 0.0)
-    before = np.zeros((k.size, law.state))
-    before.flags.writeable = False
-    return Trial(
-        gaps[0], gaps[1], rates[0], rates[1], points.delassus, dt, 0.25, dt * dt, dt, first, neighbour, coupling,
-        pushed, before, before.copy(), np.zeros(k.size if law.shifts else 0),
-    )  # fmt: skip
+    state = (depth, depth - 1e-4, np.cos(k), np.cos(k) - 0.3)
+    return trial_of(points, dt, state, law, strength=0.0)._replace(time=0.25)
 
 
-def chained(points: ContactPoints, strength: float) -> tuple[Any, Any, Any, Any]:
-    """Return the last four fields of a `Trial` whose contact points form a chain in which neighbours are coupled.
-
-    The coupling of two neighbours is `strength` times the root of the product of their own entries of the Delassus
-    operator; there is no coupling for a strength of 0.
-    """
-    count = len(points.names)
-    pairs = [(p, q) for p in range(count) for q in (p - 1, p + 1) if strength and 0 <= q < count]
-    first = np.concatenate([[0], np.cumsum(np.bincount([p for p, _ in pairs], minlength=count))]).astype(np.int64)
-    neighbour = np.array([q for _, q in pairs], dtype=np.int64)
-    coupling = np.array([strength * np.sqrt(points.delassus[p] * points.delassus[q]) for p, q in pairs], dtype=float)
-    pushed = np.zeros(count)
-    for array in (first, neighbour, coupling, pushed):
-        array.flags.writeable = False
-    return first, neighbour, coupling, pushed
-
-
-def trial_of_point(trial: Trial, index: int, point: ContactPoints) -> Trial:
+def trial_of_point(trial: Trial, index: int, point: ContactPoints, law: Any) -> Trial:
     """Return the part of a state that belongs to one contact point, as a kernel with this point alone receives it."""
-    first, neighbour, coupling, pushed = chained(point, 0.0)
-    values = {name: getattr(trial, name)[index : index + 1] for name in Trial._fields[:5]}
-    return trial._replace(
-        **values, first_neighbour=first, neighbour=neighbour, coupling=coupling, pushed_by_others=pushed,
-        before=trial.before[index : index + 1], after=trial.after[index : index + 1].copy(),
-        shift=np.zeros_like(trial.shift[index : index + 1]),
-    )  # fmt: skip
+    state = [array[index : index + 1] for array in trial[:4]]
+    return trial_of(point, trial.dt, state, law, trial.before[index : index + 1])._replace(time=trial.time)
 
 
 def _bound(subject: Subject, options: Mapping[str, Any], points: ContactPoints, dt: float) -> Any:
@@ -129,7 +117,7 @@ def check_any_number_of_contacts(subject: Subject) -> None:
             trial = sample_trial(points, dt, subject.component)
             together = _law_values(subject, bound, trial)
             alone = [
-                _law_values(subject, bound_point, trial_of_point(trial, p, single_point(points, p)))
+                _law_values(subject, bound_point, trial_of_point(trial, p, single_point(points, p), subject.component))
                 for p, bound_point in enumerate(bound_alone)
             ]
             for name, values in together.items():
@@ -209,13 +197,12 @@ def check_coupling(subject: Subject) -> None:
             raise CheckFailed(
                 "it declares `uses_coupling`, and is linear: such laws are solved together, whatever it says"
             )
-        uncoupled = sample_trial(points, dt, subject.component)
-        deep = np.full(5, -1e-3)
-        deep.flags.writeable = False
-        uncoupled = uncoupled._replace(gap=deep, predicted_gap=deep, rate=deep, predicted_rate=deep)
-        first, neighbour, coupling, _ = chained(points, -0.3)
+        deep = [np.full(5, -1e-3)] * 4
+        coupled, uncoupled = (
+            trial_of(points, dt, deep, subject.component, strength=strength)._replace(time=0.25)
+            for strength in (COUPLED, 0.0)
+        )
         pushed = np.full(5, 0.5)
-        coupled = uncoupled._replace(first_neighbour=first, neighbour=neighbour, coupling=coupling)
         multiplier = _law_values(subject, bound, uncoupled)["multiplier"]
         for source, trial in (
             ("other contacts of the law", coupled),
@@ -226,6 +213,69 @@ def check_coupling(subject: Subject) -> None:
                     f"it declares `uses_coupling`, and its multipliers are the same with and without {source} at the "
                     "same ends"
                 )
+
+
+@check("contacts")
+def check_contacts_at_one_end(subject: Subject) -> None:
+    """Contacts of nearly equal options at one end give nearly the results of equal ones, in whatever order they stand.
+
+    A kernel that uses the coupling solves them together; to take them one by one is another method, and so is to use
+    the bound data of one of them for both. A number of sweeps that does not suffice makes their order matter.
+    """
+    compared = False
+    for options in subject.examples:
+        for partner in subject.registry.names("integrators"):
+            case = _case_at_one_end(subject, partner, options, options)
+            try:
+                pressing = subject.run(case).arrays["contact_force"].any(axis=0)
+            except (InputError, RunError, NotApplicable):
+                continue
+            if pressing.all():
+                compared = True
+                for pair in ((options, options), *_nudged(subject, case, options)):
+                    _compare_at_one_end(subject, partner, *pair)
+                break
+    if not compared:
+        raise NotApplicable("no integrator runs it with two contacts of one end that both press")
+
+
+def _case_at_one_end(subject: Subject, partner: str, *options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a case with two contacts of one end, with options of the law for each."""
+    methods = ({"method": {"name": subject.name, **own}} for own in options)
+    contacts = {name: contact | next(methods) for name, contact in STRUCK_TWICE["contacts"].items()}
+    return subject.placed({**STRUCK_TWICE, "contacts": contacts}, options[0], partner)
+
+
+def _nudged(subject: Subject, case: Mapping[str, Any], options: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield pairs of options that differ by little in one number, for each number that the law uses in a case."""
+    from percuss.case.options import options_of
+    from percuss.case.type_words import branches
+    from percuss.solver.model import Model
+
+    used = Model(subject.load(case)).parameters()["ab"]
+    for key, option in options_of(subject.component).items():
+        value = options.get(key, used.get(key, option.default))
+        if float in branches(option.annotation) and isinstance(value, int | float):
+            for nudged in (value * (1.0 + NUDGE) or NUDGE, value * (1.0 - NUDGE)):
+                yield {**options, key: value}, {**options, key: nudged}
+
+
+def _compare_at_one_end(subject: Subject, partner: str, first: Mapping[str, Any], second: Mapping[str, Any]) -> None:
+    """Raise `CheckFailed` if contacts of two option sets, in reverse order, press otherwise than those of the first."""
+    try:
+        equal, moved = (subject.run(_case_at_one_end(subject, partner, each, each)) for each in (first, second))
+    except (InputError, RunError):  # of options that exclude each other, or beyond a bound
+        return
+    case = _case_at_one_end(subject, partner, first, second)
+    unlike = subject.run({**case, "contacts": dict(reversed(case["contacts"].items()))})
+    unlike.arrays.update({name: unlike.arrays[name][:, ::-1] for name in ("contact_force", "gap")})
+    allowed = max(NEARLY_EQUAL, SAFETY_FACTOR * largest_difference(equal, moved))
+    difference = largest_difference(equal, unlike)
+    if not difference <= allowed:
+        raise CheckFailed(
+            f"with {partner} and contacts of the options {first} and {second} at one end, listed in reverse, the "
+            f"answer changes by {difference:.2g} of its peak; {allowed:.1g} is allowed"
+        )
 
 
 def _is_leap_frog(subject: Subject, integrator: str) -> bool:
