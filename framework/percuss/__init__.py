@@ -22,6 +22,7 @@ _MODULES = {
         "LoadedEnd Lt Lumping Mass Material Measure Mesh OptionError "
         "ProblemBody ProblemContact ProblemLoad Region Shape Solution Stages Trial Unit end_of_step"
     ),
+    "heartbeat": "progress",
     "errors": "InputError PercussError PluginError RefusedPair RunError",
     "methods.hookspecs": "hookimpl",
     "methods.slots": "accelerations coupled_gap coupled_rate energy_density internal stress",
@@ -98,6 +99,7 @@ __all__ = [
     "load",
     "open_result",
     "open_study",
+    "progress",
     "recommend",
     "run",
     "stability",
@@ -109,6 +111,7 @@ if TYPE_CHECKING:
     from percuss.case.case import Case, load
     from percuss.certificate.maps import stability
     from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError
+    from percuss.heartbeat import progress
     from percuss.methods.hookspecs import hookimpl
     from percuss.methods.interfaces import (
         AllowInf,
