@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from percuss.errors import PluginError as PluginError
     from percuss.errors import RefusedPair as RefusedPair
     from percuss.errors import RunError as RunError
+    from percuss.heartbeat import progress as progress
     from percuss.methods.hookspecs import hookimpl as hookimpl
     from percuss.methods.interfaces import AllowInf as AllowInf
     from percuss.methods.interfaces import BodyEnd as BodyEnd
@@ -89,6 +90,7 @@ else:
             "LinearLaw Load LoadedEnd Lt Lumping Mass Material Measure Mesh OptionError ProblemBody ProblemContact "
             "ProblemLoad Region Shape Solution Stages Trial Unit end_of_step"
         ),
+        "heartbeat": "progress",
         "errors": "InputError PercussError PluginError RefusedPair RunError",
         "methods.hookspecs": "hookimpl",
         "methods.slots": "accelerations coupled_gap coupled_rate energy_density internal stress",

@@ -3,17 +3,46 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
-__all__ = ["Watch", "beat"]
+__all__ = ["Watch", "beat", "heard_by", "progress"]
 
 _BEATS = [0]
+_LISTENERS: ContextVar[tuple[Callable[[float], object], ...]] = ContextVar("_LISTENERS", default=())
 
 
 def beat() -> None:
     """Give a sign of life: some steps are made, a function is compiled, a part of the work is done."""
     _BEATS[0] += 1
+
+
+def progress(share: float) -> None:
+    """Tell which share of a long computation of a plug-in is done, between two parts of it.
+
+    Call it about every tenth of a second: it is a sign of life, it shows the progress to whoever watches, and Ctrl-C
+    ends the computation here, by a KeyboardInterrupt that the plug-in lets pass.
+
+    Parameters
+    ----------
+    share
+        Share of the computation that is done, from 0 to 1.
+    """
+    beat()
+    for listener in _LISTENERS.get():
+        listener(share)
+
+
+@contextmanager
+def heard_by(listener: Callable[[float], object]) -> Iterator[None]:
+    """Call a function at each `progress` inside this context, in this thread."""
+    token = _LISTENERS.set((*_LISTENERS.get(), listener))
+    try:
+        yield
+    finally:
+        _LISTENERS.reset(token)
 
 
 class Watch:

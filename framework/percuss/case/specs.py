@@ -33,6 +33,7 @@ from percuss.methods.interfaces import (
     Mass,
     Material,
     Shape,
+    Solution,
     Unit,
 )
 
@@ -147,6 +148,11 @@ class MethodSpec(Section):
     ]
     contact: Annotated[ContactLaw, Named("contacts", defaults.CONTACT), Doc("contact law: a name, or {name: ...}")]
     mass: Annotated[Mass, Named("masses", defaults.MASS), Doc("how element masses become nodal masses")]
+    solution: Annotated[
+        Solution | None,
+        Named("solutions", defaults.SOLUTION, optional=True),
+        Doc("exact solution that judges the run; by default the first that covers it"),
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, shortened
 from percuss.files import expect_writable
-from percuss.heartbeat import Watch, beat
+from percuss.heartbeat import Watch, beat, heard_by
 from percuss.methods.blame import line_in_plugin
 from percuss.methods.process_guard import (
     STANDSTILL,
@@ -219,8 +219,10 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
     next_line = FIRST_LINE
 
     def show(done: int, total: int) -> None:
-        nonlocal next_line
+        nonlocal started, next_line
         beat()
+        if done == 0:
+            started = time.monotonic()
         elapsed = time.monotonic() - started
         if not sys.stderr.isatty():
             if elapsed >= next_line and done < total:
@@ -238,13 +240,26 @@ def progress_bar(unit: str = "steps") -> Iterator[Callable[[int, int], None]]:
             _ON_TERMINAL.append(bar)
         if shown:
             shown[0].update(shown[1], completed=done)
+        if done >= total:
+            end()
+
+    def end() -> None:
+        if shown:  # other work may show its own bar from now on
+            shown[0].stop()
+            _ON_TERMINAL.remove(shown[0])
+            shown.clear()
 
     try:
         yield show
     finally:
-        if shown:
-            shown[0].stop()
-            _ON_TERMINAL.remove(shown[0])
+        end()
+
+
+@contextmanager
+def exact_solution_shown() -> Iterator[None]:
+    """Show the progress of an exact solution that lasts."""
+    with progress_bar("percent of the exact solution") as show, heard_by(lambda share: show(int(100 * share), 100)):
+        yield
 
 
 def _progress_line(done: int, total: int, unit: str, elapsed: float) -> str:

@@ -13,6 +13,7 @@ from percuss.cli.common import (
     Outputs,
     Plugins,
     Sets,
+    exact_solution_shown,
     expect_drawable,
     load_case,
     print_json,
@@ -91,7 +92,8 @@ def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) ->
     """Print, save and draw the exact solution of a case."""
     from percuss.results.exact_only import run_exact
 
-    result = run_exact(case)
+    with exact_solution_shown():
+        result = run_exact(case)
     outputs = Outputs()
     if out is not None:
         outputs.write(result.save, out)
@@ -116,7 +118,7 @@ def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_jso
     from percuss.results.runner import run as run_case
 
     failure: RunError | None = None
-    with progress_bar() as progress:
+    with progress_bar() as progress, exact_solution_shown():
         try:
             result = run_case(case, nudge=nudge, progress=progress)
         except RunError as error:

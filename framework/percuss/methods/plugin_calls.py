@@ -253,13 +253,15 @@ def _parameters_fault(value: Any) -> str:
     return _numbers_fault(value, (len(value),) if isinstance(value, tuple | list) else np.shape(value)[:1] or (1,))
 
 
-def _covers_fault(value: Any, problem: Any) -> str:  # noqa: ARG001 - the arguments of `Solution.covers`
+def _reason_fault(value: Any, *arguments: Any) -> str:  # noqa: ARG001 - those of the method
     return "" if value is None or isinstance(value, str) else f"returned {_shown(value)}, expected a text or None"
 
 
 def _solve_fault(value: Any, problem: Any, end: float) -> str:  # noqa: ARG001 - the arguments of `Solution.solve`
+    if isinstance(value, str) and value.strip():
+        return ""
     if not isinstance(value, Exact):
-        return f"returned {_shown(value)}, expected an Exact"
+        return f"returned {_shown(value)}, expected an Exact or why there is none"
     return "" if np.isfinite(value.reached) else f"returned a solution that reached the time {value.reached}"
 
 
@@ -296,7 +298,8 @@ CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("elements", "axial_stiffness"): _element_numbers_fault,
     ("elements", "highest_frequency"): _element_numbers_fault,
     ("materials", "parameters"): _parameters_fault,
-    ("solutions", "covers"): _covers_fault,
+    ("solutions", "covers"): _reason_fault,
+    ("solutions", "too_costly"): _reason_fault,
     ("solutions", "solve"): _solve_fault,
     ("measures", "of"): _measure_fault,
     ("integrators", "bind"): _bound_integrator_fault,

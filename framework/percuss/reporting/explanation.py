@@ -15,7 +15,7 @@ from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import docs
 from percuss.results.encounters import expected_meetings
-from percuss.results.exact import why_not_covered
+from percuss.results.exact import engine_for
 from percuss.solver.bound_law import OF_END_FORCE
 from percuss.solver.cells import cells_of
 from percuss.solver.contact_problem import contact_problem
@@ -241,17 +241,9 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
 
 
 def _exact_solution(model: Model) -> dict[str, str]:
-    """Return the name of the exact solution that covers the run, or the reasons why none does."""
-    registry = model.case.registry
-    problem = contact_problem(model)
-    reasons = []
-    for name in registry.names("solutions"):
-        engine: Any = registry.get("solutions", name)()
-        why = why_not_covered(engine, model, problem)
-        if why is None:
-            return {"name": name, "why": ""}
-        reasons.append(f"{name}: {why}")
-    return {"name": "", "why": "; ".join(reasons) or "no solution is registered"}
+    """Return the name of the exact solution that judges the run, or the reasons why none does."""
+    engine, why = engine_for(model, contact_problem(model), (model.steps + 1) * model.dt)
+    return {"name": engine.name if engine else "", "why": why}
 
 
 # -------------------------------------------------------------------------------------------------- contacts

@@ -188,7 +188,11 @@ def _true_errors(march: March, outcome: Outcome, arrays: dict[str, Any]) -> tupl
     model, record = march.model, outcome.record
     if outcome.done == 0:
         return None, true_error.summary_entries(None, "the run did not get beyond its first step")
-    solution, solution_name, reason = exact_solution(model, (outcome.done + 1) * model.dt)
+    try:
+        solution, solution_name, reason = exact_solution(model, (outcome.done + 1) * model.dt)
+    except KeyboardInterrupt:
+        outcome.status = "interrupted"
+        return None, true_error.summary_entries(None, "Ctrl-C ended it")
     if solution is None:
         return None, true_error.summary_entries(None, reason)
     contact_names = [contact_pair.name for contact_pair in model.contact_pairs]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.heartbeat import progress
 from percuss.methods.plugin_calls import answer
 from percuss.results import kept_solutions
 from percuss.solver.contact_problem import contact_problem
@@ -32,35 +33,38 @@ def exact_solution(model: Model, end: float) -> tuple[Exact | None, str, str]:
     Returns
     -------
     solution
-        None if no registered solution covers the case.
+        None if no registered solution covers the case, or none within its bounds.
     name
         Name of the solution.
     reason
         Why there is none, or why it ends before `end`; empty otherwise.
     """
-    registry = model.case.registry
     problem = contact_problem(model)
+    engine, reason = engine_for(model, problem, end)
+    if engine is None:
+        return None, "", reason
+    progress(0.0)
+    solution = kept_solutions.solve(engine, problem, end)
+    if isinstance(solution, str):
+        return None, "", f"{engine.name}: {solution}"
+    if solution.reached >= end * (1.0 - ROUND_OFF):
+        return solution, engine.name, ""
+    stop_reason = solution.stopped or "it does not say why"
+    return solution, engine.name, f"{engine.name} holds up to {solution.reached:.9g} only: {stop_reason}"
+
+
+def engine_for(model: Model, problem: ContactProblem, end: float) -> tuple[Solution | None, str]:
+    """Return the solution of the case, else the first registered one, that covers it; or None and the reasons."""
+    registry, chosen = model.case.registry, model.case.method.solution
+    engines: Any = [chosen] if chosen else (registry.get("solutions", name)() for name in registry.names("solutions"))
     reasons = []
-    for name in registry.names("solutions"):
-        engine: Any = registry.get("solutions", name)()
-        uncovered_reason = why_not_covered(engine, model, problem)
-        if uncovered_reason is not None:
-            reasons.append(f"{name}: {uncovered_reason}")
-            continue
-        solution = kept_solutions.solve(engine, problem, end)
-        if solution.reached >= end * (1.0 - ROUND_OFF):
-            return solution, name, ""
-        stop_reason = solution.stopped or "it does not say why"
-        return solution, name, f"{name} holds up to {solution.reached:.9g} only: {stop_reason}"
-    return None, "", "; ".join(reasons) or "no solution engine is registered"
-
-
-def why_not_covered(solution: Solution, model: Model, problem: ContactProblem) -> str | None:
-    """Return the reason why an exact solution does not cover a case with this problem, or None if it does."""
-    if solution.linear_bodies_only and model.why_not_linear:
-        return model.why_not_linear
-    reason: str | None = answer(solution, "covers", problem)
-    return reason
+    for engine in engines:
+        linear_only = model.why_not_linear if engine.linear_bodies_only else ""
+        reason = linear_only or answer(engine, "covers", problem) or answer(engine, "too_costly", problem, end)
+        if reason is None:
+            return engine, ""
+        reasons.append(f"{engine.name}: {reason}")
+    return None, "; ".join(reasons) or "no solution engine is registered"
 
 
 def sampled(solution: Exact, names: list[str], time: Floats, middle: Floats, dt: float) -> dict[str, Floats]:

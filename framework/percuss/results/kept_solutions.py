@@ -16,16 +16,17 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
 
 MOST_KEPT = 4
-# Largest solution that is kept, and largest number of values of one kind that are kept with it.
+# Fronts and bytes of the largest solution that is kept, and largest number of values of one kind that are kept with it.
 MOST_FRONTS = 10_000
+MOST_BYTES = 2**24
 MOST_VALUES = 1_000_000
 
 
 @dataclasses.dataclass
 class _Kept:
-    """An exact solution, and its values of each kind where the run evaluated it that asked for them last."""
+    """An exact solution or why there is none, and its values of each kind where the last run evaluated it."""
 
-    solution: Exact
+    solution: Exact | str
     values: dict[Any, tuple[Any, tuple[Floats, ...]]] = dataclasses.field(default_factory=dict)
 
 
@@ -33,23 +34,27 @@ _kept: dict[Any, _Kept] = {}
 _lock = threading.Lock()
 
 
-def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact:
-    """Return the exact solution of a problem up to `end`, which `engine` finds unless it is kept."""
+def solve(engine: Solution, problem: ContactProblem, end: float) -> Exact | str:
+    """Return the exact solution of a problem up to `end`, kept or found by `engine`, or why there is none."""
     try:
         key = _identity(engine), end, _identity(problem)
     except (TypeError, AttributeError):
-        found: Exact = answer(engine, "solve", problem, end)
-        return found
+        key = None
     with _lock:
         kept = _kept.pop(key, None)
     if kept is None:
         kept = _Kept(answer(engine, "solve", problem, end))
-    if kept.solution.fronts <= MOST_FRONTS and not kept.solution.stopped:
+    if key is not None and _is_small(kept.solution):
         with _lock:
             _kept[key] = kept  # The last of the dictionary is the one used last.
             while len(_kept) > MOST_KEPT:
                 del _kept[next(iter(_kept))]
     return kept.solution
+
+
+def _is_small(found: Exact | str) -> bool:
+    """Return whether a solution is kept; that there is none is kept too, since the search may have taken long."""
+    return isinstance(found, str) or (found.fronts <= MOST_FRONTS and found.memory <= MOST_BYTES and not found.stopped)
 
 
 def values_at(

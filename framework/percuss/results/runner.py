@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from contextlib import nullcontext
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from percuss.case.case import expect_case
 from percuss.certificate import cause, verdict
 from percuss.compiling import Stopwatch
 from percuss.errors import RunError
+from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
 from percuss.results import nudged_twin
 from percuss.results.assemble import result_of
@@ -155,7 +157,10 @@ def _run(
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
     watch.lap()
-    with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop reports an overflow
+    errstate = np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext()  # the stop says overflow
+    with errstate, interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
+        if interrupt_after == model.steps:  # the earlier run was interrupted after its last step
+            interrupted.set()
         result = result_of(march, outcome, certificate)
     if nudge and outcome.status != "unstable":
         try:
@@ -169,6 +174,12 @@ def _run(
     if stop is not None:
         raise RunError(stop_message(stop), result)
     return result
+
+
+def _end_if(interrupted: threading.Event, share: float) -> None:  # noqa: ARG001 - told to all who listen
+    """End the search for the exact solution once Ctrl-C has come; the run keeps what the march has made."""
+    if interrupted.is_set():
+        raise KeyboardInterrupt
 
 
 def _repeat(

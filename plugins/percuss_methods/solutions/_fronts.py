@@ -29,7 +29,7 @@ TRANSIT, IMPEDANCE, GRAVITY = 0, 1, 2
 # force, leaving wave, and a spare one
 WAVE, ACTING, CLOSING, FORCE, LEAVING, SPARE = 0, 2, 4, 5, 6, 7
 
-DONE, FULL, STUCK = 0, 1, 2
+DONE, FULL, STUCK, PAUSED = 0, 1, 2, 3
 
 INSTANT = 4.0  # number of quanta up to which a duration counts as zero
 MOST_AT_ONCE = 1000  # largest number of consecutive events without duration at a junction
@@ -505,28 +505,36 @@ def spread_sizes(junctions: Junctions, c: Any) -> None:
             return
 
 
-def march(junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits) -> int:
-    """Compute all junctions up to the end; return DONE, FULL if a history is full, or STUCK.
+def march(
+    junctions: Junctions, waves: Histories, loads: Histories, forces: Forces, limits: Limits, fresh: int, most: int
+) -> int:
+    """Compute all junctions up to the end; return DONE, FULL if a history is full, STUCK, or PAUSED to be called again.
 
-    STUCK means that more than `MOST_AT_ONCE` consecutive events of a junction had no duration.
+    STUCK means that more than `MOST_AT_ONCE` consecutive events of a junction had no duration. PAUSED means that `most`
+    events are computed, and changes nothing but the time at which they are; `fresh` is 0 when it goes on, else 1.
 
     All times are multiples of the quantum, the round-off of the end time. Sums of transit times are therefore exact,
     and fronts that took the same transits in another order since a common closing arrive at the same instant and merge.
     """
     c = np.zeros((SPARE + 1, waves.pieces.shape[2]))
     roots = np.zeros((2, c.shape[1] + 1))
-    spread_sizes(junctions, c)
+    if fresh == 1:
+        spread_sizes(junctions, c)
     first = knockout(junctions.clock)
+    events = 0
     while True:
         j = first[1]
         if junctions.clock[j] >= limits.end:
             return DONE
+        if events >= most:
+            return PAUSED
         limit, span = horizon(junctions, j, limits.end)
         stuck = 0
         while junctions.clock[j] < limit:
             if not has_room(junctions, waves, forces, j):
                 return FULL
             duration = advance(junctions, waves, loads, forces, j, limit, span, limits, c, roots)
+            events += 1
             stuck = stuck + 1 if duration <= INSTANT * limits.quantum else 0
             if stuck > MOST_AT_ONCE:
                 return STUCK

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss import progress
+
 if TYPE_CHECKING:
     from percuss import ProblemLoad
 
@@ -17,6 +19,8 @@ EPSILON = float(np.finfo(float).eps)
 LINE = 16.0 * EPSILON  # largest deviation of values on a straight line, relative to the largest value
 SHORTEST = 1e-9  # piece length, relative to the time a load acts, at which an inaccurate fit shows a load not smooth
 INSTANT = 1e-12  # relative duration of a piece up to which it results from fronts that missed each other by round-off
+BLOCK = 8192  # number of intervals that are approximated at once
+PROBES = np.arange(1, 33) * 0.5 * (np.sqrt(5.0) - 1.0) % 1.0  # irrational places at which a load is probed
 DENSE = 4096  # number of times at which a load is finally compared with its polynomials
 
 
@@ -172,7 +176,9 @@ class LoadHistory(NamedTuple):
     reason: str
 
 
-def load_history(factor: float, spec: ProblemLoad, end: float, quantum: float, most_pieces: int) -> LoadHistory:
+def load_history(
+    factor: float, spec: ProblemLoad, end: float, quantum: float, most_pieces: int, option: str, tell: Any
+) -> LoadHistory:
     """Return a load as polynomials that begin at multiples of `quantum`, zero while it is switched off.
 
     Parameters
@@ -183,17 +189,17 @@ def load_history(factor: float, spec: ProblemLoad, end: float, quantum: float, m
         The load; it knows at which times it is not smooth.
     end, quantum
         Time up to which the load is needed, and unit of the times.
-    most_pieces
-        Number of pieces after which the approximation ends.
+    most_pieces, option
+        Number of pieces after which the approximation ends, and the option that bounds it.
+    tell
+        Called now and then with 0, the share of the waves that are computed by then.
     """
-    start = spec.start if math.isfinite(spec.start) else 0.0
-    first, last = max(start, 0.0), min(spec.stop, end)
+    edges, start = smooth_between(spec, end)
     nothing = np.zeros(1), np.zeros((1, 2))
-    if first >= last:
+    if edges.size < 2:
         return LoadHistory(*nothing, end, "")
-    inner = sorted(start + k for k in spec.load.kinks() or () if first < start + k < last)
-    edges = np.array([first, *inner, last]) - start
-    begins, stops, pieces, reached = fitted(lambda time: factor * spec.load.amplitude(time), edges, most_pieces)
+    first, last = max(start, 0.0), min(spec.stop, end)
+    begins, stops, pieces, reached = fitted(lambda time: factor * spec.load.amplitude(time), edges, most_pieces, tell)
     # Rounding changes a time by at most half a quantum. Each piece is stretched so that it keeps its values at both
     # ends and a continuous load stays continuous, however steep it is.
     times = np.rint((begins + start) / quantum) * quantum
@@ -205,7 +211,7 @@ def load_history(factor: float, spec: ProblemLoad, end: float, quantum: float, m
         times, pieces = np.append(0.0, times), np.vstack([np.zeros((1, pieces.shape[1])), pieces])
     if reached < edges[-1]:
         reason = (
-            f"takes more than {most_pieces} polynomial pieces (most_fronts)"
+            f"takes more than {most_pieces} polynomial pieces ({option})"
             if begins.size >= most_pieces
             else "is not smooth there, although its `kinks` do not say so"
         )
@@ -214,6 +220,43 @@ def load_history(factor: float, spec: ProblemLoad, end: float, quantum: float, m
         times = np.append(times, np.rint(last / quantum) * quantum)
         pieces = np.vstack([pieces, np.zeros((1, pieces.shape[1]))])
     return LoadHistory(times, pieces, end, "")
+
+
+def smooth_between(spec: ProblemLoad, end: float) -> tuple[Any, float]:
+    """Return the times since a load began between which it is smooth, none if it does not act, and when it began."""
+    start = spec.start if math.isfinite(spec.start) else 0.0
+    first, last = max(start, 0.0), min(spec.stop, end)
+    if first >= last:
+        return np.zeros(0), start
+    inner = sorted(start + k for k in spec.load.kinks() or () if first < start + k < last)
+    return np.array([first, *inner, last]) - start, start
+
+
+def pieces_needed(function: Any, edges: Any) -> float:
+    """Return about how many polynomials a function takes, by their lengths at some times; inf if most find none.
+
+    Parameters
+    ----------
+    function
+        The function, smooth between `edges`.
+    edges
+        Times since the function began.
+    """
+    span = edges[-1] - edges[0]
+    times = edges[0] + span * PROBES
+    interval = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, edges.size - 2)
+    lengths = np.diff(edges)[interval]
+    count = np.full(times.size, np.inf)  # of pieces over the whole span, were all as short as here
+    size, parts = 0.0, 1.0
+    while np.isinf(count).any() and (lengths / parts).max() > SHORTEST * span:
+        begins = np.clip(times - 0.5 * lengths / parts, edges[interval], edges[interval + 1] - lengths / parts)
+        _, error, noise, largest = _interpolated(function, begins, begins + lengths / parts)
+        size = max(size, largest)
+        accurate = np.isinf(count) & (error <= FIT * size + noise)
+        count[accurate] = 0.0 if parts == 1.0 else parts * span / lengths[accurate]
+        parts *= 2.0
+    rough = np.isinf(count)
+    return np.inf if 2 * rough.sum() > rough.size else max(edges.size - 1.0, float(count[~rough].mean()))
 
 
 # All points lie inside the interval, because a jump at its end belongs to the neighbour. The check points are
@@ -228,7 +271,7 @@ while len(FAR_APART) < COEFFICIENTS:
     FAR_APART.append(int(distances.argmax()))
 
 
-def fitted(function: Any, edges: Any, most_pieces: int) -> tuple[Any, Any, Any, float]:
+def fitted(function: Any, edges: Any, most_pieces: int, tell: Any = progress) -> tuple[Any, Any, Any, float]:
     """Approximate a function that is smooth between `edges` by polynomials.
 
     Straight lines of any slope are recognised and get two coefficients. Where the function is curved, an interval is
@@ -249,8 +292,12 @@ def fitted(function: Any, edges: Any, most_pieces: int) -> tuple[Any, Any, Any, 
     size, reached = 0.0, float(edges[-1])
     for attempt in itertools.count():
         while begins.size:
-            pieces, error, noise, largest = _interpolated(function, begins, stops)
-            size = max(size, largest)
+            blocks = []
+            for k in range(0, begins.size, BLOCK):
+                blocks.append(_interpolated(function, begins[k : k + BLOCK], stops[k : k + BLOCK]))
+                tell(0.0)
+            pieces, error, noise = (np.concatenate([block[k] for block in blocks]) for k in range(3))
+            size = max([size, *(block[3] for block in blocks)])
             accurate = error <= FIT * size + noise
             parts.append((begins[accurate], stops[accurate], pieces[accurate]))
             rough = ~accurate & ~(stops - begins > least)

@@ -10,6 +10,7 @@ import numpy as np
 
 from percuss import BodyEnd, compiled_function
 from percuss_methods.solutions import _fronts as fronts
+from percuss_methods.solutions._bounds import GIGABYTE, Meter, memory_of, memory_of_load, too_large, two_digits
 from percuss_methods.solutions._fronts import ABSENT, DRIVEN, FREE, WALL
 from percuss_methods.solutions._polynomials import FIT, PiecewisePolynomial, load_history, padded, summed
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 # Rows of at most so many junctions begin with histories of so many pieces, which plain Python fills.
 FEW_JUNCTIONS, SMALL_CAPACITY = 16, 64
 LARGE_CAPACITY = 256  # pieces of the histories of all other rows
+LEAST_CAPACITY = 24  # where these would take much of the memory; twice and four times as many are not `SMALL_CAPACITY`
+EVENTS = 65536  # between two times at which the progress is told
 MOST_PLAIN_SECONDS = 2.0  # seconds that a process spends in plain Python before it compiles the event loop
 
 
@@ -30,8 +33,9 @@ class BarChain:
     the common line; `flip` is -1 for a bar that points against it.
     """
 
-    def __init__(self, problem: ContactProblem) -> None:
-        self.problem = problem
+    def __init__(self, problem: ContactProblem, most_memory: float, meter: Meter) -> None:
+        self.problem, self.meter = problem, meter
+        self.most_bytes = most_memory * GIGABYTE
         self.bodies = list(problem.bodies.values())
         self._number = {name: b for b, name in enumerate(problem.bodies)}
         line = self.bodies[0].direction
@@ -147,8 +151,10 @@ class BarChain:
 
     def _load_histories(self, end: float, quantum: float, most_fronts: int) -> tuple[float, str]:
         """Compute the loads and velocities at the ends; return the time that they reach, and why they end early."""
+        within = int(self.most_bytes / memory_of_load(1.0, len(self.bodies)))
+        most, option = min((most_fronts, "most_fronts"), (max(within, 1), "most_memory"))
         parts = [
-            [load_history(factor, spec, end, quantum, most_fronts) for factor, spec in terms]
+            [load_history(factor, spec, end, quantum, most, option, self.meter.tell) for factor, spec in terms]
             for terms in self.functions
         ]
         shortest = min((part for terms in parts for part in terms), key=lambda part: part.reached, default=None)
@@ -174,6 +180,8 @@ class BarChain:
 
         junction_count, bars, terms = self.side.shape[0], len(self.bodies), self.loads.pieces.shape[2]
         capacity = SMALL_CAPACITY if junction_count <= FEW_JUNCTIONS else LARGE_CAPACITY
+        if memory_of(bars, junction_count, 4 * capacity, terms, 0) > self.most_bytes:
+            capacity = LEAST_CAPACITY
         waves = fronts.Histories(
             np.full((2 * bars, capacity), np.inf),
             np.zeros((2 * bars, capacity, terms)),
@@ -205,13 +213,19 @@ class BarChain:
         # curved loads are approximated with an error of FIT, all others are exact up to round-off
         curved = bool(self.loads.pieces[:, :, 2:].any())
         limits = fronts.Limits(end, 10.0 * FIT if curved else 1e-13, quantum)
-        status = _advance(junctions, waves, self.loads, forces, limits)
-        while status == fronts.FULL and waves.count.sum() <= most_fronts:
-            waves = fronts.Histories(_grown(waves.times, np.inf), _grown(waves.pieces), waves.count)
-            forces = fronts.Forces(
-                _grown(forces.times, np.inf), _grown(forces.pieces), _grown(forces.closed), forces.count
-            )
-            status = _advance(junctions, waves, self.loads, forces, limits)
+        status, over = fronts.FULL, ""
+        fresh = 1
+        while status in (fronts.FULL, fronts.PAUSED) and not over:
+            status = self._advance(junctions, waves, self.loads, forces, limits, fresh)
+            fresh = int(status == fronts.FULL)
+            share = float(junctions.clock.min()) / end
+            self.meter.tell(share)
+            over = self._excess(waves, forces, status, share, most_fronts)
+            if status == fronts.FULL and not over:
+                waves = fronts.Histories(_grown(waves.times, np.inf), _grown(waves.pieces), waves.count)
+                forces = fronts.Forces(
+                    _grown(forces.times, np.inf), _grown(forces.pieces), _grown(forces.closed), forces.count
+                )
         admittance = np.where(self.side[:, :, fronts.KIND] == FREE, 1.0 / self.impedance[safe], 0.0).sum(axis=1)
         # a smaller contact force counts as zero
         self.negligible_force = (
@@ -220,12 +234,42 @@ class BarChain:
         self.waves, self.forces = waves, forces
         self.reached = min(float(junctions.clock.min()), end)
         self.fronts = int(waves.count.sum())
-        if status == fronts.FULL:
-            self.stopped = f"it takes more than {most_fronts} fronts (most_fronts)"
+        if over:
+            self.stopped = over
         elif status == fronts.STUCK:
             j = int(junctions.clock.argmin())
             location = f"contact '{self.contact_names[j]}'" if j < len(self.contact_names) else "an end of a bar"
             self.stopped = f"{fronts.MOST_AT_ONCE} events follow each other in no time at {location}"
+
+    def _advance(self, *arrays: Any) -> int:
+        """Compute events until the histories are full, the end is reached, or it is time to tell; return the status.
+
+        Most rows of bars have so few fronts that plain Python takes some milliseconds, and compiling some seconds. Both
+        give the same bits.
+        """
+        small = arrays[1].times.shape[1] == SMALL_CAPACITY
+        if not small or _PlainTime.seconds > MOST_PLAIN_SECONDS:
+            with self.meter.stopped():
+                _compiled_march()(*arrays, 0)  # no event: this compiles
+            return int(_compiled_march()(*arrays, EVENTS))
+        began = time.perf_counter()
+        with np.errstate(all="ignore"):
+            status = fronts.march(*arrays, EVENTS)
+        _PlainTime.seconds += time.perf_counter() - began
+        return status
+
+    def _excess(self, waves: Any, forces: Any, status: int, share: float, most_fronts: int) -> str:
+        """Return in words which bound the histories exceed, or would exceed with more room; empty for none."""
+        if status == fronts.FULL and waves.count.sum() > most_fronts:
+            return f"it takes more than {most_fronts} fronts (most_fronts)"
+        # While they grow, full histories stand beside those of twice the room.
+        room = waves.times.shape[1] * (3 if status == fronts.FULL else 1)
+        marks = forces.count.sum() + waves.count.sum() + self.loads.count.sum()
+        size = memory_of(len(self.bodies), self.side.shape[0], room, waves.pieces.shape[2], marks)
+        if size <= self.most_bytes:
+            return ""
+        needed = size / share if share > 0.0 else size
+        return too_large(self.most_bytes, f"{two_digits(needed / GIGABYTE)} GB or more to the end")
 
     def load(self, k: int) -> PiecewisePolynomial:
         """Return the history k of a load or velocity at an end."""
@@ -247,22 +291,6 @@ class _PlainTime:
 @functools.cache
 def _compiled_march() -> Any:
     return compiled_function(fronts.march)
-
-
-def _advance(*arrays: Any) -> int:
-    """Compute events until the histories are full or the end is reached; return the status.
-
-    Most rows of bars have so few fronts that plain Python takes some milliseconds, and compiling some seconds. Both
-    give the same bits.
-    """
-    small = arrays[1].times.shape[1] == SMALL_CAPACITY
-    if not small or _PlainTime.seconds > MOST_PLAIN_SECONDS:
-        return int(_compiled_march()(*arrays))
-    began = time.perf_counter()
-    with np.errstate(all="ignore"):
-        status = fronts.march(*arrays)
-    _PlainTime.seconds += time.perf_counter() - began
-    return status
 
 
 def _grown(array: Any, fill: float = 0.0) -> Any:

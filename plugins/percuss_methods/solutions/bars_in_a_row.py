@@ -8,8 +8,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from percuss import Doc, Exact, ExactContact, Ge, Solution, Unit
-from percuss_methods.solutions._polynomials import PiecewisePolynomial, product
+from percuss import Doc, Exact, ExactContact, Ge, Gt, Solution, Unit
+from percuss_methods.solutions._bounds import (
+    GIGABYTE,
+    Meter,
+    OutOfTimeError,
+    least_memory,
+    memory_of_load,
+    too_large,
+    two_digits,
+)
+from percuss_methods.solutions._polynomials import (
+    SHORTEST,
+    PiecewisePolynomial,
+    pieces_needed,
+    product,
+    smooth_between,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,6 +44,10 @@ class BarsInARow(Solution):
 
     Covers uniform linear-elastic bars along one line: free, fixed and driven ends, walls, gaps or touching, initial
     velocities, loads on ends, steady acceleration.
+
+    A solution with too many fronts, or one that would take too much memory, ends early, or is not begun where that is
+    known beforehand; both follow from the case alone. One that takes too much processor time is none at all: so the
+    speed of the machine decides whether there is a solution, and never a digit of it.
     """
 
     name = "bars-in-a-row"
@@ -42,6 +61,8 @@ class BarsInARow(Solution):
     most_fronts: Annotated[int, Ge(1), Unit("1"), Doc("fronts after which it stops and states the time reached")] = (
         2_000_000
     )
+    most_memory: Annotated[float, Gt(0), Unit("GB"), Doc("memory beyond which it stops or does not begin")] = 1.0
+    most_seconds: Annotated[float, Gt(0), Unit("s"), Doc("processor time after which there is no solution")] = 10.0
 
     def covers(self, problem: ContactProblem) -> str | None:
         """Return the reason why a problem is not covered, or None if it is."""
@@ -51,12 +72,37 @@ class BarsInARow(Solution):
             reasons.append("an end takes part in several contacts")
         return reasons[0] if reasons else None
 
-    def solve(self, problem: ContactProblem, end: float) -> Exact:
-        """Return the exact solution of a covered problem up to `end`, or up to the time that `most_fronts` allows."""
+    def too_costly(self, problem: ContactProblem, end: float) -> str | None:
+        """Return why a covered problem takes more memory than allowed, where shortest bar and loads tell beforehand."""
+        most = self.most_memory * GIGABYTE
+        if (least := least_memory(problem, end)) > most:
+            return too_large(most, f"at least {two_digits(least / GIGABYTE)} GB for the shortest bar")
+        for load in problem.loads:
+            edges, _ = smooth_between(load, end)
+            if load.end is None or edges.size < 2:
+                continue
+            pieces = pieces_needed(load.load.amplitude, edges)
+            if np.isinf(pieces):
+                name = f"'{load.name}' ({load.load.name})"
+                return (
+                    f"load {name} changes too fast for polynomials, within {SHORTEST:g} of the time for which it acts"
+                )
+            needed = memory_of_load(pieces, len(problem.bodies))
+            if needed > 2.0 * most:
+                return too_large(
+                    most, f"about {two_digits(needed / GIGABYTE)} GB for load '{load.name}' ({load.load.name})"
+                )
+        return None
+
+    def solve(self, problem: ContactProblem, end: float) -> Exact | str:
+        """Return the exact solution of a covered problem up to `end`, or up to the time that its bounds allow."""
         from percuss_methods.solutions._row import BarChain  # imported here because it imports numba, which takes long
 
-        chain = BarChain(problem)
-        chain.march(end, self.most_fronts)
+        try:
+            chain = BarChain(problem, self.most_memory, Meter(self.most_seconds))
+            chain.march(end, self.most_fronts)
+        except OutOfTimeError as error:
+            return str(error)
         return ChainSolution(chain, end)
 
 
@@ -148,7 +194,8 @@ class ChainSolution(Exact):
     def __init__(self, chain: BarChain, end: float) -> None:
         self.chain, self.reached, self.fronts, self.stopped = chain, chain.reached, chain.fronts, chain.stopped
         self.end = end
-        waves = chain.waves
+        waves, forces = chain.waves, chain.forces
+        self.memory = sum(array.nbytes for array in (*waves, *forces, *chain.loads))
         self._waves = [PiecewisePolynomial(waves.times[h, :n], waves.pieces[h, :n]) for h, n in enumerate(waves.count)]
         self._numbers = {body.name: b for b, body in enumerate(chain.bodies)}
         self.contacts = {}
@@ -239,7 +286,8 @@ class ChainSolution(Exact):
         breaks = [0.0, float(chain.length[b])]
         for h, sign in ((2 * b, 1.0), (2 * b + 1, -1.0)):
             times = self._waves[h].times
-            inside = times[(times > time - chain.transit[b]) & (times < time)]
+            first, last = np.searchsorted(times, time - chain.transit[b], "right"), np.searchsorted(times, time)
+            inside = times[first:last]
             distance = (time - inside) * chain.speed[b]
             breaks += (distance if sign > 0 else chain.length[b] - distance).tolist()
         edges = np.unique(np.minimum(np.maximum(breaks, 0.0), chain.length[b]))

@@ -54,11 +54,14 @@ class Exact(ABC):
         `ExactContact` of each contact, by name.
     stopped
         Reason, in words, why the solution holds no farther than `reached`; empty if that is the end asked for.
+    memory
+        Bytes that the solution takes; a large one is not kept for other runs of the same problem.
     """
 
     reached: float
     fronts: int
     stopped: str = ""
+    memory: int = 0
     contacts: Mapping[str, ExactContact]
 
     @abstractmethod
@@ -110,6 +113,13 @@ class Solution(Component, contract="solutions"):
     def covers(self, problem: ContactProblem) -> str | None:
         """Return the reason why the solution does not cover a problem, or None if it does."""
 
+    def too_costly(self, problem: ContactProblem, end: float) -> str | None:  # noqa: ARG002
+        """Return why a covered problem is not solved up to `end`, if it is known at once that it takes too much."""
+        return None
+
     @abstractmethod
-    def solve(self, problem: ContactProblem, end: float) -> Exact:
-        """Return the exact solution up to `end`, or up to an earlier time, with the reason in `Exact.stopped`."""
+    def solve(self, problem: ContactProblem, end: float) -> Exact | str:
+        """Return the exact solution up to `end`, or up to an earlier time, with the reason in `Exact.stopped`.
+
+        A text says why there is none, as where it would take too long. Work that lasts tells its `percuss.progress`.
+        """

@@ -224,7 +224,7 @@ def check_contacts_at_one_end(subject: Subject) -> None:
     """
     compared = False
     for options in subject.examples:
-        for partner in subject.registry.names("integrators"):
+        for partner in subject.partners:
             case = _case_at_one_end(subject, partner, options, options)
             try:
                 pressing = subject.run(case).arrays["contact_force"].any(axis=0)

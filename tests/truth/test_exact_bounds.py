@@ -1,0 +1,231 @@
+"""The exact solution is bounded in memory and processor time, says so, and the run goes on without it."""
+
+import signal
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import percuss
+from percuss.heartbeat import heard_by
+from percuss.reporting.explanation import explanation
+from percuss.reporting.terminal import tell_result
+from percuss.results import exact_only, kept_solutions
+from percuss.results.exact import exact_solution
+from percuss.results.exact_only import run_exact
+from percuss.solver.contact_problem import contact_problem
+from percuss.solver.model import Model
+from percuss_methods.solutions import _bounds, _row
+from percuss_methods.solutions._polynomials import pieces_needed
+
+MATERIAL = {"young": 1.0, "density": 1.0}
+
+
+def bar(length, at, **options):
+    return {"bar": {"length": length, "elements": 2}, "at": at, "material": MATERIAL, "area": 1.0, **options}
+
+
+def pressed(tiny, end=1.0, **solution):
+    """Return a tiny bar between two others, which press it; an implicit scheme has no smallest step."""
+    return percuss.load({
+        "percuss": 1,
+        "bodies": {"a": bar(1.0, -1.0, velocity=1.0), "tiny": bar(tiny, 0.0), "b": bar(1.0, tiny)},
+        "contacts": {"at": {"between": ["a.right", "tiny.left"]}, "tb": {"between": ["tiny.right", "b.left"]}},
+        "method": {"integrator": "implicit-hht", "contact": "lagrange", **({"solution": solution} if solution else {})},
+        "time": {"end": end, "step": 0.05},
+    })  # fmt: skip
+
+
+def pushed(load, end=4.0, **solution):
+    return percuss.load({
+        "percuss": 1,
+        "bodies": {"a": bar(1.0, 0.0), "b": bar(1.0, 1.0, fixed=["right"])},
+        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
+        "loads": {"push": {**load, "on": "a.left"}},
+        "method": {"contact": "lagrange", **({"solution": solution} if solution else {})},
+        "time": {"end": end, "step": 0.05},
+    })  # fmt: skip
+
+
+def unlike(**solution):
+    """Return two bars whose waves meet at ever more times: the number of fronts is known only on the way."""
+    materials = {"young": 77.0, "density": 0.013}
+    return percuss.load({
+        "percuss": 1,
+        "bodies": {
+            "a": bar(1.0, 0.0, velocity=1.0, fixed=["left"]),
+            "b": {**bar(0.3, 1.0, fixed=["right"]), "material": materials},
+        },
+        "contacts": {"tip": {"between": ["a.right", "b.left"]}},
+        "method": {"integrator": "implicit-hht", "contact": "lagrange", "solution": solution},
+        "time": {"end": 20.0, "step": 0.1},
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("tiny", [1e-7, 1e-9])
+def test_a_tiny_bar_is_refused_before_anything_is_spent_and_the_run_goes_on(tiny, capsys):
+    case = pressed(tiny)
+    began = time.process_time()
+    result = percuss.run(case)
+    assert time.process_time() - began < 3.0
+    assert result.status == "done"
+    assert result.summary["exact"] is result.summary["exact_covered"] is None
+    reason = result.summary["exact_reason"]
+    assert reason.startswith("bars-in-a-row: it takes more than 1 GB of memory, at least 3")
+    assert reason.endswith("GB for the shortest bar (method.solution.most_memory)")
+    tell_result(result)
+    assert reason in " ".join(capsys.readouterr().out.split())
+    assert reason in explanation(Model(case)).text  # so it is known before the run, too
+    with pytest.raises(percuss.InputError, match="most_memory"):
+        run_exact(case)
+
+
+def test_the_least_memory_is_no_more_than_what_is_spent():
+    model = Model(pressed(1e-5))
+    solution, _, reason = exact_solution(model, 1.0)
+    assert not reason
+    least = _bounds.least_memory(contact_problem(model), 1.0)
+    chain = solution.chain
+    marks = chain.forces.count.sum() + chain.waves.count.sum()
+    spent = _bounds.memory_of(3, chain.side.shape[0], chain.forces.times.shape[1], chain.waves.pieces.shape[2], marks)
+    assert 0.4 * spent < least <= spent
+
+
+def test_the_case_raises_and_lowers_the_bounds():
+    model = Model(pressed(1e-4, most_memory=1e-3))
+    assert "at least" in exact_solution(model, 1.0)[2]
+    assert exact_solution(Model(pressed(1e-4, most_memory=0.1)), 1.0)[0].reached == 1.0
+
+
+def test_fronts_that_multiply_end_the_solution_where_its_memory_does():
+    """The part that is known follows from the case alone, so that it is the same on every machine."""
+    whole, _, reason = exact_solution(Model(unlike()), 20.0)
+    assert not reason
+    parts = [exact_solution(Model(unlike(most_memory=2e-3)), 20.0) for _ in range(2)]
+    part, _, reason = parts[0]
+    assert 1.0 < part.reached == parts[1][0].reached < 20.0
+    assert "it takes more than 0.002 GB of memory" in reason
+    assert "GB or more to the end (method.solution.most_memory)" in reason
+    times = np.linspace(0.0, part.reached, 1001)
+    assert np.array_equal(part.contacts["tip"].force(times), whole.contacts["tip"].force(times))
+
+
+def test_too_much_processor_time_leaves_no_solution_and_no_number(monkeypatch):
+    monkeypatch.setattr(_row, "EVENTS", 1000)
+    case = unlike(most_seconds=1e-3)
+    result = percuss.run(case)
+    assert result.status == "done"
+    assert result.summary["exact"] is result.summary["exact_covered"] is None
+    reason = result.summary["exact_reason"]
+    assert reason.startswith("bars-in-a-row: it takes more than 0.001 s of processor time")
+    assert reason.endswith("s or more to the end (method.solution.most_seconds)")
+    assert "contact_force_exact" not in result.arrays
+
+
+def test_pauses_change_no_bit(monkeypatch):
+    model = Model(unlike(most_fronts=2_000_000))
+    whole = exact_solution(model, 20.0)[0]
+    monkeypatch.setattr(_row, "EVENTS", 10)
+    kept_solutions._kept.clear()
+    paused = exact_solution(model, 20.0)[0]
+    assert paused is not whole
+    for one, other in zip(
+        (*whole.chain.waves, *whole.chain.forces), (*paused.chain.waves, *paused.chain.forces), strict=True
+    ):
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("frequency", [1e9, 1e16])
+def test_a_load_faster_than_any_step_is_called_so_at_once(frequency):
+    began = time.process_time()
+    result = percuss.run(pushed({"harmonic": {"value": 1.0, "mean": 1.0, "frequency": frequency}}))
+    assert time.process_time() - began < 3.0
+    reason = result.summary["exact_reason"]
+    assert "load 'push' (harmonic) changes too fast for polynomials" in reason
+    assert "kinks" not in reason
+
+
+def test_a_fast_load_that_takes_much_memory_is_known_beforehand():
+    solution, _, reason = exact_solution(Model(pushed({"harmonic": {"value": 1.0, "frequency": 1e5}})), 4.0)
+    assert solution is None
+    assert ", about" in reason
+    assert "GB for load 'push' (harmonic) (method.solution.most_memory)" in reason
+
+
+def test_the_pieces_of_a_load_are_estimated():
+    edges = np.array([0.0, 4.0])
+    assert pieces_needed(lambda t: 1.0 + 2.0 * t, edges) == 1.0
+    estimate = pieces_needed(lambda t: np.sin(2.0 * np.pi * 1000.0 * t), edges)
+    assert 1.0 < estimate / 60_000 < 3.0  # about 15 pieces a cycle
+    jump = pieces_needed(lambda t: 1.0 * (t > 1.234), edges)
+    assert np.isfinite(jump)  # the fit itself says that it is not smooth there
+
+
+def test_ctrl_c_ends_the_exact_solution_and_keeps_the_run(monkeypatch):
+    monkeypatch.setattr(_row, "EVENTS", 100)
+    original, calls = _row.BarChain._advance, []
+
+    def interrupted(self, *arrays):
+        calls.append(1)
+        if len(calls) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return original(self, *arrays)
+
+    monkeypatch.setattr(_row.BarChain, "_advance", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        result = percuss.run(unlike(most_memory=0.9))
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert len(calls) == 3
+    assert result.status == "interrupted"
+    assert result.summary["steps"] == 200
+    assert result.summary["exact"] is None
+    assert result.summary["exact_reason"] == "Ctrl-C ended it"
+    again = percuss.results.runner.run_again(unlike(most_memory=0.9), result.summary)
+    assert again.status == "interrupted"
+    assert again.summary["exact_reason"] == result.summary["exact_reason"]
+
+
+def test_the_progress_of_an_exact_solution_is_told(monkeypatch):
+    monkeypatch.setattr(_row, "EVENTS", 500)
+    shares = []
+    with heard_by(shares.append):
+        exact_solution(Model(unlike(most_memory=0.8)), 20.0)
+    assert shares[0] == 0.0
+    assert shares == sorted(shares)
+    assert len(set(shares)) > 3
+    assert shares[-1] == 1.0
+
+
+def test_a_solution_of_few_fronts_and_many_pieces_is_not_kept():
+    kept_solutions._kept.clear()
+    solution, _, _ = exact_solution(Model(pressed(1e-5)), 1.0)
+    assert solution.fronts < 100
+    assert solution.memory > kept_solutions.MOST_BYTES
+    assert not kept_solutions._kept
+
+
+def test_that_there_is_no_solution_in_time_is_kept(monkeypatch):
+    """The runs of a study do not spend that time again each."""
+    monkeypatch.setattr(_row, "EVENTS", 1000)
+    calls, original = [], kept_solutions.answer
+    monkeypatch.setattr(kept_solutions, "answer", lambda *given: calls.append(1) or original(*given))
+    reasons = [exact_solution(Model(unlike(most_seconds=1e-4)), 20.0)[2] for _ in range(2)]
+    assert reasons[0] == reasons[1]
+    assert len(calls) == 1
+
+
+def test_many_waves_and_bars_have_fewer_samples():
+    """Their energies at 2001 times would take minutes."""
+    model = Model(pressed(1e-3))
+    counts = [exact_only._sample_count(model, SimpleNamespace(fronts=fronts)) for fronts in (100, 100_000, 10_000_000)]
+    assert counts == [2001, 332, 101]
+
+
+def test_an_exact_solution_of_few_fronts_has_all_samples():
+    few = run_exact(pushed({"harmonic": {"value": 1.0, "mean": 1.0, "frequency": 1.0}}, end=1.0))
+    assert few.arrays["time"].size == 2001
+    assert not few.summary["notes"]
