@@ -92,6 +92,48 @@ def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
     attempt.__exit__(OSError, None, None)
 
 
+def expect_place(path: Path) -> None:
+    """Refuse a path whose folder is missing, or at which something else lies than a file.
+
+    Raises
+    ------
+    InputError
+        If there cannot be a file.
+    """
+    if not is_folder(path.parent):
+        message = f"expected a folder {path.parent}, found none"
+        raise InputError([Problem(str(path), "", message, "Make it first.")])
+    if other := found_instead(path):
+        advice = "Name a file in it." if is_folder(path) else "Name another file."
+        raise InputError([Problem(str(path), "", f"expected a file to write, found {other}", advice)])
+
+
+def place_whole(path: Path, content: bytes) -> None:
+    """Write a file that is there as a whole or not at all, and of which a process that is killed leaves nothing behind.
+
+    Linux writes it without a name and then names it; another system may leave the temporary file of `replacing`.
+
+    Raises
+    ------
+    InputError
+        If there cannot be such a file.
+    UnwrittenError
+        If the file cannot be written to its end.
+    """
+    try:
+        handle = os.open(path.parent, os.O_TMPFILE | os.O_WRONLY, 0o666)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(handle)
+            path.unlink(missing_ok=True)
+            # A folder given for an absolute path plays no part, but with one Python follows the link to the file.
+            os.link(f"/proc/self/fd/{handle}", path, src_dir_fd=handle)
+    except (AttributeError, OSError):  # another system, a file system without such files, or a full disk
+        with replacing(path, path.suffix) as temporary:
+            temporary.write_bytes(content)
+
+
 class replacing:  # noqa: N801 - named like a function because it is used in with statements
     """A context manager that gives a temporary path and, if no error occurs, renames that file to the target.
 
@@ -108,16 +150,10 @@ class replacing:  # noqa: N801 - named like a function because it is used in wit
         self.suffix = suffix
 
     def __enter__(self) -> Path:
-        folder = self.target.parent
-        if not is_folder(folder):
-            raise InputError(
-                [Problem(str(self.target), "", f"expected a folder {folder}, found none", "Make it first.")]
-            )
-        if other := found_instead(self.target):
-            advice = "Name a file in it." if is_folder(self.target) else "Name another file."
-            raise InputError([Problem(str(self.target), "", f"expected a file to write, found {other}", advice)])
+        expect_place(self.target)
         try:
-            handle, name = tempfile.mkstemp(prefix=f".{self.target.name}.", suffix=self.suffix, dir=folder)
+            prefix, folder = f".{self.target.name}.", self.target.parent
+            handle, name = tempfile.mkstemp(prefix=prefix, suffix=self.suffix, dir=folder)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             problem = Problem(str(self.target), "", f"cannot write here: {reason}", "Name another file or folder.")

@@ -315,6 +315,7 @@ class Bench:
         }
         self.result = (ground.folder / "result.nc").read_bytes()
         self.store = (ground.folder / "store.sqlite").read_bytes()
+        self.rows = study_contents(ground.folder / "store.sqlite")
         self.contents = contents(percuss.open_result(ground.folder / "result.nc"))
         self.paths = [path for path in schema_paths(CaseSection, self.registry) if path]
         self.undo = without_marches(percuss.open_result(ground.folder / "result.nc"))
@@ -414,13 +415,10 @@ class Bench:
             case 6 | 7 | 8 | 9 | 10 | 11 | 12 | 13 | 14 | 15:
                 return self.command("study", "study.yaml", "-o", "bad.sqlite", "--json", "--export", "rows.csv")
         try:
-            study = percuss.open_study(file)
-            for row in study.as_records():
-                study.histories(row["key"])
-            str(study.table), str(study), str(study.provenance), str(study.spec)
+            same = study_contents(file) == self.rows
         except PercussError as error:
             return clear(str(error), "bad.sqlite")
-        return "fine", ""
+        return ("fine", "") if same else ("unclear", "other rows without a word")
 
     def plug_in(self, draw):
         name = one_of(draw, sorted(self.plug_ins))
@@ -546,6 +544,15 @@ def contents(result):
     told = [json.dumps(part) for part in (result.summary, result.provenance, result.coordinates)]
     arrays = {**result.arrays, **{"field " + name: values for name, values in result.field_arrays.items()}}
     return told + [(name, np.asarray(values).astype(str).tolist()) for name, values in sorted(arrays.items())]
+
+
+def study_contents(path):
+    """Return all that a study says, as one text."""
+    study = percuss.open_study(path)
+    rows = study.as_records()
+    kept = [study.histories(row["key"]) for row in rows]
+    arrays = [one and {name: array.tolist() for name, array in one.items()} for one in kept]
+    return repr((rows, arrays, study.provenance, study.spec, study.columns, study.files, study.row_commands, study))
 
 
 def schema_paths(cls, registry):

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shlex
-import shutil
 import sqlite3
 import subprocess
 from pathlib import Path
@@ -21,7 +20,6 @@ from opened_page import Opened
 from percuss.case.quantities import METRICS
 from percuss.case.source import Source
 from percuss.case.yaml_text import flow
-from percuss.errors import InputError
 from percuss.studies import study_files
 from percuss.studies.columns import metric
 from percuss.studies.row_command import _as_text
@@ -159,36 +157,6 @@ def test_a_study_may_set_a_plug_in_and_vary_numbers_and_words(tmp_path, monkeypa
         vary={"method.contact.beta_s": [0.3], "method.mass": ["lumped", {"name": "lumped"}], "refine": [1, 2]},
     )
     expect_same_runs(percuss.study(plan, workers=1), tmp_path)
-
-
-def test_a_study_made_before_there_were_commands_and_files_opens_and_goes_on(whole, tmp_path, monkeypatch):
-    monkeypatch.chdir(whole.folder)
-    old = tmp_path / "old.sqlite"
-    shutil.copy(whole.study.path, old)
-    with sqlite3.connect(old) as db:
-        db.execute("DROP TABLE files")
-        db.execute("DELETE FROM facts WHERE name = 'commands'")
-        rows = [(json.loads(row), number) for number, row in db.execute("SELECT number, row FROM plan")]
-        for row, _ in rows:
-            del row["command"]
-        db.executemany("UPDATE plan SET row = ? WHERE number = ?", [(json.dumps(row), number) for row, number in rows])
-    db.close()
-    study = percuss.open_study(old)
-    key = study.table["key"][0]
-    assert (study.files, study.command(key), study.command("of no run")) == ([], None, None)
-    done = percuss_command("report", old, "-o", tmp_path / "old.html")
-    assert done.returncode == 0, done.stderr
-    page = (tmp_path / "old.html").read_text(encoding="utf-8")
-    assert "No files were kept" in page
-    again = percuss.study("plans/study.yaml", old, workers=1, plugins=["mine.py"])
-    assert again.found == len(again.table)
-    assert again.command(key) == whole.study.command(key)
-    assert again.files == whole.study.files
-    with sqlite3.connect(old) as db:
-        db.execute("UPDATE facts SET value = '\"percuss-study-1\"' WHERE name = 'format'")
-    db.close()
-    with pytest.raises(InputError, match="expected the format percuss-study-2, found percuss-study-1"):
-        percuss.open_study(old)
 
 
 def test_the_files_of_a_study_are_kept_with_their_digests(whole):

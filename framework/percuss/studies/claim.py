@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, Problem
 from percuss.filelock import BusyError, locked
-from percuss.files import expect_writable, is_file
+from percuss.files import expect_place
+from percuss.methods.source_digest import content_digest
 from percuss.studies.store import Store, as_json_data
 
 if TYPE_CHECKING:
     from percuss.studies.spec import StudySpec
 
-__all__ = ["claimed", "has_content"]
+__all__ = ["claimed"]
 
 
 @contextmanager
@@ -34,8 +34,7 @@ def claimed(
     refused: InputError | None = None
     for file in [Path(out)] if out is not None else _default_files(given, spec.name):
         identity = _identity(given, spec, file)
-        if not has_content(file):
-            expect_writable(file)
+        expect_place(file)
         try:
             with locked(file, {"study": identity}):
                 other = _other_study(file, identity, keys)
@@ -53,11 +52,6 @@ def claimed(
     raise refused
 
 
-def has_content(path: Path) -> bool:
-    """Return whether a file exists and is not empty."""
-    return is_file(path) and path.stat().st_size > 0
-
-
 def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Path]:
     """Return the default files for the rows of a study, of which the first that is free or its own is used.
 
@@ -65,7 +59,7 @@ def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Pat
     """
     if isinstance(given, Mapping):
         return [Path(f"{name}.sqlite")]
-    place = hashlib.sha256(str(Path(given).resolve()).encode()).hexdigest()[:6]
+    place = content_digest(str(Path(given).resolve()).encode())[:6]
     first, second = Path(f"{name}.sqlite"), Path(f"{name}-{place}.sqlite")
     return [second] if second.exists() else [first, second]
 
@@ -95,9 +89,7 @@ def _is_same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
 
 def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> InputError | None:
     """Return the error of a file that holds another study, or None if it does not."""
-    if not has_content(file):
-        return None
-    store = Store(file)
+    store = Store(file, new=True)
     held = store.fact("study")
     if held is None or _is_same(held, identity) or store.planned() == keys:
         return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
 import os
 import tempfile
 import threading
@@ -20,7 +19,7 @@ from percuss.errors import PluginError
 from percuss.heartbeat import beat
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
-from percuss.methods.source_digest import SourceDigests, own_digest, surroundings
+from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
 from percuss.studies.perform import LOST, perform_timed
 from percuss.studies.stored_run import Record, record
 from percuss.version import __version__
@@ -219,7 +218,7 @@ def _holds(path: Path, text: bytes) -> bool:
 
 def _copied(files: Mapping[str, bytes]) -> Path:
     """Return a folder of copies, named by a digest of their contents; several workers may make it at once."""
-    digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()[:16]
+    digest = content_digest(repr(sorted(files.items())).encode())[:16]
     user = os.getuid() if hasattr(os, "getuid") else 0
     folder = Path(tempfile.gettempdir()) / f"percuss-{user}-{digest}"
     folder.mkdir(mode=0o700, exist_ok=True)

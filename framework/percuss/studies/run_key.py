@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -80,7 +79,7 @@ class Keys:
         inputs = self._inputs_of(label, case, task, changed, relevant)
         files = [[name, content_digest(content)] for name, content in inputs.files.items()]
         inputs_of_run = [self.common, sorted(inputs.components.items()), files, relevant, task.tied]
-        return hashlib.sha256(json.dumps(inputs_of_run, sort_keys=True, default=str).encode()).hexdigest()[:32]
+        return content_digest(json.dumps(inputs_of_run, sort_keys=True, default=str).encode())[:32]
 
     def _inputs_of(
         self, label: str, case: Case, task: Task, changed: Source | None, data: Mapping[str, Any]

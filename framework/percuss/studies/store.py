@@ -2,20 +2,27 @@
 
 A batch of rows is one transaction of a write-ahead log: if a process is killed at any moment, the batches that it
 finished are complete. A row is found by the key of the inputs of its run, so that the same run is never made twice.
+
+Every row of every table ends with the digest of what stands before it, and a table of seals holds the sum of the
+digests of each table: what is changed, moved, added or removed later is told when it is read. No table has an index
+beside it that could disagree with it. The arrays of a run are larger: their digest stands in the row of the run.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sqlite3
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 from percuss.errors import InputError, Problem, UnwrittenError, shortened
-from percuss.files import is_file, is_folder, replacing, unwritten
+from percuss.files import is_file, is_folder, place_whole
+from percuss.methods.source_digest import content_digest
 from percuss.studies.perform import LOST
 from percuss.studies.row_command import Template, command_of
 from percuss.studies.stored_run import Record, unpacked
@@ -23,30 +30,26 @@ from percuss.studies.study_files import StudyFile
 
 __all__ = ["Store"]
 
-FORMAT = "percuss-study-2"
-TABLES = """
-BEGIN;
-CREATE TABLE IF NOT EXISTS facts (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS sessions (number INTEGER PRIMARY KEY, provenance TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS plan (number INTEGER PRIMARY KEY, key TEXT NOT NULL, row TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS runs (
-    key TEXT PRIMARY KEY, status TEXT NOT NULL, reason TEXT NOT NULL, said_by TEXT NOT NULL, fragile INTEGER,
-    seconds REAL, measures TEXT, session INTEGER NOT NULL, compiling REAL, cpu TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS histories (key TEXT PRIMARY KEY, arrays BLOB NOT NULL);
-INSERT OR REPLACE INTO facts VALUES ('format', '"percuss-study-2"');
-COMMIT;
-"""
-DAMAGED_ADVICE = "Take a copy of it that is whole, or name another file with -o and make the runs again."
+FORMAT = "percuss-study-3"  # format 2 had no digests
+COLUMNS = {
+    "facts": "name TEXT PRIMARY KEY, value TEXT",
+    "sessions": "number INTEGER PRIMARY KEY, provenance TEXT",
+    "files": "number INTEGER PRIMARY KEY, path TEXT, role TEXT, sha256 TEXT, bytes INTEGER, text TEXT",
+    "plan": "number INTEGER PRIMARY KEY, key TEXT, row TEXT",
+    "runs": "key TEXT PRIMARY KEY, status TEXT, reason TEXT, said_by TEXT, fragile INTEGER, seconds REAL, "
+    "measures TEXT, session INTEGER, compiling REAL, cpu TEXT, arrays_sha256 TEXT",
+}
+TABLES = {
+    **{name: f"CREATE TABLE {name} ({columns}, digest TEXT) WITHOUT ROWID" for name, columns in COLUMNS.items()},
+    "arrays": "CREATE TABLE arrays (key TEXT PRIMARY KEY, npz BLOB)",
+    "seals": "CREATE TABLE seals (name TEXT PRIMARY KEY, sum TEXT) WITHOUT ROWID",
+}
+NOT_MADE = (None,) * 11  # the columns of a run that is still to be made
 # Errors of SQLite that come from the machine and not from the file.
 OF_THE_MACHINE = {
     *(sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED),
     *(sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_NOMEM),
 }
-STATUSES = {None, "done", "unstable", "refused", "failed", "interrupted", LOST}  # None: not yet made
-FILES = """
-CREATE TABLE IF NOT EXISTS files (
-    path TEXT PRIMARY KEY, role TEXT NOT NULL, sha256 TEXT NOT NULL, bytes INTEGER NOT NULL, text TEXT)
-"""  # not among `TABLES`: a file of the same format made before there was this table gets it with its next session
 WORKER = "worker"  # `said_by` of a run that was lost with its worker
 
 
@@ -58,57 +61,59 @@ class Store:
     path
         Path of the file.
     new
-        Whether to create the file if it is missing, and to write to it.
+        Whether the file may be missing or empty; `begin` makes it then.
 
     Raises
     ------
     InputError
-        If there is no such file, it is not the file of a study, or it cannot be written.
+        If there is no such file, it is not the file of a study, or it is damaged.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, new: bool = False) -> None:
         self.path = Path(path)
         self.session = 0
+        self._made_by = "percuss study STUDY"
+        self._kept: dict[str, tuple[int, list[tuple[Any, ...]]]] = {}  # seal and rows of the tables that were read
         if is_folder(self.path):
             raise self._error("expected a file, found a folder", "Name a file in it.")
-        if not new and not is_file(self.path):
+        there = is_file(self.path)
+        if not new and not there:
             message = "expected the file of a study, found nothing that can be read"
             raise self._error(message, "Make one with `percuss study`.")
-        if new and not (is_file(self.path) and self.path.stat().st_size):
-            try:
-                with replacing(self.path, ".sqlite") as beside, closing(sqlite3.connect(beside)) as db:
-                    db.execute("PRAGMA journal_mode = WAL")
-                    db.executescript(TABLES)
-            except sqlite3.OperationalError as error:
-                raise unwritten(self.path, str(error)) from error
-        with self._open(write=new) as db:
-            self._check(db)
+        self._begun = there and (not new or self.path.stat().st_size > 0)
+        if self._begun:
+            with self._open() as db:
+                self._check(db)
 
     def _error(self, message: str, advice: str = "") -> InputError:
         return InputError([Problem(str(self.path), "", message, advice)])
 
+    def _unusable(self, message: str) -> InputError:
+        """Return the error of a file that is no study of this format as it was stored."""
+        advice = f"Make the study again with `{self._made_by} -o NEW.sqlite`, or take a copy of the file that is whole."
+        return self._error(message, advice)
+
     @contextmanager
     def _open(self, *, write: bool = False) -> Iterator[sqlite3.Connection]:
-        """Open a connection for a with statement, whose body is one transaction and decodes what it reads."""
+        """Open a connection for a with statement, whose body is one transaction, also of all that it reads."""
         try:
             with closing(self._connected(write=write)) as db, db:
+                db.execute("BEGIN IMMEDIATE" if write else "BEGIN")
                 yield db
         except sqlite3.DatabaseError as error:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF  # without its finer distinctions
             if code == sqlite3.SQLITE_NOTADB:
-                raise self._error(f"expected the file of a study, found something else ({error})") from error
+                raise self._unusable(f"expected the file of a study, found something else ({error})") from error
             if code in OF_THE_MACHINE and write:
                 message = f"cannot be written to: {error}; all rows stored before are kept"
-                advice = "The same command goes on from there, when there is room."
+                advice = "The same command goes on from there, when the file can be written."
                 raise UnwrittenError(f"{self.path}: {message}. {advice}") from error
             if code in OF_THE_MACHINE:
                 raise self._error(f"cannot be read: {error}", "Name another file with -o.") from error
             raise self._damaged(str(error)) from error
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:  # of decoding
-            raise self._damaged(f"{type(error).__name__}: {error}") from error
 
     def _damaged(self, reason: str) -> InputError:
-        return self._error(f"the file is damaged: {shortened(reason, 200)}", DAMAGED_ADVICE)
+        return self._unusable(f"the file is damaged: {shortened(reason, 200)}")
 
     def _connected(self, *, write: bool) -> sqlite3.Connection:
         """Return a connection; a file in a folder that cannot be written to is read as it is.
@@ -116,30 +121,84 @@ class Store:
         SQLite otherwise puts a file beside a database with a write-ahead log, also to read it. A log that still holds
         rows cannot be read without that file.
         """
+        file = self.path.absolute().as_uri()
         if write or os.access(self.path.parent, os.W_OK, effective_ids=os.access in os.supports_effective_ids):
-            return sqlite3.connect(self.path, timeout=60.0)
+            return sqlite3.connect(f"{file}?mode=rw", timeout=60.0, uri=True)
         log = self.path.with_name(f"{self.path.name}-wal")
         if log.exists() and log.stat().st_size:
             message = f"cannot be read: {log.name} beside it holds rows, and this folder cannot be written to"
             raise self._error(message, "Copy both files to a folder of yours.")
-        return sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+        return sqlite3.connect(f"{file}?mode=ro&immutable=1", uri=True)
 
     def _check(self, db: sqlite3.Connection) -> None:
-        tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        """Refuse a file that SQLite cannot trust, or that is no study of this format."""
+        tables = dict(db.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table'"))
         if "facts" not in tables:
             kind = "another SQLite file" if tables else "an empty one"
-            raise self._error(f"expected the file of a study, found {kind}", "Name another file.")
-        actual = self._fact(db, "format")
-        if actual != FORMAT:
-            raise self._error(f"expected the format {FORMAT}, found {actual}", "Name another file.")
-        (verdict,) = db.execute("PRAGMA quick_check(1)").fetchone()
+            raise self._unusable(f"expected the file of a study, found {kind}")
+        with contextlib.suppress(sqlite3.Error, ValueError, LookupError, TypeError):
+            ((provenance,),) = db.execute("SELECT provenance FROM sessions ORDER BY number DESC LIMIT 1")
+            self._made_by = json.loads(provenance)["command"] or self._made_by
+        ((verdict,),) = db.execute("PRAGMA integrity_check(1)")
         if verdict != "ok":
             raise self._damaged(str(verdict).replace("\n", ": "))
+        row = db.execute("SELECT value FROM facts WHERE name = 'format'").fetchone()
+        if row != (json.dumps(FORMAT),):
+            actual = str(row[0]).strip('"') if row else "none"
+            raise self._unusable(f"expected the format {FORMAT}, found {shortened(actual, 100)}")
+        for name, sql in TABLES.items():
+            if tables.get(name) != sql:
+                raise self._damaged(f"its table {name} does not have the columns that it was made with")
 
-    @staticmethod
-    def _fact(db: sqlite3.Connection, name: str) -> Any:
-        row = db.execute("SELECT value FROM facts WHERE name = ?", (name,)).fetchone()
-        return json.loads(row[0]) if row is not None else None
+    # ------------------------------------------------------------------------------------------- rows and seals
+
+    def _read(self, db: sqlite3.Connection, table: str) -> list[tuple[Any, ...]]:
+        """Return the rows of a table without their digests; refuse those that are not as they were written.
+
+        Rows are kept in memory: while the seal of their table stays as it is, they are what was written.
+        """
+        seal = self._seal(db, table)
+        if table not in self._kept or self._kept[table][0] != seal:
+            rows, total = self._verified(table, db.execute(f"SELECT * FROM {table} ORDER BY 1"))  # noqa: S608
+            if total != seal:
+                raise self._damaged(f"rows were added to its table {table}, or taken from it")
+            self._kept[table] = seal, rows
+        return self._kept[table][1]
+
+    def _verified(self, table: str, rows: Iterable[tuple[Any, ...]]) -> tuple[list[tuple[Any, ...]], int]:
+        """Return rows of a table without their digests, and the sum of these."""
+        verified, total = [], 0
+        for row in rows:
+            digest = _digest(table, row[:-1])
+            if digest != row[-1]:
+                raise self._damaged(f"row {row[0]!r} of its table {table} does not have the digest written with it")
+            verified.append(row[:-1])
+            total += int(digest, 16)
+        return verified, total % 2**256
+
+    def _seal(self, db: sqlite3.Connection, table: str) -> int:
+        """Return the sum of the digests of a table as it was written."""
+        row = db.execute("SELECT sum FROM seals WHERE name = ?", (table,)).fetchone()
+        try:
+            return int(row[0], 16) if row is not None else 0  # no row of the table was ever written
+        except (ValueError, TypeError) as error:
+            raise self._damaged(f"the sum of the digests of its table {table} cannot be read") from error
+
+    def _write(self, db: sqlite3.Connection, table: str, rows: Iterable[tuple[Any, ...]], *, anew: bool = True) -> None:
+        """Write rows in place of all rows of a table, or else of those with the same key, with digests and seal."""
+        sealed = {row[0]: (*row, _digest(table, row)) for row in rows}
+        if anew:
+            db.execute(f"DELETE FROM {table}")  # noqa: S608
+            total = 0
+        else:
+            query = f"SELECT * FROM {table} WHERE key = ?"  # noqa: S608
+            replaced = (row for key in sealed for row in db.execute(query, (key,)))
+            total = self._seal(db, table) - self._verified(table, replaced)[1]
+        total += sum(int(row[-1], 16) for row in sealed.values())
+        places = ", ".join("?" * (COLUMNS[table].count(",") + 2))
+        db.executemany(f"INSERT OR REPLACE INTO {table} VALUES ({places})", sealed.values())  # noqa: S608
+        self._kept.pop(table, None)
+        db.execute("INSERT OR REPLACE INTO seals VALUES (?, ?)", (table, f"{total % 2**256:064x}"))
 
     # ------------------------------------------------------------------------------------------- writing
 
@@ -154,18 +213,29 @@ class Store:
 
         Rows that are no longer in the plan are kept: a later plan may need them again.
         """
-        with self._open(write=True) as db:
-            for name, value in facts.items():
-                db.execute("INSERT OR REPLACE INTO facts VALUES (?, ?)", (name, json.dumps(value)))
-            db.execute("DELETE FROM plan")
-            rows = ((n, key, json.dumps(row)) for n, (key, row) in enumerate(plan))
-            db.executemany("INSERT INTO plan VALUES (?, ?, ?)", rows)
-            db.execute(FILES)
-            db.execute("DELETE FROM files")
-            columns = ((file.path, file.role, file.sha256, file.size, file.text) for file in files)
-            db.executemany("INSERT INTO files VALUES (?, ?, ?, ?, ?)", columns)
-            cursor = db.execute("INSERT INTO sessions (provenance) VALUES (?)", (json.dumps(provenance),))
-            self.session = cursor.lastrowid or 0
+        with self._open(write=True) if self._begun else self._made() as db:
+            sessions = self._read(db, "sessions")
+            self.session = len(sessions) + 1
+            self._write(db, "sessions", [*sessions, (self.session, json.dumps(provenance))])
+            stored = {"format": FORMAT, **facts}
+            self._write(db, "facts", [(name, json.dumps(value)) for name, value in stored.items()])
+            self._write(db, "plan", [(n, key, json.dumps(row)) for n, (key, row) in enumerate(plan)])
+            columns = [(n, file.path, file.role, file.sha256, file.size, file.text) for n, file in enumerate(files)]
+            self._write(db, "files", columns)
+
+    @contextmanager
+    def _made(self) -> Iterator[sqlite3.Connection]:
+        """Make the file of what the body of a with statement writes: all of it or, if the process dies, nothing."""
+        with closing(sqlite3.connect(":memory:")) as db:
+            for table in TABLES.values():
+                db.execute(table)
+            yield db
+            db.commit()
+            content = db.serialize()
+        for ending in ("-wal", "-shm", "-journal"):  # of a file that was here before, which SQLite would replay
+            self.path.with_name(f"{self.path.name}{ending}").unlink(missing_ok=True)
+        place_whole(self.path, content[:18] + b"\2\2" + content[20:])  # a database with a write-ahead log
+        self._begun = True
 
     def add(self, records: Sequence[Record]) -> None:
         """Store a batch of rows: all of them or, if the process dies meanwhile, none."""
@@ -175,122 +245,107 @@ class Store:
                 record.status,
                 record.reason,
                 record.said_by,
-                record.fragile,
-                record.seconds,
+                int(record.fragile) if record.fragile is not None else None,
+                float(record.seconds) if record.seconds is not None else None,
                 json.dumps(record.measures) if record.measures is not None else None,
                 self.session,
-                record.compiling,
+                float(record.compiling) if record.compiling is not None else None,
                 record.cpu,
+                content_digest(record.histories) if record.histories else None,
             )
             for record in records
         ]
         with self._open(write=True) as db:
-            db.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
-            histories = [(record.key, record.histories) for record in records if record.histories]
-            db.executemany("INSERT OR REPLACE INTO histories VALUES (?, ?)", histories)
+            self._write(db, "runs", rows, anew=False)
+            arrays = [(record.key, record.histories) for record in records if record.histories]
+            db.executemany("INSERT OR REPLACE INTO arrays VALUES (?, ?)", arrays)
 
     # ------------------------------------------------------------------------------------------- reading
 
+    def _all(self, *tables: str) -> list[list[tuple[Any, ...]]]:
+        """Return the rows of tables at one moment; none of a file that is still to be made."""
+        if not self._begun:
+            return [[] for _ in tables]
+        with self._open() as db:
+            return [self._read(db, table) for table in tables]
+
     def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
         """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""
-        with self._open() as db:
-            statuses = db.execute("SELECT key, status FROM runs").fetchall()
-        return {key for key, status in statuses if status != LOST and status not in again}
+        (runs,) = self._all("runs")
+        return {key for key, status, *_ in runs if status != LOST and status not in again}
 
     def planned(self) -> set[str]:
         """Return the keys of all rows of the plan."""
-        with self._open() as db:
-            return {key for (key,) in db.execute("SELECT key FROM plan")}
+        (plan,) = self._all("plan")
+        return {key for _, key, _ in plan}
 
     def processors(self) -> dict[str, int]:
         """Return the number of rows of the plan made on each model of processor."""
-        with self._open() as db:
-            return dict(
-                db.execute(
-                    "SELECT cpu, COUNT(*) FROM plan JOIN runs ON runs.key = plan.key WHERE cpu != '' GROUP BY cpu"
-                )
-            )
+        processors = Counter(run[9] for _, _, run in self._planned_runs() if run[9])
+        return dict(sorted(processors.items()))
 
-    def fact(self, name: str) -> dict[str, Any] | None:
+    def fact(self, name: str) -> Any:
         """Return a fact that `begin` stored, or None if it stored no such fact."""
-        with self._open() as db:
-            fact = self._fact(db, name)
-            return dict(fact) if fact is not None else None
+        (facts,) = self._all("facts")
+        return json.loads(dict(facts).get(name, "null"))
 
     def statuses(self) -> list[str | None]:
         """Return the status of each row of the plan, None for a run not yet made."""
-        with self._open() as db:
-            return [status for (status,) in db.execute("SELECT status FROM plan LEFT JOIN runs ON runs.key = plan.key")]
+        return [run[1] for _, _, run in self._planned_runs()]
 
     def sessions(self) -> list[dict[str, Any]]:
         """Return the provenance of each session in which the study was run, oldest first."""
-        with self._open() as db:
-            sessions = [json.loads(text) for (text,) in db.execute("SELECT provenance FROM sessions ORDER BY number")]
-            return [dict(session) for session in sessions]
+        (sessions,) = self._all("sessions")
+        return [json.loads(provenance) for _, provenance in sessions]
 
     def files(self) -> list[StudyFile]:
-        """Return the files that the study came from; none if it was made before files were kept."""
-        with self._open() as db:
-            if db.execute("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'files'").fetchone() is None:
-                return []
-            files = [StudyFile(*row) for row in db.execute("SELECT * FROM files ORDER BY rowid")]
-            if not all(file.is_sound for file in files):
-                raise ValueError("a file that was kept with the study cannot be what was stored")
-            return files
+        """Return the files that the study came from."""
+        (files,) = self._all("files")
+        return [StudyFile(*file) for _, *file in files]
 
     def row_commands(self) -> tuple[list[Template], list[int | None]]:
         """Return the templates of the commands, and for each row of the plan, in order, the index of its template."""
-        with self._open() as db:
-            templates = self._fact(db, "commands") or []
-            rows = db.execute("SELECT row FROM plan ORDER BY number")
-            indices = [json.loads(row).get("command") for (row,) in rows]
-            if not all(index is None or 0 <= index < len(templates) for index in indices):
-                raise ValueError("the commands of the rows cannot be what was stored")
-            return list(templates), indices
+        facts, plan = self._all("facts", "plan")
+        return json.loads(dict(facts)["commands"]), [json.loads(row)["command"] for _, _, row in plan]
 
     def command(self, key: str) -> str | None:
         """Return the command of the first row of the plan with a key, or None if it has none."""
-        with self._open() as db:
-            found = db.execute("SELECT row FROM plan WHERE key = ? ORDER BY number", (key,)).fetchone()
-            row = json.loads(found[0]) if found is not None else {}
-            index = row.get("command")
-            return None if index is None else command_of(self._fact(db, "commands")[index], row["varied"])
+        facts, plan = self._all("facts", "plan")
+        row = json.loads(next((row for _, planned, row in plan if planned == key), "{}"))
+        if row.get("command") is None:
+            return None
+        return command_of(json.loads(dict(facts)["commands"])[row["command"]], row["varied"])
 
     def rows(self) -> list[tuple[Any, ...]]:
         """Return the rows of the plan in order: names and outcome of each run, or None for a run not yet made."""
-        with self._open() as db:
-            rows = db.execute(
-                "SELECT plan.row, status, reason, said_by, fragile, measures, seconds, plan.key FROM plan "
-                "LEFT JOIN runs ON runs.key = plan.key ORDER BY plan.number"
-            )
-            return [_decoded(*row) for row in rows]
+        rows = []
+        for key, row, run in self._planned_runs():
+            _, status, reason, said_by, fragile, seconds, measures, *_ = run
+            measured = json.loads(measures) if measures is not None else None
+            rows.append((json.loads(row), status, reason, said_by, fragile, measured, seconds, key))
+        return rows
+
+    def _planned_runs(self) -> list[tuple[str, str, tuple[Any, ...]]]:
+        """Return key, names and run of each row of the plan."""
+        plan, runs = self._all("plan", "runs")
+        made = {run[0]: run for run in runs}
+        return [(key, row, made.get(key, NOT_MADE)) for _, key, row in plan]
 
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:
-            row = db.execute("SELECT arrays FROM histories WHERE key = ?", (key,)).fetchone()
-            return unpacked(row[0]) if row is not None else None
+            digest = next((run[10] for run in self._read(db, "runs") if run[0] == key), None)
+            if digest is None:
+                return None
+            found = db.execute("SELECT CAST(npz AS BLOB) FROM arrays WHERE key = ?", (key,)).fetchone()
+            if found is None or content_digest(found[0]) != digest:
+                raise self._damaged(f"the histories of the run {key} do not have the digest written with it")
+            return unpacked(found[0])
 
 
-def _decoded(  # the columns of the query in `Store.rows`
-    text: str, status: Any, reason: Any, said_by: Any, fragile: Any, measured: str | None, seconds: Any, key: Any
-) -> tuple[Any, ...]:
-    """Return a row with names and measures as mappings; raise an error if no `Store` stored it."""
-    names = json.loads(text)
-    measures = json.loads(measured) if measured is not None else None
-    values = [] if measures is None else list(measures.values())
-    as_stored = {
-        "its plan": isinstance(names["varied"], dict)
-        and all(isinstance(names[name], str) for name in ("case", "integrator", "contact")),
-        "its status": status in STATUSES,
-        "its reason": isinstance(reason, str | None) and isinstance(said_by, str | None),
-        "its numbers": isinstance(seconds, float | None) and isinstance(fragile, int | None),
-        "its measures": all(isinstance(value, str | int | float | None) for value in values),
-    }
-    if not all(as_stored.values()):
-        wrong = next(part for part, right in as_stored.items() if not right)
-        raise ValueError(f"{wrong} in the row {key!r} cannot be what was stored")
-    return names, status, reason, said_by, fragile, measures, seconds, key
+def _digest(table: str, row: tuple[Any, ...]) -> str:
+    """Return the digest of a row of a table."""
+    return content_digest(f"{table} {row!r}".encode())
 
 
 def as_json_data(value: Any) -> Any:

@@ -20,7 +20,7 @@ from percuss.errors import InputError, Problem
 from percuss.filelock import NotWritableError
 from percuss.files import expect_no_input, expect_writable
 from percuss.results.provenance import machine
-from percuss.studies.claim import claimed, has_content
+from percuss.studies.claim import claimed
 from percuss.studies.dispatch import Progress, local_workers, make, row_counter, summaries_of
 from percuss.studies.row_command import RowCommands
 from percuss.studies.store import Store, as_json_data
@@ -110,9 +110,7 @@ def study(
 
 def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
     """Return the study in a file that cannot be written to if all its runs are made and planned there, else None."""
-    if not has_content(file):
-        return None
-    store = Store(file)
+    store = Store(file, new=True)
     keys = {job.key for job in jobs}
     if store.planned() != keys or keys - store.finished_keys():
         return None
@@ -137,13 +135,13 @@ def _made(
     from percuss.studies.preflight import check_measures, rehearsals
 
     with claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
-        finished = Store(file).finished_keys(again) if has_content(file) else set()
+        store = Store(file, new=True)
+        finished = store.finished_keys(again)
         missing = list({job.key: job for job in jobs if job.key not in finished}.values())
         with local_workers(bench, len(missing), workers, scheduler, spec.stalled_after) as local:
             if missing:
                 steps = rehearsals(spec.cases, [job.task for job in missing])
                 check_measures(spec, summaries_of(local, spec.cases, steps))
-            store = Store(file, new=True)
             commands = RowCommands(spec.data.get("set", {}), [Path(file) for file in plugins], nudge=spec.nudge)
             _begin(store, spec, jobs, bench, commands, {"command": _command(path, plugins)}, {"study": identity})
             done = Study(store.path)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from percuss.methods.source_digest import content_digest
 from percuss.studies.row_command import named_path
 
 if TYPE_CHECKING:
@@ -45,12 +45,6 @@ class StudyFile:
     size: int
     text: str | None
 
-    @property
-    def is_sound(self) -> bool:
-        """Whether its parts have their types, as a file read from a damaged database may not."""
-        texts = isinstance(self.path, str) and isinstance(self.role, str) and isinstance(self.sha256, str)
-        return texts and isinstance(self.size, int) and isinstance(self.text, str | None)
-
 
 def files_of(spec: StudySpec, bench: Bench) -> list[StudyFile]:
     """Return the files of a study as they were read: those that the rows depend on, and the study file itself.
@@ -71,7 +65,7 @@ def files_of(spec: StudySpec, bench: Bench) -> list[StudyFile]:
     for path, (role, content) in contents.items():
         text = _text(content) if len(content) <= min(LONGEST_TEXT, left) else None
         left -= len(content) if text is not None else 0
-        files.append(StudyFile(path, role, hashlib.sha256(content).hexdigest(), len(content), text))
+        files.append(StudyFile(path, role, content_digest(content), len(content), text))
     return files
 
 

@@ -77,8 +77,7 @@ class Study:
         Returns
         -------
         str or None
-            The command, quoted for a shell; None if no command makes the same run, or if the study was made before
-            commands were kept.
+            The command, quoted for a shell; None if no command makes the same run.
         """
         return self._store.command(key)
 
