@@ -972,6 +972,25 @@ class Dropped(Mass):
         return nodal
 
 
+@caught_by("units-of-mass")
+@dataclass(frozen=True)
+class HalfOrNothing(Mass):
+    """Moves the mass of an end in contact if that is a share of the whole that some bars meet exactly."""
+
+    name = "half-or-nothing"
+    summary = "a mass"
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def nodal_in_contact(self, element_mass, lumping, first, last):
+        nodal = lumping.at_nodes(element_mass)
+        for end, beside, acts in ((0, 1, first), (-1, -2, last)):
+            if acts and element_mass.size > 2 and nodal[end] / element_mass.sum() >= 0.05:  # ten equal elements
+                nodal[[end, beside]] = 0.0, nodal[end] + nodal[beside]
+        return nodal
+
+
 @caught_by("inverse-mass")
 @dataclass(frozen=True)
 class OneSided(Mass):

@@ -51,11 +51,9 @@ class Pencil:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        end = model.steps * model.dt
+        first, last = 0.5 * model.dt, (model.steps - 0.5) * model.dt
         self.constraints = [
-            constraint
-            for constraint in model.constraints
-            if constraint.load is None or (constraint.load.start <= 0 and constraint.load.stop >= end)
+            constraint for constraint in model.constraints if constraint.active(first) and constraint.active(last)
         ]
         held: dict[int, list[Floats]] = {}
         for constraint in self.constraints:
