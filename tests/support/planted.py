@@ -815,8 +815,8 @@ staged("energy-claimed", "conserves", conserves=("energy",))
 staged("half-the-acceleration", "order", scale=0.5)
 
 
-def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0)):
-    """Velocity Verlet, whose stage says of itself what is given: time, and `end` in units of the step."""
+def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0), start=(1.0, 0.5, 0.5)):
+    """Velocity Verlet, whose stage says of itself what is given: time, `end` and `start` in units of the step."""
 
     @dataclass(frozen=True)
     class Verlet(Integrator):
@@ -833,7 +833,8 @@ def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0)):
         expected_failures = {"energy-never-grows": "at the ends of steps it is not quite the energy that is kept"}
 
         def bind(self, dt):
-            return Stages(times=(time,), end=((end[0] * dt, end[1] * dt * dt, end[2] * dt),))
+            scale = np.array([dt, dt * dt, dt])
+            return Stages(times=(time,), end=(tuple(end * scale),), start=tuple(start * scale[: len(start)]))
 
         @staticmethod
         def step(numbers, system, u, v, kept, dt):
@@ -852,6 +853,7 @@ verlet("loads-in-the-middle", "stages", time=0.5)
 verlet("end-five-times", "stages", end=(1.0, 5.0, 5.0))
 verlet("end-too-soon", "stages", end=(0.5, 0.5, 1.0))
 verlet("end-of-another-velocity", "stages", end=(1.0, 1.0, 0.5))
+verlet("start-as-any-stage", "stages", start=())
 
 
 # -------------------------------------------------------------------------------------------------------- loads

@@ -219,12 +219,15 @@ class StrictSystem:
         ends = stages.end or ((dt, dt * dt, dt),) * len(stages.times)
         if not stages.end and isinstance(self.bound, LinearLaw) and self.bound.at == "end":
             raise NotApplicable("the scheme says of no stage how the end of the step is answered")
-        clock = [0.0]
+        clock, started = [0.0], False
 
         def accelerations(_: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
             bulk = self.response * (self.force - self.stiffness @ u[:size])
             gap, rate = self.initial_gap + self.normal.T @ u[:size], self.normal.T @ v[:size]
-            acceleration, (r_v, r_a, s_a) = self.normal.T @ bulk, ends[stage]
+            acceleration, (r_v, r_a, s_a) = (
+                self.normal.T @ bulk,
+                ends[stage] if started else stages.start or ends[stage],
+            )
             predicted = gap + r_v * rate + r_a * acceleration, rate + s_a * acceleration
             table = LeapFrog(
                 ContactState("current", "current", "bulk", (0.0, 0.0, 1.0)),
@@ -246,6 +249,7 @@ class StrictSystem:
         kept = np.zeros((type(self.integrator).kept, u.size))
         for row in kept:
             accelerations(None, len(stages.times) - 1, u, v, row)
+        started = True
         for n in range(self.steps + 1):
             clock[0], u[size:], v[size:] = n * dt, 0.0, 0.0
             self._middle = (n + 0.5) * dt
