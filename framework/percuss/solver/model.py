@@ -422,6 +422,12 @@ class Model:
 
     # -- contacts ----------------------------------------------------------------------------------------
 
+    @cached_property
+    def tied_points(self) -> tuple[int, ...]:
+        """The contact points of masses that are tied in every step of the run or stretch, in ascending order."""
+        tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
+        return tuple(sorted(p for p in tied.difference(self._never_active) if not self.points_without_mass[p]))
+
     def points(self, where: Sequence[int], dt: float) -> ContactPoints:
         """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
 
