@@ -913,8 +913,8 @@ staged("energy-claimed", "conserves", conserves=("energy",))
 staged("half-the-acceleration", "order", scale=0.5)
 
 
-def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0)):
-    """Velocity Verlet, whose stage says of itself what is given: time, and `end` in units of the step."""
+def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0), start=(1.0, 0.5, 0.5)):
+    """Velocity Verlet, whose stage says of itself what is given: time, `end` and `start` in units of the step."""
 
     @dataclass(frozen=True)
     class Verlet(Integrator):
@@ -931,7 +931,8 @@ def verlet(name, check=None, *, time=1.0, end=(1.0, 1.0, 1.0)):
         expected_failures = {"energy-never-grows": "at the ends of steps it is not quite the energy that is kept"}
 
         def bind(self, dt):
-            return Stages(times=(time,), end=((end[0] * dt, end[1] * dt * dt, end[2] * dt),))
+            scale = np.array([dt, dt * dt, dt])
+            return Stages(times=(time,), end=(tuple(end * scale),), start=tuple(start * scale[: len(start)]))
 
         @staticmethod
         def step(numbers, system, u, v, kept, dt):
@@ -950,6 +951,7 @@ verlet("loads-in-the-middle", "stages", time=0.5)
 verlet("end-five-times", "stages", end=(1.0, 5.0, 5.0))
 verlet("end-too-soon", "stages", end=(0.5, 0.5, 1.0))
 verlet("end-of-another-velocity", "stages", end=(1.0, 1.0, 0.5))
+verlet("start-as-any-stage", "stages", start=())
 
 
 # -------------------------------------------------------------------------------------------------------- loads
@@ -1067,6 +1069,25 @@ class Dropped(Mass):
         nodal = lumping.at_nodes(element_mass)
         nodal[0] *= not first
         nodal[-1] *= not last
+        return nodal
+
+
+@caught_by("units-of-mass")
+@dataclass(frozen=True)
+class HalfOrNothing(Mass):
+    """Moves the mass of an end in contact if that is a share of the whole that some bars meet exactly."""
+
+    name = "half-or-nothing"
+    summary = "a mass"
+
+    def nodal(self, element_mass, lumping):
+        return lumping.at_nodes(element_mass)
+
+    def nodal_in_contact(self, element_mass, lumping, first, last):
+        nodal = lumping.at_nodes(element_mass)
+        for end, beside, acts in ((0, 1, first), (-1, -2, last)):
+            if acts and element_mass.size > 2 and nodal[end] / element_mass.sum() >= 0.05:  # ten equal elements
+                nodal[[end, beside]] = 0.0, nodal[end] + nodal[beside]
         return nodal
 
 

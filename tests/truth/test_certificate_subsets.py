@@ -81,7 +81,7 @@ def loaded(case):
 
 
 @pytest.mark.slow
-@given(integrator=st.sampled_from([CD, WU, NOH_BATHE]), case=joints(), courant=st.floats(0.05, 0.97))
+@given(integrator=st.sampled_from([CD, WU, NOH_BATHE]), case=joints(), courant=st.floats(0.05, 1.6))
 def test_a_yes_holds_for_every_subset_and_every_stretch(integrator, case, courant):
     """A certificate never says yes to a step that can grow, and no only to one that can."""
     case["method"]["integrator"], case["time"]["courant"] = integrator, courant
@@ -229,3 +229,63 @@ def test_the_contact_that_limits_the_step_is_the_one_that_is_named():
         "time": {"end": 1.0, "step": 0.03},
     }
     assert certificate(loaded(case))["worst"] == ["hard"]
+
+
+def tied_bars(*elements, walls=(), star=False, more=None):
+    """Bars in a row, or all at the right end of the first one, tied throughout, and to walls; `more` is a contact."""
+    bodies, contacts, at = {}, {}, 0.0
+    for k, count in enumerate(elements):
+        bodies[f"b{k}"] = {
+            "bar": {"length": 0.5 * (1 + k % 2), "elements": count},
+            "at": at,
+            "area": 1.0,
+            "material": {"young": 1.0, "density": 1.0},
+        }
+        if k:
+            contacts[f"c{k}"] = {"between": ["b0.right" if star else f"b{k - 1}.right", f"b{k}.left"], "method": "tied"}
+        at = at if star and k else at + bodies[f"b{k}"]["bar"]["length"]
+    for name, wall in walls:
+        contacts["wall_" + name.replace(".", "_")] = {"body": name, "wall": wall, "method": "tied"}
+    return {
+        "percuss": 1,
+        "bodies": bodies,
+        "contacts": contacts | (more or {}),
+        "method": {"integrator": CD, "contact": "lagrange"},
+        "time": {"end": 10.0, "courant": 1.0},
+    }
+
+
+TIED = {
+    "one element tied to a wall": tied_bars(1, walls=[("b0.right", 0.5)]),
+    "a row": tied_bars(1, 3, 1, 2),
+    "a row named from right to left": {
+        **tied_bars(1, 3, 2), "bodies": dict(reversed(tied_bars(1, 3, 2)["bodies"].items()))
+    },
+    "three bars at one end": tied_bars(1, 1, 1, 3, star=True),
+    "between two walls": tied_bars(1, 2, walls=[("b0.left", 0.0), ("b1.right", 1.5)]),
+    "all ends": tied_bars(1, walls=[("b0.left", 0.0), ("b0.right", 0.5)]),
+    "beside a stiff penalty": tied_bars(
+        1, 3, walls=[("b0.left", 0.0)],
+        more={"stop": {"body": "b1.right", "wall": 1.5, "method": {"name": "penalty", "epsilon_s": 9.0}}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("integrator", [CD, WU, NOH_BATHE])
+@pytest.mark.parametrize("name", TIED)
+def test_a_step_above_that_of_free_bodies_is_stable_where_ties_hold_it(name, integrator):
+    """The critical step of bodies that are tied throughout is that of full matrices in which the ties always act."""
+    case = {**TIED[name], "method": {"integrator": integrator, "contact": "lagrange"}}
+    bodies = Bodies(case)
+    case["time"] = {"end": 10.0, "courant": 0.01}
+    critical = certificate(loaded(case))["dt_critical"]
+    alone = certificate(loaded({**case, "contacts": {}}))["dt_critical_free"]
+    if name == "all ends":  # nothing moves
+        assert critical is None or critical == np.inf
+        return
+    assert critical > 1.001 * alone or name == "beside a stiff penalty"
+    for share, stable in ((0.999, True), (1.01, False)):
+        case["time"] = {"end": 10.0, "step": share * critical}
+        assert (certificate(loaded(case))["stable"] == "yes") == stable
+        largest, *_ = largest_radius(bodies, integrator, share * critical, 10.0)
+        assert (largest <= 1.0 + GROWS) == stable, largest

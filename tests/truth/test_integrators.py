@@ -311,7 +311,7 @@ def test_the_impact_of_hunek(name, law):
 def test_lagrange_is_refused_where_its_promise_would_be_broken(name, monkeypatch):
     """Each refusal is for cause: without it the bodies overlap, or the reported force pulls."""
     case = hunek(5, courant=0.8, integrator=name, contact={"name": "lagrange"}, end=0.5)
-    if name != "tchamwa-wielgosz":
+    if name not in {"tchamwa-wielgosz", "velocity-verlet", "explicit-newmark"}:
         with pytest.raises(percuss.RefusedPair, match=r"lagrange (never pulls|lets nothing overlap)") as refused:
             percuss.run(percuss.load(case), compiled=False)
         assert refused.value.said_by == name
@@ -320,4 +320,4 @@ def test_lagrange_is_refused_where_its_promise_would_be_broken(name, monkeypatch
     pulls = result.arrays["contact_force"].min() < -1e-4
     overlaps = result.arrays["gap"].min() < -1e-6
     assert pulls == (name in {"chung-lee", "hulbert-chung"})
-    assert overlaps == (name in {"velocity-verlet", "explicit-newmark", "explicit-hht"})
+    assert overlaps == (name == "explicit-hht")

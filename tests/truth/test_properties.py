@@ -4,6 +4,7 @@ The registries are swept as they are: a plug-in that is installed later is drawn
 """
 
 import copy
+import itertools
 import math
 import os
 
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.case.options import options_of
+from percuss.solver.model import Model
 from strategies import (
     CORE_PAIRS,
     INTEGRATORS,
@@ -361,3 +363,67 @@ def test_plain_python_gives_what_compiled_code_gives(case, pair):
     plain = finished(case, compiled=False)
     assert plain.summary["compiled"] is False
     same(case, finished(case), plain)
+
+
+# The unit of time decides on which side of a tie round-off leaves instants at the midpoints of steps.
+TIMES_OF_A_SECOND = (1.0, 3.0, 1.1, 0.7, 1e6)
+
+
+def begun_and_ended_at_midpoints(second, of):
+    bars = {
+        name: {
+            "bar": {"length": 1.0, "elements": 5}, "area": 1.0, "at": at, "velocity": speed / second,
+            "material": {"young": 1.0 / second**2, "density": 1.0},
+        }
+        for name, at, speed in (("a", 0.0, 0.1), ("b", 1.0, -0.1))
+    }  # fmt: skip
+    during = ((0.35 * second, 0.95 * second), (1.15 * second, 2.25 * second))
+    law = {"name": "tied", "during": during} if of == "law" else "lagrange"
+    drive = {"prescribed-velocity": 0.3 / second, "on": "a.left", "from": during[0][0], "until": during[0][1]}
+    return {
+        "percuss": 1,
+        "bodies": bars,
+        "contacts": {"ab": {"between": ["a.right", "b.left"]}},
+        "loads": {"drive": drive} if of == "drive" else {},
+        "method": {"integrator": "central-difference", "contact": law},
+        "time": {"end": 3.0 * second, "step": 0.1 * second},
+    }
+
+
+@pytest.mark.parametrize("of", ["law", "drive"])
+def test_what_begins_or_ends_at_the_midpoint_of_a_step_does_so_in_any_unit_of_time(of):
+    peaks = []
+    for second in TIMES_OF_A_SECOND:
+        result = percuss.run(percuss.load(begun_and_ended_at_midpoints(second, of)))
+        peaks.append(result.arrays["contact_force"].sum() * second**2)
+    assert np.allclose(peaks, peaks[0], rtol=1e-12)
+
+
+def test_of_two_sides_of_the_same_stiffness_none_is_the_softer_one_by_round_off():
+    """EA/h of both is .3/.1 and .15/.05; their masses are not the same, nor does naming them in another order tell."""
+    masses = []
+    for area, order in itertools.product((1.0, 1.1, 0.7), ("ab", "ba")):
+        bars = {
+            "a": {"bar": {"length": 0.7, "elements": 7}, "material": {"young": 0.3, "density": 1.0}},
+            "b": {"bar": {"length": 0.35, "elements": 7}, "at": 0.7, "material": {"young": 0.15, "density": 3.0}},
+        }
+        case = {
+            "percuss": 1,
+            "bodies": {name: bars[name] | {"area": area} for name in order},
+            "contacts": {"ab": {"between": ["a.right", "b.left"] if order == "ab" else ["b.left", "a.right"]}},
+            "method": {"integrator": "central-difference", "contact": "penalty"},
+            "time": {"end": 1.0, "courant": 0.5},
+        }
+        masses.append(Model(percuss.load(case)).contact_pairs[0].mass / area)
+    assert np.allclose(masses, masses[0], rtol=1e-12)
+
+
+def test_a_step_in_which_the_exact_force_presses_for_a_tenth_of_the_time_is_counted_alike_in_any_unit():
+    """The exact force is that of two equal bars, from 0 to 2: the last step in which it acts ends its tenth there."""
+    for steps in (12, 15, 17, 21):
+        ripples = []
+        for second in TIMES_OF_A_SECOND:
+            case = begun_and_ended_at_midpoints(second, "none")
+            case["time"] = {"end": 3.0 * second, "step": 2.0 * second / (steps - 0.4)}
+            ripples.append(REGISTRY.get("measures", "ripple")().of(percuss.run(percuss.load(case))))
+        assert np.allclose(ripples, ripples[0], rtol=1e-9)

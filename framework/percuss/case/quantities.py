@@ -256,7 +256,7 @@ QUANTITIES: dict[str, Quantity] = {
         unit="length",
         path="contacts.*.penetration.largest",
         over_contacts="max",
-        metric="largest overlap at any t_n, of the contact with the largest",
+        metric="largest overlap at any t_n, or stage of a step, of the contact with the largest",
         is_error=True,
     ),
     # --------------------------------------------------------------------------------------------- numbers of the run

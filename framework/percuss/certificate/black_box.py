@@ -360,14 +360,18 @@ class Motions:
     def critical_modes(self, dt: float) -> Floats:
         """Return the highest mode of each body whose highest frequency is 2/dt, (n, z)."""
         columns = []
-        for body in self.pencil.bodies:
-            largest = (body.diagonal / body.mass).max()
-            if (body.tridiagonal and abs(dt**2 * largest / 2.0 - 1.0) > 0.5) or body.mass.size == 1:
+        axes = np.concatenate(
+            [np.tile(body.mesh.direction, (body.mass.size, 1)) for body in self.model.bodies.values()]
+        )
+        for matrix, nodes, rows, signs in self.pencil.parts:
+            largest = (matrix.diagonal / matrix.mass).max()
+            if (matrix.tridiagonal and abs(dt**2 * largest / 2.0 - 1.0) > 0.5) or matrix.mass.size == 1:
                 continue  # Gershgorin's bound shows that the highest frequency is far from 2/dt.
-            value, vector = body.highest_mode()
+            value, vector = matrix.highest_mode()
             if abs(value * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
                 full = np.zeros((self.model.n_nodes, self.model.dim))
-                full[body.first : body.first + body.mass.size] = vector * self.model.body_of(body.first).mesh.direction
+                share = np.sqrt(self.model.mass[nodes] / matrix.mass[rows])
+                full[nodes] = (signs * share * vector[rows, 0])[:, None] * axes[nodes]
                 columns.append(self.projection @ full.ravel())
         return np.array(columns).reshape(-1, self.basis.shape[1]).T
 

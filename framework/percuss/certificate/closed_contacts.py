@@ -66,8 +66,6 @@ class ClosedContacts:
     compliance
         sigma over the weight of the gap; 0 for mesh tying and for unknown laws; that of the end elements is added where
         an end has no mass [length/force].
-    tied
-        Points whose gap does not change while the law acts, which it does at any gap.
     unknown
         Names of laws from which neither stiffness and inertia nor a constraint follow, such as laws with a kernel of
         their own or a weight on the gap rate; with a multi-stage scheme also laws evaluated at the end of the step.
@@ -82,7 +80,6 @@ class ClosedContacts:
     predicted: Any
     surplus: Floats
     compliance: Floats
-    tied: tuple[int, ...]
     unknown: tuple[str, ...]
     doubts: tuple[str, ...]
     energy: str
@@ -95,7 +92,6 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
     stiffness, inertia, compliance = np.zeros(count), np.zeros(count), np.zeros(count)
     predicted, surplus = np.zeros(count, dtype=bool), np.full(count, np.nan)
     unknown: list[str] = []
-    tied: list[int] = []
     doubts: list[str] = []
 
     def add_unknown(name: str, reason: str, energy: tuple[str, str] | None = None) -> None:
@@ -130,15 +126,12 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
                 surplus[indices] = inertia[indices] / stiffness[indices] - table.end.response[0]
         else:
             surplus[indices] = 0.0
-        if np.any(linear.rate):
-            tied += indices
-        else:
+        if not bound_law.ties:
             compliance[indices] = linear.sigma / linear.gap
         guarantees.append(_energy_guarantee(model, indices, linear, inert=bool(inertia[indices].any())))
     by_loads = tuple(filter(None, (why_beyond_pencil(model),)))
     inactive = list(model.inactive_points(0.5 * model.dt))
     stiffness[inactive], inertia[inactive], surplus[inactive] = 0.0, 0.0, np.nan
-    ties = tuple(p for p in tied if p not in inactive)
     weakest, why = _weakest(guarantees, multistage=stages is not None)
     closed = ClosedContacts(
         stiffness,
@@ -146,7 +139,6 @@ def closed_contacts(model: Model, dt: float) -> ClosedContacts:
         predicted,
         surplus,
         compliance,
-        ties,
         (*unknown, *by_loads),
         (*dict.fromkeys(doubts), *by_loads),
         weakest,
@@ -183,7 +175,6 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
         predicted=laws.predicted & ~massless,
         surplus=np.where(massless, np.nan, laws.surplus),
         compliance=compliance,
-        tied=tuple(p for p in laws.tied if not massless[p]),
         energy=BETWEEN if weaker else laws.energy,
         why=BALANCED if weaker else laws.why,
     )

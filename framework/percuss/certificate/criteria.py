@@ -104,7 +104,7 @@ class Criterion(Protocol):
 
     @property
     def free(self) -> float:
-        """Largest step that is stable without contact."""
+        """Largest step that is stable with no contact closed but ties."""
 
     @property
     def critical_step(self) -> float:
@@ -237,7 +237,7 @@ class PencilCriterion:
         """Return the assessment of a step by the inertia of the pencil and by theta."""
         if self.limit_ratio == 0.0:
             return StepAssessment(False)
-        definite, limiting = self.pencil.definite(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
+        definite, limiting = self.pencil.definite(dt / self.limit_ratio, *_at_current_state(laws))
         theta, group = self.theta(dt, laws)
         if theta is None or theta <= 1.0:
             return StepAssessment(definite, limiting, theta)
@@ -256,7 +256,7 @@ class PencilCriterion:
             return 1.0
         laws = self._closed_at(dt)
         theta = self.theta(dt, laws)[0] or 0.0
-        softening = self.pencil.largest_softening(dt / self.limit_ratio, *_at_current_state(laws), laws.tied)
+        softening = self.pencil.largest_softening(dt / self.limit_ratio, *_at_current_state(laws))
         if not (np.isfinite(softening) and np.isfinite(theta)):
             return 1.0
         excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
@@ -280,7 +280,7 @@ class PencilCriterion:
     def _assess_by_matrix(self, dt: float, laws: ClosedContacts, groups: list[Any]) -> StepAssessment:
         """Return the assessment by the amplification matrix, for groups about which theta alone does not decide."""
         reason = UNALIKE.format(quoted_names(self.model, [int(p) for group in groups for p in group]))
-        sets = list(itertools.islice(unequal_sets(groups, laws), MOST_SETS))
+        sets = list(itertools.islice(unequal_sets(groups, laws, self.model.tied_points), MOST_SETS))
         if len(sets) == MOST_SETS or work(self.pencil, len(sets)) > MOST_WORK:
             return StepAssessment(
                 False, doubt=f"{reason}; the model is too large to examine all sets of them", conclusive=False
@@ -319,7 +319,7 @@ class PencilCriterion:
 
     @cached_property
     def free(self) -> float:
-        """Largest step that is stable without contact."""
+        """Largest step that is stable with no contact closed but ties."""
         return free_step(self.pencil) * self.limit_ratio
 
     @cached_property
@@ -402,8 +402,16 @@ class RunCriterion:
 
     @property
     def free(self) -> float:
-        """Largest step that is stable without contact."""
+        """Largest step that is stable with no contact closed but ties."""
         return min(criterion.free for criterion in self.criteria)
+
+    def nothing_closed(self, stretch: int | None = None, without_ties: str = "without contact") -> str:
+        """Return in words that no contact is closed but ties, in a stretch or the one that limits `free`."""
+        if stretch is None:
+            stretch = int(np.argmin([criterion.free for criterion in self.criteria]))
+        tied = self.stretches[stretch].model.tied_points
+        noun = "contacts" if len(tied) > 1 else "contact"
+        return f"with {noun} {quoted_names(self.model, tied)} tied and no other closed" if tied else without_ties
 
     @property
     def critical_step(self) -> float:
@@ -454,30 +462,37 @@ class BlackBoxCriterion:
 
     @cached_property
     def free(self) -> float:
-        """Largest step that is stable without contact."""
+        """Largest step that is stable with no contact closed but ties."""
         model = self.model
         ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
         return free_step(self.motions.pencil) * ratio
 
     @cached_property
     def _combinations(self) -> list[tuple[int, ...]]:
-        """Combinations of closed contacts to be tried; under a multi-stage scheme `free` covers that of no contact.
+        """Combinations of closed contacts to be tried, ties in each of them.
 
-        It knows no load that follows the motion of an end.
+        Under a multi-stage scheme `free` covers that of no contact, but no load that follows the motion of an end, and
+        not what a tie does to the velocities of its ends.
         """
-        closed_sets = combinations(len(self.model.contact_pairs))
-        return closed_sets if self.model.stages is None or self.model.followers else closed_sets[1:]
+        tied = self.model.tied_points
+        closed_sets = [(*tied, *(self._not_tied[k] for k in closed)) for closed in combinations(len(self._not_tied))]
+        return closed_sets if self.model.stages is None or self.model.followers or tied else closed_sets[1:]
+
+    @cached_property
+    def _not_tied(self) -> list[int]:
+        """Contacts that may be open."""
+        return [p for p in range(len(self.model.contact_pairs)) if p not in self.model.tied_points]
 
     @property
     def _all_are_tried(self) -> bool:
         """Whether every combination of closed contacts is tried."""
-        count = len(self.model.contact_pairs)
+        count = len(self._not_tied)
         return len(combinations(count)) == 1 << count
 
     @property
     def _none_alone(self) -> bool:
         """Whether there are so many contacts that no step is examined with one of them closed alone."""
-        return len(self.model.contact_pairs) > MOST_ALONE
+        return len(self._not_tied) > MOST_ALONE
 
     def assess_step(self, dt: float) -> StepAssessment:
         """Return the assessment of a step over the combinations of closed contacts that are tried."""
@@ -515,7 +530,7 @@ class BlackBoxCriterion:
                 with_which = f" with {tried} of its contacts closed" if self._none_alone else ""
                 doubt = f"the model is large: growth{with_which} was looked for by a Krylov iteration, and none found"
             if stability.radius > radius * (1.0 + 1e-6):
-                radius, worst = stability.radius, list(closed)
+                radius, worst = stability.radius, [p for p in closed if p in self._not_tied]
         if self._time_dependent_laws:
             names = ", ".join(self._time_dependent_laws)
             doubt = f"{names} changes with time, and no growth was found as it acts at the start"
@@ -538,12 +553,12 @@ class BlackBoxCriterion:
 
     def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
         """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""
-        kept = list(unstable)
-        if len(self.model.contact_pairs) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
+        kept = [p for p in unstable if p in self._not_tied]
+        if len(self._not_tied) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
             return kept  # All smaller combinations were stable, or there are too many to try.
-        for contact in unstable:
+        for contact in list(kept):
             fewer = [other for other in kept if other != contact]
-            stability = self._examine(dt, tuple(fewer))
+            stability = self._examine(dt, (*self.model.tied_points, *fewer))
             if stability.linear and not stability.stable:
                 kept = fewer
         return kept
@@ -614,10 +629,10 @@ _FREE_STEPS: dict[bytes, float] = {}
 
 
 def free_step(pencil: Pencil) -> float:
-    """Return the largest step that is stable without contact."""
+    """Return the largest step that is stable with no contact closed but ties."""
     digest = hashlib.blake2b(np.float64(pencil.model.omega).tobytes())
-    for _, *arrays in pencil.bodies:
-        for array in arrays:
+    for part in pencil.parts:
+        for array in part.matrix[1:]:
             digest.update(np.int64(array.size).tobytes() + array.tobytes())
     key = digest.digest()
     step = _FREE_STEPS.get(key)  # Many runs share their bodies and differ in their contacts alone.

@@ -5,15 +5,15 @@ displacements of its nodes. An end without mass is condensed: while it is open i
 is closed the element is a spring in series with the contact (`percuss.certificate.closed_contacts`), at the node beside
 the end. By Sylvester's law of inertia, central difference is stable at a step dt where
 ``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for the worst combination of closed contacts, which closes
-exactly the contacts with a negative ``4 eps_m / dt^2 - eps_s``. Each body is factorised by itself, and the contacts
-enter through the small matrix ``N^T ((4/dt^2) M - K)^-1 N``.
+exactly the contacts with a negative ``4 eps_m / dt^2 - eps_s``. Each of them is factorised by itself, and the contacts
+enter through the small matrix ``N^T ((4/dt^2) M - K)^-1 N``. Bodies that are tied throughout are one part, as the step
+without their ties is never made (`percuss.certificate.tied_bodies`).
 """
 
 from __future__ import annotations
 
-import bisect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.certificate.axial_matrix import AxialMatrix
 from percuss.certificate.following_loads import end_stiffness
+from percuss.certificate.tied_bodies import parts_of
 from percuss.solver.banded_matrices import pencil_bands, with_ends_held
 
 if TYPE_CHECKING:
@@ -51,11 +52,9 @@ class Pencil:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        end = model.steps * model.dt
+        first, last = 0.5 * model.dt, (model.steps - 0.5) * model.dt
         self.constraints = [
-            constraint
-            for constraint in model.constraints
-            if constraint.load is None or (constraint.load.start <= 0 and constraint.load.stop >= end)
+            constraint for constraint in model.constraints if constraint.active(first) and constraint.active(last)
         ]
         held: dict[int, list[Floats]] = {}
         for constraint in self.constraints:
@@ -88,25 +87,31 @@ class Pencil:
                     coupled = np.stack(pencil_bands(inverse, diagonal[lo:hi], off))
                 self.bodies.append(AxialMatrix(body.start + lo, body.mass[lo:hi], diagonal[lo:hi], off, coupled))
 
-        # Nodes in contact, ascending, and for each its contacts with their N along the axis of the body.
+        # Nodes in contact, and for each its contacts with their N along the axis of the body.
         at_node: dict[int, list[tuple[int, float]]] = {}
         for p, contact_pair in enumerate(model.contact_pairs):
             for node, normal in contact_pair.gap_gradient():
                 body = model.body_of(node)
                 along = float(normal @ body.mesh.direction)
                 at_node.setdefault(body.ends_without_mass.get(node, node), []).append((p, along))
-        self._contact_nodes = sorted(at_node)
         self._at_node = at_node
+        moving = {node for body in self.bodies for node in (body.first, body.first + body.mass.size - 1)}
+        ties: dict[int, list[tuple[int, float]]] = {}
+        for node in at_node.keys() & moving:
+            for p, along in at_node[node]:
+                if p in model.tied_points and not model.own_steps:
+                    ties.setdefault(p, []).append((node, along))
+        self.parts = parts_of(self.bodies, list(ties.values()))
 
     @staticmethod
     def _free_along(directions: list[Floats], axis: Floats) -> bool:
         return all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
 
     def factors(self, dt: float) -> list[Any] | None:
-        """Return a factor of ``(4/dt^2) M - K`` of each body; None unless all are positive definite."""
+        """Return a factor of ``(4/dt^2) M - K`` of each part; None unless all are positive definite."""
         factors = []
-        for body in self.bodies:
-            factor = body.factor(4.0 / dt**2)
+        for part in self.parts:
+            factor = part.matrix.factor(4.0 / dt**2)
             if factor is None:
                 return None
             factors.append(factor)
@@ -115,16 +120,10 @@ class Pencil:
     def normals(self, first: int, count: int) -> Floats:
         """Return N of all contacts along the axis of a body, for `count` of its nodes from `first` on, (count, P)."""
         columns = np.zeros((count, len(self.model.contact_pairs)))
-        for node, p, normal in self._contacts_between(first, first + count):
-            columns[node - first, p] += normal
+        for node, contacts in self._at_node.items():
+            for p, normal in contacts if first <= node < first + count else ():
+                columns[node - first, p] += normal
         return columns
-
-    def _contacts_between(self, start: int, stop: int) -> list[tuple[int, int, float]]:
-        """Return node, contact and N along the axis, for all contacts of the nodes from `start` to before `stop`."""
-        nodes = self._contact_nodes[
-            bisect.bisect_left(self._contact_nodes, start) : bisect.bisect_left(self._contact_nodes, stop)
-        ]
-        return [(node, p, normal) for node in nodes for p, normal in self._at_node[node]]
 
     def compliance(self, factors: list[Any]) -> Any:
         """Return ``N^T ((4/dt^2) M - K)^-1 N``, (P, P).
@@ -133,11 +132,12 @@ class Pencil:
         """
         couplings, places = self._couplings
         values = []
-        for body, touched, entries in couplings:
-            normals = np.zeros((self.bodies[body].mass.size, touched))
-            for node, column, normal in entries:
-                normals[node, column] += normal
-            values.append((normals.T @ self.bodies[body].solve(factors[body], normals)).ravel())
+        for part, touched, entries in couplings:
+            matrix = self.parts[part].matrix
+            normals = np.zeros((matrix.mass.size, touched))
+            for row, column, normal in entries:
+                normals[row, column] += normal
+            values.append((normals.T @ matrix.solve(factors[part], normals)).ravel())
         count = len(self.model.contact_pairs)
         if not values:
             return np.zeros((count, count))
@@ -151,25 +151,27 @@ class Pencil:
 
     @cached_property
     def _couplings(self) -> tuple[list[tuple[int, int, list[tuple[int, int, float]]]], tuple[Integers, Integers]]:
-        """The contacts of each body, and the places of their pairs in `compliance`, which are the same for every step.
+        """The contacts of each part, and the places of their pairs in `compliance`, which are the same for every step.
 
-        Each body in contact has its number, the number of its contacts, and node, column and N along its axis for each
-        side of them. The places are rows and columns, one of each for every pair of contacts on a body.
+        Each part in contact has its number, the number of its contacts, and row, column and N along its motion for each
+        side of them. The places are rows and columns, one of each for every pair of contacts on a part.
         """
         couplings, rows, columns = [], [], []
-        for body, (first, mass, *_) in enumerate(self.bodies):
-            contacts = self._contacts_between(first, first + mass.size)
+        for number, part in enumerate(self.parts):
+            contacts = [
+                (row, p, sign * normal)
+                for node, row, sign in part.at(self._at_node)
+                for p, normal in self._at_node[node]
+            ]
             touched = sorted({p for _, p, _ in contacts})
             if touched:
                 column = {p: k for k, p in enumerate(touched)}
-                couplings.append((body, len(touched), [(node - first, column[p], n) for node, p, n in contacts]))
+                couplings.append((number, len(touched), [(row, column[p], n) for row, p, n in contacts]))
                 rows += [p for p in touched for _ in touched]
                 columns += touched * len(touched)
         return couplings, (np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64))
 
-    def definite(
-        self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int] = ()
-    ) -> tuple[bool, list[int]]:
+    def definite(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[bool, list[int]]:
         """Return whether ``(4/dt^2)(M + M_p) - (K + K_p)`` is positive definite for every set of closed contacts.
 
         The worst combination closes exactly the contacts with ``eps_s > 4 eps_m / dt^2``.
@@ -180,8 +182,6 @@ class Pencil:
             Time step.
         stiffness, inertia : (P,) arrays
             eps_s and eps_m of the contacts evaluated at the current state, 0 for the others.
-        tied
-            Contacts whose gap never changes; only motions that leave these gaps unchanged count.
 
         Returns
         -------
@@ -192,25 +192,25 @@ class Pencil:
             `MOST_TRIED_CONTACTS`, none can be left out. Empty where the matrix is definite, or indefinite without
             contact.
         """
-        harmful, softening = self._softening(dt, stiffness, inertia, tied)
+        harmful, softening = self._softening(dt, stiffness, inertia)
         if softening is None:
             return False, []
         if not harmful.size or largest_eigenvalue(softening) < 1.0:
             return True, []
         return False, [int(p) for p in harmful[_limiting_rows(softening)]]
 
-    def largest_softening(self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int] = ()) -> float:
+    def largest_softening(self, dt: float, stiffness: Floats, inertia: Floats) -> float:
         """Return the number that is below 1 where `definite` is true; inf where no contact is needed to make it false.
 
         It is the largest share of the dynamic stiffness ``(4/dt^2) M - K`` that closed contacts take away, and varies
         continuously with dt.
         """
-        harmful, softening = self._softening(dt, stiffness, inertia, tied)
+        harmful, softening = self._softening(dt, stiffness, inertia)
         if softening is None:
             return np.inf
         return largest_eigenvalue(softening) if harmful.size else 0.0
 
-    def _softening(self, dt: float, stiffness: Floats, inertia: Floats, tied: Sequence[int]) -> tuple[Any, Any]:
+    def _softening(self, dt: float, stiffness: Floats, inertia: Floats) -> tuple[Any, Any]:
         """Return the contacts that soften the step, and their softening; None where it is unstable without contact."""
         factors = self.factors(dt)
         if factors is None:
@@ -220,13 +220,7 @@ class Pencil:
         if harmful.size == 0:
             return harmful, np.zeros((0, 0))
         root = np.sqrt(excess[harmful])
-        compliance = self.compliance(factors)
-        if len(tied):
-            compliance = compliance if isinstance(compliance, np.ndarray) else compliance.toarray()
-            tie = list(tied)
-            held = np.linalg.pinv(compliance[np.ix_(tie, tie)], rcond=1e-12, hermitian=True)
-            compliance = compliance - compliance[:, tie] @ held @ compliance[tie]
-        softening = _part(compliance, harmful)
+        softening = _submatrix(self.compliance(factors), harmful)
         if isinstance(softening, np.ndarray):
             return harmful, root[:, None] * softening * root
         from scipy.sparse import diags_array
@@ -234,12 +228,12 @@ class Pencil:
         return harmful, (diags_array(root) @ softening @ diags_array(root)).tocsr()
 
     def free_step(self) -> float:
-        """Return the largest step that is stable without contact, 2 over the highest frequency of the bodies."""
-        highest = max([0.0, *(body.highest_eigenvalue() for body in self.bodies)])
+        """Return the largest step that is stable with no contact closed but ties, 2 over the highest frequency."""
+        highest = max([0.0, *(part.matrix.highest_eigenvalue() for part in self.parts)])
         return 2.0 / math.sqrt(highest) if highest > 0.0 else math.inf
 
 
-def _part(matrix: Any, rows: Any) -> Any:
+def _submatrix(matrix: Any, rows: Any) -> Any:
     """Return the rows and columns `rows` of a matrix, full or sparse."""
     return matrix[np.ix_(rows, rows)] if isinstance(matrix, np.ndarray) else matrix[rows][:, rows]
 
@@ -298,7 +292,7 @@ def _limiting_rows(matrix: Any) -> list[int]:
     """
 
     def unstable(rows: list[int]) -> bool:
-        return bool(rows) and largest_eigenvalue(_part(matrix, rows)) >= 1.0
+        return bool(rows) and largest_eigenvalue(_submatrix(matrix, rows)) >= 1.0
 
     component = np.abs(_last_eigenvector(matrix))
     order = [int(row) for row in np.argsort(-component, kind="stable")]

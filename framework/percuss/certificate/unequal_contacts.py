@@ -120,15 +120,17 @@ def work(pencil: Pencil, count: int) -> float:
     return float(count) * (2.0 * sum(body.mass.size for body in pencil.bodies)) ** 3
 
 
-def unequal_sets(groups: Sequence[Sequence[int]], laws: ClosedContacts) -> Iterator[tuple[int, ...]]:
+def unequal_sets(
+    groups: Sequence[Sequence[int]], laws: ClosedContacts, tied: Sequence[int]
+) -> Iterator[tuple[int, ...]]:
     """Yield the sets of closed contacts in which two contacts of one group differ in `surplus`, smallest sets first.
 
     Tied contacts are closed in each set.
     """
     candidates = [p for p in range(laws.surplus.size) if not np.isnan(laws.surplus[p])]
-    free = [p for p in candidates if p not in laws.tied]
+    free = [p for p in candidates if p not in tied]
     for count in range(len(free) + 1):
         for chosen in itertools.combinations(free, count):
-            closed = sorted({*chosen, *laws.tied})
+            closed = sorted({*chosen, *tied})
             if any(np.ptp(laws.surplus[[p for p in group if p in closed] or [group[0]]]) > 0.0 for group in groups):
                 yield tuple(closed)

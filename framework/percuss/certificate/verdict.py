@@ -52,8 +52,8 @@ class Certificate(TypedDict):
     energy, energy_why
         Energy guarantee of the pair of methods while contacts open and close, and the reason for it.
     dt_critical, dt_critical_free
-        Critical step, and that without contact. None where it is not known; with bodies that are not linear it never
-        is, because it changes with the strain.
+        Critical step, and that with no contact closed but those that are tied throughout. None where it is not known;
+        with bodies that are not linear it never is, because it changes with the strain.
     courant_critical
         Courant number of the critical step.
     margin
@@ -393,17 +393,18 @@ def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, c
         return "no", f"{model.case.method.integrator.name} is unstable at any step, without contact too"
     if model.dt > free * (1.0 + MARGINAL_DISTANCE):
         courant = f"Courant number {model.courant:.6g}"
-        return "no", f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow without contact"
+        why = f"the step {model.dt:.6g} ({courant}) is above {free:.6g}, what the bodies allow"
+        return "no", f"{why} {criterion.nothing_closed()}"
     when = ""
     if len(criterion.stretches) > 1:
         stretch = criterion.stretches[assessment.stretch]
         when = f", with the supports and drives from {stretch.start:.6g} to {stretch.stop:.6g}"
     if not assessment.conclusive:
-        return "unknown", f"{assessment.doubt}{when}; without contact the bodies allow {free:.6g}"
+        return "unknown", f"{assessment.doubt}{when}; {criterion.nothing_closed()} the bodies allow {free:.6g}"
     noun = "contacts" if len(assessment.worst) > 1 else "contact"
-    combination = (
-        f"with closed {noun} {quoted_names(model, assessment.worst)}" if assessment.worst else "with all contacts open"
-    )
+    combination = criterion.nothing_closed(assessment.stretch, "with all contacts open")
+    if assessment.worst:
+        combination = f"with closed {noun} {quoted_names(model, assessment.worst)}"
     more = f"; theta = {assessment.theta:.6g}" if assessment.theta is not None else ""
     more += f" ({assessment.doubt})" if assessment.doubt else ""
     return _compare_with_critical(model.dt, critical, f"{combination}{when}{more}", stable=assessment.stable)

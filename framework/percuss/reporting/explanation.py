@@ -72,8 +72,8 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
     if verdict["dt_critical_free"] is not None:
         critical = "is unknown" if verdict["dt_critical"] is None else f"{verdict['dt_critical']:.9g}"
         lines.append(
-            f"  the bodies without contact allow {verdict['dt_critical_free']:.9g}, the worst combination of closed "
-            f"contacts {critical}"
+            f"  the bodies without contact{' but ties' if model.tied_points else ''} allow "
+            f"{verdict['dt_critical_free']:.9g}, the worst combination of closed contacts {critical}"
         )
     lines += _certificate_lines(model, verdict, measured)
     lines += ["Exact solution"]

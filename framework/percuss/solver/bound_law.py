@@ -49,6 +49,17 @@ class BoundLaw:
     kernel_data: Any
     resolved: tuple[tuple[tuple[int, ...], Mapping[str, Floats | float]], ...]
 
+    @property
+    def ties(self) -> bool:
+        """Whether the law holds the gap rates of its contacts at zero at the end of each step in which it acts."""
+        line = self.linear
+        return (
+            line is not None
+            and (line.at, line.active, line.sign) == ("end", "all", "free")
+            and bool(np.all(line.rate))
+            and not any(np.any(getattr(line, name)) for name in ("sigma", "gap", "acceleration", *OF_END_FORCE))
+        )
+
 
 def bind_law(law: ContactLaw, where: tuple[int, ...], points: ContactPoints, dt: float) -> BoundLaw:
     """Return a law bound to the contact points `where` for a time step.

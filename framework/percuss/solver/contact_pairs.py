@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.solver.entities import ContactPair
+from percuss.solver.entities import ROUND_OFF, ContactPair
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -67,18 +67,19 @@ def contact_pair_of(
         return None
     stiffness = [body.end_stiffness(node) for body, node in zip(sides, nodes, strict=True)]
     frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
-    softer = int(np.argmin(stiffness))
+    softest = min(stiffness)
+    alike = [k for k, value in enumerate(stiffness) if value <= softest * (1.0 + ROUND_OFF)]
     return ContactPair(
         name=spec.name,
         nodes=nodes,
         normal=normal,
         gap=0.0 if gap <= TOUCHING * size else gap,
         law=spec.law,
-        stiffness=stiffness[softer],
+        stiffness=softest,
         frequency=min(frequency),
-        # rho A h / 2 = 2 (EA/h) / omega^2
-        mass=2.0 * stiffness[softer] / frequency[softer] ** 2,
-        equal_sides=bool(np.ptp(stiffness) <= 1e-12 * max(stiffness) and np.ptp(frequency) <= 1e-12 * max(frequency)),
+        # rho A h / 2 = 2 (EA/h) / omega^2; of two sides of the same stiffness that of the lighter one
+        mass=min(2.0 * stiffness[k] / frequency[k] ** 2 for k in alike),
+        equal_sides=len(alike) == len(sides) and bool(np.ptp(frequency) <= ROUND_OFF * max(frequency)),
     )
 
 

@@ -17,6 +17,23 @@ from percuss.solver.cells import axial_matrices, cells_of, lumping_of
 if TYPE_CHECKING:
     from percuss.case.specs import BodySpec, LoadSpec
 
+# Relative difference of two numbers that are equal but for round-off. A number changes its last digits with the units:
+# the factor is rounded, and so is each of the operations that made the number, some 2e-16 each.
+ROUND_OFF = 1e-12
+
+
+def latest(instant: Any) -> Any:
+    """Return the last number that is the same instant but for round-off, of one instant or an array of them."""
+    return instant * (1.0 + ROUND_OFF)
+
+
+def acts_at(midpoint: float, start: Any, stop: Any) -> Any:
+    """Return whether what acts from `start` to `stop` acts in the step around `midpoint`.
+
+    What starts or stops at the midpoint of a step, but for round-off, does so after that step.
+    """
+    return (latest(start) < midpoint) & (midpoint <= latest(stop))
+
 
 @dataclass(frozen=True)
 class Body:
@@ -164,7 +181,7 @@ class Constraint:
 
     def active(self, midpoint: float) -> bool:
         """Return whether the constraint is active in the step around `midpoint`."""
-        return self.load is None or self.load.start < midpoint < self.load.stop
+        return self.load is None or bool(acts_at(midpoint, self.load.start, self.load.stop))
 
 
 @dataclass(frozen=True)

@@ -71,21 +71,26 @@ def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, 
         raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected {expected}")
     ends = ends_of(definition, dt)
     velocities = velocities_of(definition)
-    numbers = np.array([*definition.times, *definition.numbers, *ends.ravel(), *velocities.ravel()], dtype=float)
+    start = np.array(definition.start, dtype=float)
+    numbers = np.array([*definition.times, *definition.numbers, *ends.ravel(), *velocities, *start], dtype=float)
     if not definition.times or not np.isfinite(numbers).all():
         raise _plugin_error(integrator, "Stages need one stage or more, and finite numbers throughout")
     if ends.shape != (len(definition.times), 3) or (ends <= 0).any():
         raise _plugin_error(
             integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all"
         )
+    if start.size and (start.shape != (3,) or (start <= 0).any()):
+        raise _plugin_error(integrator, "Stages.start needs three numbers greater than 0, or nothing at all")
     if velocities.shape != (len(definition.times),) or (velocities < 0).any():
         raise _plugin_error(
             integrator, "Stages.velocity needs a number of at least 0 for each stage, or nothing at all"
         )
-    return definition, tuple(
-        LeapFrog(STATE_IN_STAGE, ContactState("predicted", "predicted", "bulk", (float(r_a), float(s_a), 1.0)))
-        for _, r_a, s_a in ends
-    )
+    return definition, tuple(table_of_stage(*end) for end in ends.tolist())
+
+
+def table_of_stage(r_v: float, r_a: float, s_a: float) -> LeapFrog:
+    """Return the states in which a stage evaluates contact laws."""
+    return LeapFrog(STATE_IN_STAGE, ContactState("predicted", "predicted", "bulk", (r_a, s_a, 1.0)))
 
 
 def ends_of(stages: Stages, dt: float) -> Floats:

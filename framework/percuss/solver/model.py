@@ -27,7 +27,16 @@ from percuss.solver.contact_rows import Side, delassus_rows, law_records
 from percuss.solver.coupled_masses import inverse_mass, refuse_coupled_ends
 from percuss.solver.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
-from percuss.solver.entities import Body, BodyForce, Constraint, ContactPair, Follower, NodalForce
+from percuss.solver.entities import (
+    Body,
+    BodyForce,
+    Constraint,
+    ContactPair,
+    Follower,
+    NodalForce,
+    acts_at,
+    latest,
+)
 from percuss.solver.implicit_check import refuse_in_implicit
 from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
 from percuss.solver.loads import supports_and_loads
@@ -410,8 +419,8 @@ class Model:
         cuts = {0, total}
         for instant in instants:
             if math.isfinite(instant):
-                # The change takes effect in the first step whose midpoint lies after the instant.
-                step = math.floor(instant / self.dt - 0.5) + 1
+                # The change takes effect in the first step whose midpoint lies after the instant, as in `acts_at`.
+                step = math.floor(latest(instant) / self.dt + 0.5)
                 cuts.add(min(max(step, 0), total))
         edges = sorted(cuts)
         return list(itertools.pairwise(edges))
@@ -421,11 +430,17 @@ class Model:
         inactive = set(self._never_active)
         for bound_law in self.laws:
             during = bound_law.during
-            if during is not None and not ((during[:, 0] < midpoint) & (midpoint < during[:, 1])).any():
+            if during is not None and not acts_at(midpoint, during[:, 0], during[:, 1]).any():
                 inactive.update(bound_law.where)
         return tuple(sorted(inactive))
 
     # -- contacts ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def tied_points(self) -> tuple[int, ...]:
+        """The contact points of masses that are tied in every step of the run or stretch, in ascending order."""
+        tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
+        return tuple(sorted(p for p in tied.difference(self._never_active) if not self.points_without_mass[p]))
 
     def points(self, where: Sequence[int], dt: float) -> ContactPoints:
         """Return the properties of the contact points `where` that a law receives for a time step `dt`."""

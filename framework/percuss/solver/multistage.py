@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.solver.compiled.multistage_loop import BODY_FORCE, StageAmplitudes, System
-from percuss.solver.integrator_check import ends_of, velocities_of
+from percuss.solver.integrator_check import ends_of, table_of_stage, velocities_of
 from percuss.solver.loads import amplitude
 from percuss.solver.record_arrays import record_array
 from percuss.solver.starting_state import initial_velocity
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats, Stages
+    from collections.abc import Sequence
+
+    from percuss.methods.interfaces import Floats, LeapFrog, Stages
     from percuss.solver.build import Kernels
     from percuss.solver.compiled.leapfrog_loop import Record
     from percuss.solver.model import Model
@@ -70,10 +72,7 @@ class MultistageStepper:
         self.v[:] = initial_velocity(model).ravel()
         self.amplitude_sums = np.zeros(self.columns)
         self.ends = ends_of(stages, model.dt)
-        order = [point for bound_law in model.laws for point in bound_law.where]
-        delassus = model.delassus(0.5 * model.dt)
-        self.responses = np.array([model.law_records(delassus, table)[1]["response"] for table in model.tables])
-        self.responses = self.responses.reshape(len(stages.times), len(order))
+        self.responses = self._responses(model.tables)
         loads = list(model.case.loads.values())
         bodies = list(model.bodies.values())
         rows = [
@@ -96,6 +95,12 @@ class MultistageStepper:
         return StageAmplitudes(
             np.zeros((count, len(self.stages.times), self.columns)), np.zeros((count, 2, self.columns))
         )
+
+    def _responses(self, tables: Sequence[LeapFrog]) -> Floats:
+        """Return w of each contact point in the states of each table, (tables, points)."""
+        delassus = self.model.delassus(0.5 * self.model.dt)
+        responses = [self.model.law_records(delassus, table)[1]["response"] for table in tables]
+        return np.array(responses, dtype=float).reshape(len(tables), len(self.model.contact_pairs))
 
     def changing_arrays(self) -> list[Any]:
         """Return displacement, velocity, the arrays kept between steps, and the sums of the load amplitudes."""
@@ -140,7 +145,14 @@ class MultistageStepper:
         system.speed[:] = self.amplitudes(0, 1).speed[0]
         # The last stage is evaluated, and its time has to be t = 0.
         system.clock[0] = -system.times[-1] * model.dt
+        last = system.ends[-1].copy(), system.responses[-1].copy()
+        if self.stages.start:
+            system.ends[-1], system.responses[-1] = (
+                self.stages.start,
+                self._responses([table_of_stage(*self.stages.start)]),
+            )
         kernels.loop.begin(system, system.times.size - 1, *self.state)
+        system.ends[-1], system.responses[-1] = last
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""

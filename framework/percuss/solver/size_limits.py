@@ -14,6 +14,7 @@ import numpy as np
 from percuss.errors import InputError, TooLargeError
 from percuss.methods.plugin_calls import answer
 from percuss.solver.cells import has_cells, mesh_of_element
+from percuss.solver.entities import ROUND_OFF
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -182,7 +183,7 @@ def step_count(case: Case, dt: float) -> int:
     InputError
         If there are too many steps.
     """
-    count = (case.time.end or 0.0) / dt * (1.0 - 1e-12) - 1e-9
+    count = (case.time.end or 0.0) / dt * (1.0 - ROUND_OFF) - 1e-9
     if count > MOST_STEPS:
         message = f"expected at most {MOST_STEPS} steps, found {count:.3g}"
         raise InputError([case.problem(("time",), message, "Lengthen the step.", any_inside=True)])

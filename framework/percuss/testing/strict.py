@@ -225,7 +225,7 @@ class StrictSystem:
         from percuss.solver.compiler.specialise import Specialiser
 
         dt, size, points = self.dt, self.mass.size, len(self.points.names)
-        ends = stages.end or ((dt, dt * dt, dt),) * len(stages.times)
+        ends = np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times))  # the kernel reads it where it lies
         if not stages.end and isinstance(self.bound, LinearLaw) and self.bound.at == "end":
             raise NotApplicable("the scheme says of no stage how the end of the step is answered")
         clock = [0.0]
@@ -253,8 +253,11 @@ class StrictSystem:
         step = Specialiser(filled, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
         u, v = np.zeros(size + points), np.append(self.velocity, np.zeros(points))
         kept = np.zeros((type(self.integrator).kept, u.size))
+        last = ends[-1].copy()
+        ends[-1] = stages.start or last
         for row in kept:
             accelerations(None, len(stages.times) - 1, u, v, row)
+        ends[-1] = last
         for n in range(self.steps + 1):
             clock[0], u[size:], v[size:] = n * dt, 0.0, 0.0
             self._middle = (n + 0.5) * dt

@@ -83,7 +83,7 @@ class Cohesive(ContactLaw):
         stiffness = np.asarray(quarter_stiffness(self, points))
         strength = self.strength * points.weight
         onset = strength / stiffness
-        if (onset >= self.length).any():
+        if (onset >= self.length * (1.0 - 1e-12)).any():  # the two are equal in any units, or in none
             raise ValueError(
                 f"with a stiffness of {stiffness.min():.4g} the bond reaches its strength at an opening of "
                 f"{onset.max():.4g}, not below the length {self.length:g}: give a greater length or stiffness"

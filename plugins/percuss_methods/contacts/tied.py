@@ -16,8 +16,9 @@ class Tied(ContactLaw):
 
     Formula: ``g'_{n+1/2} = 0``, which at ends in no other contact gives ``lambda = -g'* / (dt s)``, g'* the gap rate
     after the bulk update. The force pulls as well as it pushes. In a run that is tied while the exact contact is
-    closed, the error is that of the bulk alone. Keeps the critical step of the free bodies. While tied the energy is
-    conserved; the first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be positive.
+    closed, the error is that of the bulk alone. Keeps the critical step of the free bodies; where it acts in every
+    step, that of the tied bodies as one, which may be longer, counts alone. While tied the energy is conserved; the
+    first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be positive.
     """
 
     name = "tied"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from percuss import Doc, Ge, Integrator, Le, Stages, Unit, accelerations
-from percuss_methods.integrators._reasons import ENERGY_SWINGS, reason_against_overlap
+from percuss_methods.integrators._reasons import ENERGY_SWINGS
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -29,7 +29,7 @@ class ExplicitNewmark(Integrator):
     and makes the scheme first order (`order` is that of the default). Stable without contact for
     ``omega dt <= sqrt(2 / gamma)``, a Courant number of ``1 / sqrt(2 gamma)``; the modes of ``omega dt`` up to
     ``2 / (gamma + 1/2)`` oscillate. Laws evaluated at the current state see u_{n+1}, laws evaluated at the end of the
-    step the displacement u_{n+2}.
+    step the displacement u_{n+2}, and u_1 in the acceleration at t = 0.
     """
 
     name = "explicit-newmark"
@@ -49,15 +49,8 @@ class ExplicitNewmark(Integrator):
     def bind(self, dt: float) -> Stages:
         """Return the stage at t_{n+1}, with the prediction of the displacement of the step that follows."""
         ahead = self.gamma + 0.5
-        return Stages(times=(1.0,), numbers=Weights(self.gamma), end=((dt, ahead * dt**2, ahead * dt),))
-
-    def refuses(self, law: Any) -> str | None:
-        """Refuse laws that guarantee "no penetration"."""
-        return reason_against_overlap(
-            law,
-            "where bodies that approach touch at t = 0, the multiplier of the first step is made for more "
-            "displacement than it brings: they overlap after that step",
-        )
+        end = ((dt, ahead * dt**2, ahead * dt),)
+        return Stages(times=(1.0,), numbers=Weights(self.gamma), end=end, start=(dt, 0.5 * dt**2, 0.5 * dt))
 
     @staticmethod
     def step(numbers: Weights, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:

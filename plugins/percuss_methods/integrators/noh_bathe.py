@@ -32,7 +32,7 @@ class NohBathe(Integrator):
     The accelerations are evaluated twice in each step. Stable without contact up to ``omega dt = 3.745`` for p = .54, a
     Courant number of 1.87. Damps the highest frequencies, those near the limit the most; p below 1/2 amplifies some
     frequencies. Laws evaluated at the current state see u_{n+p} and u_{n+1}, laws evaluated at the end of the step the
-    displacement at the end of the sub-step that follows.
+    displacement at the end of the sub-step that follows, from the acceleration at t = 0 on.
     """
 
     name = "noh-bathe"
@@ -60,7 +60,8 @@ class NohBathe(Integrator):
         q2 = 0.5 - p * q1
         weights = (r * dt, 0.5 * r * dt**2), (p * dt, (r * q2 + 0.5 * p) * p * dt**2)
         end = tuple((r_v, r_a, r_a / r_v) for r_v, r_a in weights)
-        return Stages(times=(p, 1.0), numbers=Weights(p, 0.5 - q1 - q2, q1, q2), end=end)
+        start = (p * dt, 0.5 * (p * dt) ** 2, 0.5 * p * dt)
+        return Stages(times=(p, 1.0), numbers=Weights(p, 0.5 - q1 - q2, q1, q2), end=end, start=start)
 
     @staticmethod
     def step(numbers: Weights, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:

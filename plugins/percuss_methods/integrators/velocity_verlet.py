@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from percuss import Integrator, Stages, accelerations
-from percuss_methods.integrators._reasons import ENERGY_SWINGS, reason_against_overlap
+from percuss_methods.integrators._reasons import ENERGY_SWINGS
 
 if TYPE_CHECKING:
     from percuss import Floats
@@ -19,10 +19,11 @@ class VelocityVerlet(Integrator):
     Formula: ``v_{n+1/2} = v_n + dt/2 a_n``, ``u_{n+1} = u_n + dt v_{n+1/2}``,
     ``a_{n+1} = M^-1 (f_ext - f_int(u_{n+1}) + N lambda)``, ``v_{n+1} = v_{n+1/2} + dt/2 a_{n+1}``.
 
-    Its displacements are those of `central-difference` to round-off, contact included, where no contact force acts at
-    t = 0: the leap-frog start leaves it out. Stable without contact for ``dt <= 2 / omega_max``. The energy of the
-    state at t_n swings and does not drift. The contact force of a step is the mean of those at its ends. Laws evaluated
-    at the current state see u_{n+1}, laws evaluated at the end of the step the displacement u_{n+2}.
+    Its displacements are those of `central-difference` to round-off, contact included, where no law evaluated at the
+    current state presses at t = 0: the leap-frog start leaves that force out. Stable without contact for
+    ``dt <= 2 / omega_max``. The energy of the state at t_n swings and does not drift. The contact force of a step is
+    the mean of those at its ends. Laws evaluated at the current state see u_{n+1}, laws evaluated at the end of the
+    step the displacement u_{n+2}, and u_1 in the acceleration at t = 0.
     """
 
     name = "velocity-verlet"
@@ -39,15 +40,7 @@ class VelocityVerlet(Integrator):
 
     def bind(self, dt: float) -> Stages:
         """Return the stage at t_{n+1}, with the prediction of the displacement of the step that follows."""
-        return Stages(times=(1.0,), end=((dt, dt**2, dt),))
-
-    def refuses(self, law: Any) -> str | None:
-        """Refuse laws that guarantee "no penetration"."""
-        return reason_against_overlap(
-            law,
-            "where bodies that approach touch at t = 0, the multiplier of the first step is made for twice the "
-            "displacement that it brings: they overlap after that step",
-        )
+        return Stages(times=(1.0,), end=((dt, dt**2, dt),), start=(dt, 0.5 * dt**2, 0.5 * dt))
 
     @staticmethod
     def step(numbers: Any, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:  # noqa: ARG004

@@ -15,7 +15,7 @@ class Verlet(Integrator):
     kept = 1
 
     def bind(self, dt):
-        return Stages(times=(1.0,), end=((dt, dt * dt, dt),))
+        return Stages(times=(1.0,), end=((dt, dt * dt, dt),), start=(dt, 0.5 * dt * dt, 0.5 * dt))
 
     @staticmethod
     def step(numbers, system, u, v, kept, dt):

@@ -275,7 +275,7 @@ class ContactLaw(Component, contract="contacts"):
         that belongs to the forces of a step.
     guarantees
         Properties that hold for all options and integrators: ``"never pulls"``, ``"no penetration"`` (at the end of
-        each step), ``"keeps the free step"`` (contact does not lower the critical time step,
+        each step, and at each of its stages), ``"keeps the free step"`` (contact does not lower the critical time step,
         under schemes with one step for all bodies). The conformance kit checks them in randomly drawn runs.
     stiffening
         Numerical options that make a closed contact stiffer as they grow. The certificate of an unstable step names the

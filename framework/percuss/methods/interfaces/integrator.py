@@ -78,12 +78,18 @@ class Stages(NamedTuple):
         where v is the argument of `percuss.accelerations` and a is its result without contact, which their own force
         changes. Choose the velocity at the time of the stage, ``c = dt / 2`` for velocity Verlet: with a velocity of an
         earlier time such loads make a scheme first order. If empty, they act at v.
+    start
+        Coefficients ``(r_v, r_a, s_a)`` of the acceleration at t = 0 that a scheme finds in `kept` before its first
+        step, with v the initial velocity: as in `end`, for the displacement of its first stage. If empty, those of the
+        last stage, which are others where the acceleration of that stage enters the velocity before the next one: then
+        bodies that touch and approach at t = 0 overlap in the first step.
     """
 
     times: tuple[float, ...]
     numbers: tuple[float, ...] = ()
     end: tuple[tuple[float, float, float], ...] = ()
     velocity: tuple[float, ...] = ()
+    start: tuple[float, ...] = ()
 
 
 class Implicit(NamedTuple):

@@ -231,6 +231,7 @@ def solve_contact(system: System, stage: int, u: Floats, v: Floats, a: Floats, n
             gap += entries[k].normal * u[dof]
             rate += entries[k].normal * v[dof]
             acceleration += entries[k].normal * a[dof]
+        p.deepest = max(p.deepest, -gap)
         p.gap = gap
         p.rate = rate
         p.predicted_gap = gap + end[0] * rate + end[1] * acceleration

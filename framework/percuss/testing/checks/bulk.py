@@ -31,6 +31,7 @@ from percuss.testing.draws import bar_chains, for_all
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CLOSE = 1e-10
+UNITS_OF_MASS = tuple(k / 10.0 for k in range(1, 31))  # powers of two leave all results the same to the last bit
 STEP = 1e-6  # relative step of a difference quotient
 CYCLE_STEPS = 400  # steps of each quarter of a cycle of strain
 UNACCOUNTED = 1e-2  # share of the work along a cycle of strain that may be neither stored nor dissipated
@@ -541,6 +542,24 @@ def check_balance_in_contact(subject: Subject) -> None:
             raise NotApplicable("no law goes with it, or every run was stopped")
 
     for_all(subject, bar_chains(steps=100), check_ledgers)
+
+
+@check("masses")
+def check_units_of_mass(subject: Subject) -> None:
+    """Nodal masses are in proportion to the masses of the elements: they do not depend on the unit of mass.
+
+    A threshold that bars of some equal elements meet exactly is met or missed by round-off unless it has a tolerance.
+    """
+    lines = [np.ones(count) for count in range(1, 13)] + [np.array([2.0, 1.0, 4.0, 0.5, 3.0])]
+    ends = list(itertools.product((False, True), repeat=2))
+    for options, elements, (first, last) in itertools.product(subject.examples, lines, ends):
+        mass, lumping = subject.make(options), Lumping.of_line(elements.size)
+        nodal = np.asarray(mass.nodal_in_contact(elements.copy(), lumping, first, last), dtype=float)
+        for factor in UNITS_OF_MASS:
+            other = np.asarray(mass.nodal_in_contact(factor * elements, lumping, first, last), dtype=float) / factor
+            if not np.allclose(nodal, other, rtol=CLOSE, atol=CLOSE * nodal.max()):
+                where = f"{elements.size} elements, with the first node in contact {first} and the last {last},"
+                raise CheckFailed(f"{where} have the masses {nodal}, and {other} in a unit of 1/{factor:g}")
 
 
 def _couples_nodes(subject: Subject) -> bool:

@@ -173,8 +173,10 @@ def check_stages(subject: Subject) -> None:
     Two steps are made with random data. In free flight at velocity v, a stage at time c asks for accelerations at the
     displacement u + c dt v; with another c the loads would be taken at another instant. Where `end` is (r_v, r_a, s_a),
     the next stage asks for accelerations at u + r_v v + r_a a, for any u, v and a of this stage, and s_a = r_a / r_v;
-    otherwise a law evaluated at the end of the step is evaluated at another state. Where `velocity` is c, a stage at
-    time t asks under a constant acceleration a for accelerations at a velocity v with v + c a = v_n + t dt a.
+    otherwise a law evaluated at the end of the step is evaluated at another state. The first stage is held against
+    `start` in the same way if it lies after t = 0, v the velocity there and a the acceleration that is kept; without
+    `start` against the end of the last stage, unless laws without penetration are refused. Where `velocity` is c, a
+    stage at time t asks under a constant acceleration a for accelerations at a velocity v with v + c a = v_n + t dt a.
     """
     for options in subject.examples:
         integrator, dt = subject.make(options), 0.37
@@ -183,7 +185,9 @@ def check_stages(subject: Subject) -> None:
             raise NotApplicable("it is a leap-frog or an implicit scheme")
         _check_stage_times(integrator, stages, dt)
         if stages.end:
-            _check_stage_end(integrator, stages, dt)
+            _check_stage_end(
+                integrator, stages, dt, start=bool(stages.start) or not _refuses_exact_laws(subject, options)
+            )
         if stages.velocity:
             _check_stage_velocity(integrator, stages, dt)
 
@@ -191,7 +195,7 @@ def check_stages(subject: Subject) -> None:
 ENTRIES = 6  # size of the state with which a step is made
 STAGED_TOLERANCE = 1e-9
 
-Calls = list[tuple[int, Any, Any, Any]]  # stage, u, v and a of each call of `accelerations`
+Calls = list[tuple[int, Any, Any, Any]]  # stage, u, v and a of each call of `accelerations`; -1 is the start
 
 
 def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool) -> tuple[list[Any], Calls, list[int]]:
@@ -221,6 +225,9 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
     step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
     u, v = random.standard_normal((2, ENTRIES))
     kept = random.standard_normal((type(integrator).kept, ENTRIES)) * (0.0 if free else 1.0)
+    if not free and len(kept):
+        kept[:] = kept[0]  # all rows are set to the acceleration at t = 0
+        calls.append((-1, u.copy(), v.copy(), kept[0].copy()))
     begins, counts = [], []
     for _ in range(2):
         begins.append((u.copy(), v.copy()))
@@ -271,20 +278,31 @@ def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> 
             )
 
 
-def _check_stage_end(integrator: Integrator, stages: Stages, dt: float) -> None:
+def _refuses_exact_laws(subject: Subject, options: Any) -> bool:
+    """Return whether an integrator refuses all laws that guarantee "no penetration"."""
+    laws = [cls for (family, _), cls in subject.registry.components.items() if family == "contacts"]
+    exact: list[Any] = [cls for cls in laws if "no penetration" in cls.guarantees]  # type: ignore[attr-defined]
+    return all(subject.make(options).refuses(cls(**cls.examples[0])) for cls in exact)
+
+
+def _check_stage_end(integrator: Integrator, stages: Stages, dt: float, *, start: bool) -> None:
     """Raise `CheckFailed` unless `end` predicts the displacement of the next stage and its mean velocity."""
     _, calls, _ = _two_steps(integrator, stages, dt, free=False)
-    for (stage, u, v, a), (_, next_u, _, _) in itertools.pairwise(calls):
-        r_v, r_a, s_a = stages.end[stage]
+    for (stage, u, v, a), (following, next_u, _, _) in itertools.pairwise(calls):
+        if stage < 0 and (not start or stages.times[following] == 0.0):
+            continue  # A first stage at the start itself sees to what follows.
+        said = (
+            f"`end` says of stage {stage}" if stage >= 0 else "`start`, else the `end` of the last stage, says of t = 0"
+        )
+        r_v, r_a, s_a = stages.end[stage] if stage >= 0 else stages.start or stages.end[-1]
         size = float(np.abs(next_u).max() + np.abs(u).max())
         if np.abs(u + r_v * v + r_a * a - next_u).max() > STAGED_TOLERANCE * size:
             fit = np.linalg.lstsq(np.stack([v, a], axis=1), next_u - u, rcond=None)[0]
             raise CheckFailed(
-                f"`end` says of stage {stage} that the displacement to come is u + {r_v:.9g} v + {r_a:.9g} a; the next "
+                f"{said} that the displacement to come is u + {r_v:.9g} v + {r_a:.9g} a; the next "
                 f"stage is handed another one, nearest to u + {fit[0]:.9g} v + {fit[1]:.9g} a (the step is {dt:g})"
             )
         if abs(s_a - r_a / r_v) > STAGED_TOLERANCE * abs(s_a):
             raise CheckFailed(
-                f"`end` says of stage {stage} s_a = {s_a:.9g}; the mean velocity until the next stage takes "
-                f"r_a / r_v = {r_a / r_v:.9g}"
+                f"{said} s_a = {s_a:.9g}; the mean velocity until the next stage takes r_a / r_v = {r_a / r_v:.9g}"
             )
