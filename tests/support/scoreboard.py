@@ -141,8 +141,8 @@ def findings(table):
         f"predictor-corrector {bounce[WU, 'penalty']:.2g} % with a penalty and Lagrange multipliers "
         f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
         f"**Small losses add up.** When the exact bar of {MANY} has struck fifty times, the bar of 40 elements has "
-        f"{span(spent)} % of its energy left with Lagrange multipliers, or with Wu's predictor-corrector and any of the "
-        f"three laws; with central difference it has {many[CD, 'penalty']:.3g} % left with a penalty and "
+        f"{span(spent)} % of its energy left with Lagrange multipliers, or with Wu's predictor-corrector and any of "
+        f"the three laws; with central difference it has {many[CD, 'penalty']:.3g} % left with a penalty and "
         f"{many[CD, 'bipenalty']:.4g} % with bipenalty.",
         f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "
         f"{len(cases)} cases, Wu's predictor-corrector with a penalty on {len(winners['penalty'])} "
