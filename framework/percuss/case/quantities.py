@@ -263,7 +263,8 @@ QUANTITIES: dict[str, Quantity] = {
     "energy_kept": Quantity(
         label="energy kept at the end",
         short="energy kept",
-        metric="1 + work of the contacts over the largest energy put in: at first, and by loads so far",
+        metric="1 + what contacts, scheme and materials add to the energy, over the largest energy put in: at first, "
+        "and by loads so far",
     ),
     "energy_max": Quantity(
         label="largest energy",

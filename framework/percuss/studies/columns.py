@@ -196,8 +196,10 @@ def _computed(summary: Summary, name: str) -> float | None:
         return int(summary["steps"] * summary["nodes"])
     energy = summary["energy"]
     if energy.get("ledger_closed") is False:
-        return None  # with an open ledger the contact work is not the energy lost
+        return None  # with an open ledger the difference of energies is no loss
     # Relative to the energy put in, not to that at the end: a bar thrown upwards has none left where it turns.
     put_in = energy["initial"] + (energy["external_work_max"] or 0.0)
-    work = energy["contact_work" if name == "energy_kept" else "contact_work_max"]
-    return 1.0 + float(work) / put_in if put_in > 0 else None
+    gained = energy["contact_work_max"]
+    if name == "energy_kept":
+        gained = energy["final"] - energy["initial"] - energy["external_work"]
+    return 1.0 + float(gained) / put_in if put_in > 0 else None
