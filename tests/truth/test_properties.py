@@ -103,7 +103,11 @@ def test_the_accounts_are_those_of_the_histories(integrator, case):
         assert found["impulse"] == pytest.approx(dt * force[:steps, k].sum(), rel=1e-12, abs=1e-14 * peak * dt * steps)
         assert found["peak_force"] == pytest.approx(max(force[:steps, k].max(), 0.0), rel=1e-14)
         assert found["closed_time"] == pytest.approx(dt * np.count_nonzero(force[:steps, k]), rel=1e-12)
-        assert found["penetration"]["largest"] == pytest.approx(max(-gap[:steps, k].min(), 0.0), rel=1e-12)
+        deepest, recorded = found["penetration"]["largest"], max(-gap[:steps, k].min(), 0.0)
+        if integrator in LEAPFROG:
+            assert deepest == pytest.approx(recorded, rel=1e-12)
+        else:  # stages between the records count too
+            assert deepest >= recorded * (1.0 - 1e-12)
     # work of the contacts, from gaps on either side of each step, or gap rates at its ends
     rate = gap_rates(case, result)
     work = np.zeros(steps)

@@ -53,11 +53,11 @@ def test_lines_and_letters_of_all_languages_stay():
 
 
 def test_a_refused_pair_is_told_at_both_its_names(case):
-    case.write_text(CASE.replace("central-difference", "velocity-verlet"))
+    case.write_text(CASE.replace("central-difference", "explicit-hht"))
     done = percuss_command("run", "case.yaml", cwd=case.parent)
     assert done.returncode == 2
     first, _, _, second, *_ = done.stderr.splitlines()
-    assert first.startswith("case.yaml:9:15: method.integrator: velocity-verlet with lagrange is refused by velocity-")
+    assert first.startswith("case.yaml:9:15: method.integrator: explicit-hht with lagrange is refused by explicit-hht")
     assert second == "case.yaml:10:12: method.contact: lagrange, the contact law of that pair"
     own = {"contacts.c.method": "lagrange", "method.contact": "penalty"}
     with pytest.raises(RefusedPair) as refused:
@@ -65,7 +65,7 @@ def test_a_refused_pair_is_told_at_both_its_names(case):
     assert [problem.place for problem in refused.value.problems] == [
         f"{case}:9:15", "--set contacts.c.method=lagrange",
     ]  # fmt: skip
-    assert refused.value.sentence.startswith("velocity-verlet with lagrange is refused by velocity-verlet: ")
+    assert refused.value.sentence.startswith("explicit-hht with lagrange is refused by explicit-hht: ")
 
 
 @pytest.mark.parametrize("command", ["run", "check", "verify", "compare", "study", "stability"])

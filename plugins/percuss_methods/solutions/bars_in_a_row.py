@@ -61,8 +61,8 @@ class BarsInARow(Solution):
     most_fronts: Annotated[int, Ge(1), Unit("1"), Doc("fronts after which it stops and states the time reached")] = (
         2_000_000
     )
-    most_memory: Annotated[float, Gt(0), Unit("GB"), Doc("memory beyond which it stops or does not begin")] = 1.0
-    most_seconds: Annotated[float, Gt(0), Unit("s"), Doc("processor time after which there is no solution")] = 10.0
+    most_memory: Annotated[float, Gt(0), Unit("1"), Doc("memory [GB] beyond which it stops or does not begin")] = 1.0
+    most_seconds: Annotated[float, Gt(0), Unit("1"), Doc("processor time [s] after which there is no solution")] = 10.0
 
     def covers(self, problem: ContactProblem) -> str | None:
         """Return the reason why a problem is not covered, or None if it is."""
