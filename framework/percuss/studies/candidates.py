@@ -58,11 +58,6 @@ class Candidate:
         return self.integrator, self.contact
 
     @property
-    def options(self) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """The options of both methods."""
-        return self.integrator_options, self.contact_options
-
-    @property
     def key(self) -> str:
         """A text that is equal for equal candidates."""
         return json.dumps(self.changes, sort_keys=True)
@@ -176,8 +171,6 @@ def _rounded(option: Option, value: float) -> Any:
 
 def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
     """Return the candidates on the same mesh that differ in the step or in one option, the most promising first."""
-    lower, higher = (bisect(COURANT_NUMBERS, candidate.courant) for bisect in (bisect_left, bisect_right))
-    found = [replace(candidate, courant=one) for one in COURANT_NUMBERS[higher : higher + 2][::-1]]
     options: list[list[Candidate]] = []
     for (family, name, given), attribute in zip(
         _methods(candidate), ("integrator_options", "contact_options"), strict=True
@@ -187,8 +180,10 @@ def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
             others = dict.fromkeys(one for one in _beside(option, value) if one != value)
             changed: list[dict[str, Any]] = [{attribute: {**given, option.key: other}} for other in others]
             options.append([replace(candidate, **change) for change in changed])
-    found += filter(None, chain.from_iterable(zip_longest(*options)))
-    return [*found, *(replace(candidate, courant=one) for one in COURANT_NUMBERS[max(lower - 1, 0) : lower])]
+    lower, higher = (bisect(COURANT_NUMBERS, candidate.courant) for bisect in (bisect_left, bisect_right))
+    courants = [*COURANT_NUMBERS[max(lower - 1, 0) : lower], *COURANT_NUMBERS[higher : higher + 2]]
+    steps = [replace(candidate, courant=courant) for courant in sorted(courants, key=lambda one: abs(one - 1.0))]
+    return [*steps[:1], *filter(None, chain.from_iterable(zip_longest(*options))), *steps[1:]]
 
 
 def _beside(option: Option, value: Any) -> Iterator[Any]:

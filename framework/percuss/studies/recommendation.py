@@ -366,6 +366,7 @@ class _Bench:
     def __post_init__(self) -> None:
         self.reason: PercussError = InputError([])
         self.fixed = _fixed(self.case)
+        self.usual: dict[str, Any] = {}  # methods that fit, to count nodes and steps with
         self.node_steps = functools.cache(self._node_steps)
         self.stages = functools.cache(self._stages)
 
@@ -383,10 +384,13 @@ class _Bench:
 
     def _node_steps(self, refine: float, courant: float) -> float:
         try:
-            model = Model(self.case.with_overrides({**self.fixed, "refine": refine, "time.courant": courant}))
+            model = self._model({**self.usual, "refine": refine, "time.courant": courant})
         except InputError:  # too large for this machine
             return math.inf
         return float(model.steps * len(model.nodes))
+
+    def _model(self, changes: Mapping[str, Any]) -> Model:
+        return Model(self.case.with_overrides({**self.fixed, **changes}))
 
     def _stages(self, name: str, options: str) -> int:
         integrator: Any = self.case.registry.get("integrators", name)
@@ -397,7 +401,7 @@ class _Bench:
         if candidate.pair in self.refused:
             return False
         try:
-            Model(self.case.with_overrides({**self.fixed, **candidate.changes}))
+            self._model(candidate.changes)
         except RefusedPair as refusal:
             self.reason = refusal
             if not (candidate.integrator_options or candidate.contact_options):
@@ -409,11 +413,11 @@ class _Bench:
         return True
 
     def meshes(self, candidate: Candidate) -> list[float]:
-        """Return the refinements to choose from, of which a candidate can be run on the coarsest."""
-        bodies = Model(self.case.with_overrides({**self.fixed, **candidate.changes})).bodies.values()
-        found = meshes([body.mesh.lengths.size for body in bodies])
+        """Return the refinements to choose from; a candidate that fits tells numbers of elements, nodes and steps."""
+        self.usual = candidate.changes
+        found = meshes([body.mesh.lengths.size for body in self._model(self.usual).bodies.values()])
         try:
-            Model(self.case.with_overrides({**self.fixed, **candidate.changes, "refine": found[0]}))
+            self._model({**self.usual, "refine": found[0]})
         except PluginError:  # of a shape that knows whole numbers alone
             return [refine for refine in found if isinstance(refine, int)]
         return found

@@ -33,7 +33,7 @@ USUAL_ORDER = 1.0  # of the error of a force in L1, until two meshes of a line t
 ORDERS = (0.3, 3.0)
 SMALLEST_EXCESS = 1e-9  # smaller ones are round-off, and say nothing of a coarser mesh
 LARGEST_STRIDE = 4.0  # from a mesh that misses the bounds to the next
-PATIENCE = 4.0  # the n-th line beside another one waits as if it cost 1 + n / PATIENCE times as much
+LAST = 99  # rank of lines that come after those beside another one
 PARTS = 8  # a batch is this part of the runs that are left
 SHARE_OF_NEIGHBOURS = 0.25  # of all runs: in the last of them the lines beside the best come first
 
@@ -86,7 +86,8 @@ class Line:
     @property
     def far(self) -> bool:
         """Whether the line beside which it was found has other options."""
-        return self.parent is not None and self.parent.candidate.options != self.candidate.options
+        own, others = self.candidate, (self.parent or self).candidate
+        return own != replace(others, courant=own.courant)
 
     def known(self) -> list[float]:
         """Return the meshes of its runs with a finite excess, the nearest to the bounds first."""
@@ -143,7 +144,7 @@ class Search:
         self.lines: dict[str, Line] = {}
         self.first = [self._line(one) for one in first]
         for one in later:
-            self._line(one, rank=1)
+            self._line(one, rank=LAST)
         self.usual = USUAL_ORDER
         self.followed: set[Line] = set()  # those beside which lines take part
         self.reserved = SHARE_OF_NEIGHBOURS * bench.room
@@ -197,8 +198,8 @@ class Search:
     def _batch(self) -> list[Candidate]:
         """Return the candidates to run next, of one line each.
 
-        They come in turn from the lines that are predicted to cost least, and from those with other options, of which
-        nothing is known before they run: of these, first one of each pair, then another one.
+        They come in turn from two kinds of lines: those that are predicted to be cheaper than the best or differ in the
+        step, and those with other options, first from the pair of which fewest have run. All others come last.
         """
         cost, best = self.best()
         self.usual = median([order for line in self.lines.values() if (order := line.order())] or [USUAL_ORDER])
@@ -206,12 +207,15 @@ class Search:
         self._follow({line.candidate.pair: line for line in reversed(ran)}.values())
         first = set(self.around(best.candidate)) if best is not None and self.bench.room <= self.reserved else set()
         lines = sorted(self.lines.values(), key=lambda line: (line not in first, self._predicted(line), line.rank))
-        near = [line for line in lines if line.runs or not line.far]
+        known = [line for line in lines if line.runs]
+        near = [line for line in lines if (self._predicted(line) < cost if line.runs else not line.far)]
+        near.sort(key=lambda line: (line not in first, not line.runs and line.rank > 1))
+        tries = Counter(line.candidate.pair for line in known if line.far)
         far = [line for line in lines if line.far and not line.runs]
-        tries = Counter(line.candidate.pair for line in near if line.far)
         far.sort(key=lambda line: (line not in first, tries[line.candidate.pair], line.rank))
+        turns = (near, far) if self.bench.room % 2 else (far, near)
         batch: list[Candidate] = []
-        for line in filter(None, chain.from_iterable(zip_longest(near, far))):
+        for line in dict.fromkeys((*filter(None, chain.from_iterable(zip_longest(*turns))), *known)):
             left = self.left(line, cost)
             if left and self.bench.fits(one := line.on(self._next(line, left))):
                 batch.append(one)
@@ -232,11 +236,10 @@ class Search:
         return bool(new)
 
     def _predicted(self, line: Line) -> float:
-        """Return what a line is predicted to cost where it meets the bounds, and more if it waits for other lines."""
+        """Return what a line is predicted to cost where it meets the bounds."""
         refine = line.meeting(self.usual)
         mesh = self.meshes[min(bisect_left(self.meshes, refine), len(self.meshes) - 1)]
-        waits = 1.0 if line.runs else 1.0 + line.rank / PATIENCE
-        return self.bench.cost(line.on(mesh)) * max(refine / mesh, 1.0) ** 2 * waits
+        return self.bench.cost(line.on(mesh)) * max(refine / mesh, 1.0) ** 2
 
     def _next(self, line: Line, left: Sequence[float]) -> float:
         """Return the mesh on which a line runs next: that on which it is predicted to meet, if it is left."""
