@@ -34,7 +34,7 @@ def tell_recommendation(found: Recommendation) -> None:
     if found.untried:
         console.print(f"{found.untried} pairs were not tried: --runs allows no more")
     if found.left:
-        console.print(f"{found.left} choices of methods, options and step may hold a better run: --runs allows no more")
+        console.print(f"{found.left} choices of methods, options and step are not settled: --runs allows no more")
     if found.best is not None:
         _print_best(console, found, found.best)
     elif found.nearest is not None:

@@ -227,7 +227,7 @@ def recommend(
     runs
         Largest number of runs.
     seed
-        Seed of the draws.
+        Seed of the order of the pairs.
     out
         File of the runs, as of `percuss.study`; by default ``CASE-recommend.sqlite`` in the current folder.
     workers
