@@ -647,11 +647,11 @@ WRONG = {
     ),
     "wrong value": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 0]}\n",
-        "study.yaml:3:20: vary.refine.1: expected a whole number of at least 1, found 0",
+        "study.yaml:3:20: vary.refine.1: expected a number greater than 0 and less than 1e18, found 0",
     ),
     "wrong value beside right ones": (
-        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1.5], time.courant: [0.1, 0.2, 0.3]}\n",
-        "study.yaml:3:17: vary.refine.0: expected a whole number of at least 1, found 1.5",
+        "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [-1.5], time.courant: [0.1, 0.2, 0.3]}\n",
+        "study.yaml:3:17: vary.refine.0: expected a number greater than 0 and less than 1e18, found -1.5",
     ),
     "wrong value behind right ones": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1], time: [0.1]}\n",
@@ -659,7 +659,7 @@ WRONG = {
     ),
     "wrong value that goes together with others": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {time.courant: [0.1, 0.2]}\npaired: [{refine: 0}, {refine: 1}]\n",
-        "study.yaml:4:19: paired.0.refine: expected a whole number of at least 1, found 0",
+        "study.yaml:4:19: paired.0.refine: expected a number greater than 0 and less than 1e18, found 0",
     ),
     "wrong end beside right values": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {refine: [1, 2]}\n"

@@ -170,7 +170,7 @@ def test_a_file_that_is_too_large_is_not_read(folder, monkeypatch):
 
 def test_a_whole_number_that_python_does_not_write_out(folder):
     with pytest.raises(InputError, match=r"below 2\^63, found a whole number of about 5000 digits"):
-        load({"percuss": 1, "refine": 10**5000})
+        load({"percuss": 1, "record": {"every": 10**5000}})
 
 
 def test_a_very_long_value_is_shortened(folder):

@@ -116,6 +116,17 @@ def test_a_run_keeps_the_exact_solution_that_judged_it_and_a_file_solves_it_once
     assert searches["exact solution"] == 2
 
 
+@pytest.mark.parametrize(
+    ("refine", "elements"), [(0.25, (25, 50)), (0.333, (33, 67)), (1e-9, (1, 1)), (1.5, (150, 300))]
+)
+def test_a_refinement_that_is_no_whole_number_is_rounded_to_whole_elements(refine, elements):
+    options = {f"bodies.{name}.bar.elements": n for name, n in zip(("short", "long"), elements, strict=True)}
+    refined, given = (percuss.run(percuss.load(HUNEK, changes)) for changes in ({"refine": refine}, options))
+    assert refined.summary["nodes"] == sum(elements) + 2
+    force = [result.histories["contact_force"].to_numpy() for result in (refined, given)]
+    assert np.array_equal(*force)
+
+
 def test_the_problem_of_an_exact_solution_knows_no_mesh_and_cannot_be_changed():
     problems = [contact_problem(Model(percuss.load(HUNEK, {"refine": refine}))) for refine in (1, 3)]
     for problem in problems:

@@ -30,6 +30,7 @@ from percuss.methods.interfaces import (
     Gt,
     Integrator,
     Load,
+    Lt,
     Mass,
     Material,
     Shape,
@@ -456,7 +457,12 @@ class CaseSection(Section):
         Expects("loads by name"),
         Doc("the loads, by name"),
     ] = field(default_factory=dict)
-    refine: Annotated[int, Ge(1), Unit("1"), Doc("multiplies every body's elements")] = 1
+    refine: Annotated[
+        Annotated[int, Ge(1)] | Annotated[float, Gt(0), Lt(1e18)],
+        Unit("1"),
+        Expects("a number greater than 0 and less than 1e18", "Above 1 it refines, below 1 it coarsens."),
+        Doc("multiplies every body's elements, to the nearest whole number; below 1 it coarsens, down to one element"),
+    ] = 1
     expect: Annotated[
         tuple[Annotated[Expectation, Expects("a mapping as {quantity: gap, ...}")], ...],
         Expects("a list of expectations", "Begin each with a dash."),

@@ -39,7 +39,7 @@ def recommend(
         str, typer.Option("--contact", metavar="X,Y", help="Contact laws to choose from; else all.")
     ] = "",
     runs: Annotated[int, typer.Option("--runs", metavar="N", help="Largest number of runs.")] = 400,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same candidates.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same order of pairs.")] = 0,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="FILE", help="File of the runs; else CASE-recommend.sqlite.")
     ] = None,

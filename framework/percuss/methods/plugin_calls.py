@@ -159,7 +159,7 @@ def _follow_fault(value: Any, numbers: Any, time: float, displacement: float, ve
     return f"{fault.removesuffix(' at index 0')} {motion}" if fault else ""
 
 
-def _mesh_fault(mesh: Any, at: Any, refine: int) -> str:  # noqa: ARG001 - the arguments of `Shape.mesh`
+def _mesh_fault(mesh: Any, at: Any, refine: float) -> str:  # noqa: ARG001 - the arguments of `Shape.mesh`
     if not isinstance(mesh, Mesh):
         return f"returned {_shown(mesh)}, expected a Mesh"
     if mesh.cells:

@@ -56,7 +56,7 @@ def recommendation_figure(found: Recommendation) -> Figure:
                       label="the cheapest that meets the bounds")  # fmt: skip
         name = METRICS[found.bounds.measure].label if found.bounds.error is not None else "energy taken or added"
         estimate = " (estimated)" if found.estimated else ""
-        axes.set(xscale="log", yscale="log", xlabel="cost: time of the march [s]", ylabel=f"{name}{estimate}")
+        axes.set(xscale="log", yscale="log", xlabel="cost: steps times nodes times stages", ylabel=f"{name}{estimate}")
         figure.legend(loc="outside right upper", fontsize=9)
         return figure
 

@@ -31,6 +31,8 @@ def tell_recommendation(found: Recommendation) -> None:
     console.print(f"the error is {plain_text(error_in_words(found))}")
     if found.untried:
         console.print(f"{found.untried} pairs were not tried: --runs allows no more")
+    if found.left:
+        console.print(f"{found.left} choices of methods, options and step are not settled: --runs allows no more")
     if found.best is not None:
         _print_best(console, found, found.best)
     elif found.nearest is not None:
@@ -76,7 +78,8 @@ def in_words(one: Tried) -> str:
     numbers = [
         f"error {100 * one.error:.3g} %" if one.error is not None else "",
         f"energy {100 * one.energy:.2g} %" if one.energy is not None else "",
-        f"{1e3 * one.cost:.3g} ms",
+        f"{one.evaluations:.3g} node evaluations",
+        f"{1e3 * one.seconds:.3g} ms" if one.seconds is not None else "",
     ]
     return f"{methods_in_words(one)}: {', '.join(filter(None, numbers))}"
 
@@ -91,7 +94,7 @@ def methods_in_words(one: Tried) -> str:
             (candidate.contact, candidate.contact_options),
         )
     ]
-    return f"{' + '.join(names)}, refine {candidate.refine}, Courant number {candidate.courant:g}"
+    return f"{' + '.join(names)}, refine {candidate.refine:g}, Courant number {candidate.courant:g}"
 
 
 def _print_best(console: Any, found: Recommendation, best: Tried) -> None:
@@ -99,7 +102,7 @@ def _print_best(console: Any, found: Recommendation, best: Tried) -> None:
     changes = best.candidate.changes
     method = {name: changes[f"method.{name}"] for name in ("integrator", "contact")}
     lines = ["method:", *(f"{INDENT}{name}: {flow(value)}" for name, value in method.items())]
-    lines += [f"refine: {best.candidate.refine}", f"time: {{courant: {best.candidate.courant:g}}}"]
+    lines += [f"refine: {best.candidate.refine:g}", f"time: {{courant: {best.candidate.courant:g}}}"]
     for line in lines:
         console.print(f"{INDENT}{plain_text(line)}", soft_wrap=True)
     command = found.study.command(best.key)
@@ -107,10 +110,9 @@ def _print_best(console: Any, found: Recommendation, best: Tried) -> None:
         console.print(f"{INDENT}{plain_text(command)}", soft_wrap=True)
     if best.stable != "yes":
         console.print(f"its certificate says {best.stable}: that it is stable is known from this run alone")
-    if found.beside is None:
-        console.print("its neighbours were not all run: give more --runs")
-    else:
-        console.print(f"of its {found.beside} neighbours none is cheaper and meets the bounds")
+    console.print(f"of its {found.beside} neighbours none is cheaper and meets the bounds")
+    if found.unsettled:
+        console.print(f"{found.unsettled} other neighbours were not tried: give more --runs")
     if found.second is not None:
         console.print(f"[bold]second:[/bold] {plain_text(in_words(found.second))}", soft_wrap=True)
     else:
@@ -125,8 +127,8 @@ def _print_front(console: Any, found: Recommendation) -> None:
         Column("methods", [methods_in_words(one) for one in front], is_number=False),
         Column("error", [_share(one.error) for one in front]),
         Column("energy", [_share(one.energy) for one in front], drop=1),
-        Column("ms", [f"{1e3 * one.cost:.3g}" for one in front]),
-        Column("node evaluations", [f"{one.evaluations:.3g}" for one in front], drop=2),
+        Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
+        Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
     ]
     print_table(console, columns, "none is both cheaper and nearer to the bounds")
 

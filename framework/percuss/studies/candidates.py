@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from percuss.case.options import Option, options_of
@@ -13,17 +15,26 @@ from percuss.case.type_words import branches, fact
 from percuss.methods.interfaces import Ge, Gt, Le, Lt, Stages
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from percuss.methods.interfaces import Component, Integrator
     from percuss.methods.registry import Registry
 
-__all__ = ["Candidate", "defaults", "drawn", "evaluations", "needed_quantities", "neighbours"]
+__all__ = [
+    "Candidate",
+    "defaults",
+    "evaluations",
+    "meshes",
+    "needed_quantities",
+    "neighbours",
+    "required_options",
+]
 
-COURANT_NUMBERS = (0.9, 0.5)  # of the first candidates
-NEARLY_ONE = 0.99  # where the mesh of a uniform bar adds nearly no error to that of the contact
-LARGEST_COURANT = 2.0
-STEP_OF_COURANT = 1.25
+FIRST_COURANT, SAFE_COURANT = 0.9, 0.5  # of the first candidates
+# At 1 the mesh of a uniform bar adds no error to that of the contact.
+COURANT_NUMBERS = (0.2, 0.25, 0.315, 0.4, 0.5, 0.63, 0.8, FIRST_COURANT, 0.95, 1.0, 1.25, 1.6, 2.0)
+# Refinements whose costs are a quarter apart, from a millionth to the largest.
+PREFERRED = tuple(float(f"{10 ** (k / 20):.3g}") for k in range(-120, 37))
+CLOSE = 0.06  # less than half of the way to the next of them
+ROUNDED = 0.02  # part of a number of elements
 STEP_OF_OPTION = 1.6
 WITHOUT_DEFAULT = (0.03, 3.0)  # range from which a pure number without a default is drawn
 AROUND_DEFAULT = 10.0  # factor either way of the range around a default that has only one bound
@@ -38,8 +49,8 @@ class Candidate:
     contact: str
     integrator_options: Mapping[str, Any] = field(default_factory=dict)
     contact_options: Mapping[str, Any] = field(default_factory=dict)
-    courant: float = COURANT_NUMBERS[0]
-    refine: int = 1
+    courant: float = FIRST_COURANT
+    refine: float = 1
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -68,10 +79,30 @@ def evaluations(integrator: Integrator) -> int:
     return len(stages.times) if isinstance(stages, Stages) else 1
 
 
+def meshes(counts: Sequence[int]) -> list[float]:
+    """Return the refinements of a search, rising, for bodies with these numbers of elements.
+
+    They multiply the elements of all bodies by the same number, which rounding to whole elements would not: elements
+    of unlike bodies would then differ in length. Those that are rounded take part where hardly anything is rounded,
+    and where nothing else is as coarse. The coarsest leaves one element to the body that has the fewest.
+    """
+    common = math.gcd(*counts)
+    exact = {number: max(1, round(number * common)) / common for number in PREFERRED}
+    others = [number for number, near in exact.items() if abs(near / number - 1.0) > CLOSE]
+    found: dict[tuple[int, ...], float] = {}
+    for number in (*exact.values(), *others):
+        refine = int(number) if number.is_integer() else float(f"{number:.6g}")
+        rounded = tuple(round(count * refine) for count in counts)
+        changed = max(abs(whole / (count * refine) - 1.0) for whole, count in zip(rounded, counts, strict=True))
+        if min(rounded) >= 1 and (changed < ROUNDED or refine < 1.0 / common):
+            found.setdefault(rounded, refine)
+    return sorted(found.values())
+
+
 def defaults(integrators: list[str], contacts: list[str], registry: Registry) -> list[Candidate]:
     """Return every pair with its default options on the mesh of the case, with two steps."""
     required = {
-        name: _required(registry.get(family, name))
+        name: required_options(registry.get(family, name))
         for family, names in (("integrators", integrators), ("contacts", contacts))
         for name in names
     }
@@ -79,11 +110,11 @@ def defaults(integrators: list[str], contacts: list[str], registry: Registry) ->
         Candidate(integrator, contact, required[integrator], required[contact], courant)
         for integrator in integrators
         for contact in contacts
-        for courant in COURANT_NUMBERS
+        for courant in (FIRST_COURANT, SAFE_COURANT)
     ]
 
 
-def _required(component: type[Component]) -> dict[str, Any]:
+def required_options(component: type[Component]) -> dict[str, Any]:
     """Return the options of a method that have no default, as its first example has them."""
     example = component.examples[0] if component.examples else {}
     return {key: example[key] for key, option in options_of(component).items() if option.required and key in example}
@@ -92,21 +123,6 @@ def _required(component: type[Component]) -> dict[str, Any]:
 def needed_quantities(component: type[Component]) -> list[str]:
     """Return the options of a method without a default that have a unit: their size belongs to a case, to no search."""
     return [key for key, option in options_of(component).items() if option.required and option.unit not in ("", "1")]
-
-
-def drawn(candidate: Candidate, registry: Registry, random: np.random.Generator) -> Candidate:
-    """Return a candidate of the same pair and mesh with other options and another step, drawn at random."""
-    options = []
-    for family, name, given in _methods(candidate):
-        chosen = dict(given)
-        free = [option for option in options_of(registry.get(family, name)).values() if _is_open(option)]
-        for option in free:
-            if random.random() < 1.0 / len(free):
-                chosen[option.key] = _draw(option, random)
-        options.append(chosen)
-    courant = float(f"{math.exp(random.uniform(math.log(0.2), math.log(1.1))):.2g}")
-    courant = min(courant, NEARLY_ONE)
-    return replace(candidate, integrator_options=options[0], contact_options=options[1], courant=courant)
 
 
 def _methods(candidate: Candidate) -> tuple[tuple[str, str, Mapping[str, Any]], ...]:
@@ -148,54 +164,40 @@ def _range(option: Option) -> tuple[float, float, bool]:
     return max(first, low or 0.0), min(last, high if high is not None else math.inf), True
 
 
-def _draw(option: Option, random: np.random.Generator) -> Any:
-    """Return a value of an option, drawn at random."""
-    words = _words(option)
-    if words and (not _is_number(option) or random.random() < 1.0 / 3.0):
-        return words[int(random.integers(len(words)))]
-    low, high, logarithmic = _range(option)
-    share = random.random()
-    value = low * (high / low) ** share if logarithmic and low > 0 else low + share * (high - low)
-    return _rounded(option, value)
-
-
 def _rounded(option: Option, value: float) -> Any:
     """Return a number of an option in two digits, or whole."""
     return round(value) if float not in branches(option.annotation) else float(f"{value:.2g}")
 
 
 def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
-    """Return the candidates that differ in one number by a step, or in one word."""
-    found = [
-        replace(candidate, courant=float(f"{candidate.courant * factor:.3g}"))
-        for factor in (STEP_OF_COURANT, 1.0 / STEP_OF_COURANT)
-    ]
-    found = [one for one in found if one.courant <= LARGEST_COURANT]
-    if NEARLY_ONE / STEP_OF_COURANT < candidate.courant < NEARLY_ONE:
-        found.append(replace(candidate, courant=NEARLY_ONE))
-    found += [replace(candidate, refine=candidate.refine + step) for step in (-1, 1) if candidate.refine + step > 0]
+    """Return the candidates on the same mesh that differ in the step or in one option, the most promising first."""
+    options: list[list[Candidate]] = []
     for (family, name, given), attribute in zip(
         _methods(candidate), ("integrator_options", "contact_options"), strict=True
     ):
         for option in filter(_is_open, options_of(registry.get(family, name)).values()):
-            for value in _beside(option, given.get(option.key, option.default)):
-                if value != given.get(option.key, option.default):
-                    changed: dict[str, Any] = {attribute: {**given, option.key: value}}
-                    found.append(replace(candidate, **changed))
-    return found
+            value = given.get(option.key, option.default)
+            others = dict.fromkeys(one for one in _beside(option, value) if one != value)
+            changed: list[dict[str, Any]] = [{attribute: {**given, option.key: other}} for other in others]
+            options.append([replace(candidate, **change) for change in changed])
+    lower, higher = (bisect(COURANT_NUMBERS, candidate.courant) for bisect in (bisect_left, bisect_right))
+    courants = [*COURANT_NUMBERS[max(lower - 1, 0) : lower], *COURANT_NUMBERS[higher : higher + 2]]
+    steps = [replace(candidate, courant=courant) for courant in sorted(courants, key=lambda one: abs(one - 1.0))]
+    return [*steps[:1], *filter(None, chain.from_iterable(zip_longest(*options))), *steps[1:]]
 
 
 def _beside(option: Option, value: Any) -> Iterator[Any]:
-    """Yield the values beside one of an option."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        if not _is_number(option):
-            yield from _words(option)
+    """Yield the values beside one of an option: its words, the ends of its range, and numbers one step away."""
+    if not _is_number(option):
+        yield from _words(option)
         return
     low, high, logarithmic = _range(option)
-    if logarithmic:
-        if value > 0:
-            yield _rounded(option, value * STEP_OF_OPTION)
-            yield _rounded(option, max(value / STEP_OF_OPTION, 1.0 if float not in branches(option.annotation) else 0))
-        return
-    for step in (-FINITE_STEP * (high - low), FINITE_STEP * (high - low)):
-        yield min(max(_rounded(option, value + step), low), high)
+    yield from (low, high) if float in branches(option.annotation) else (round(low), round(high))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        yield _rounded(option, math.sqrt(low * high) if logarithmic else 0.5 * (low + high))
+    elif logarithmic:
+        yield from (_rounded(option, value * factor) for factor in (STEP_OF_OPTION, 1.0 / STEP_OF_OPTION))
+    else:
+        steps = (-FINITE_STEP * (high - low), FINITE_STEP * (high - low))
+        yield from (min(max(_rounded(option, value + step), low), high) for step in steps)
+    yield from _words(option)

@@ -1,24 +1,22 @@
-"""Search for the cheapest methods, options, mesh and step that meet stated bounds on a case.
+"""Recommendation of the cheapest methods, options, mesh and step that meet stated bounds on a case.
 
-The search is a study whose plan grows: each round adds runs to it, so that one file holds all of them and a search that
-was interrupted goes on. First every pair runs with its default options on the mesh of the case. In each round the
-better half of the pairs is kept; those that miss the bounds run on the mesh that their errors so far suggest, and with
-other options and steps, drawn at random. The cheapest run that meets the bounds is then improved from neighbour to
-neighbour, until none beside it is cheaper and meets them too. The rule to keep a share of the candidates and to spend
-more on each is successive halving (Jamieson, Talwalkar: Non-stochastic best arm identification and hyperparameter
-optimization, AISTATS 2016).
+The search (`search`) decides what runs next among the candidates (`candidates`); here they run, are judged by the
+bounds, and become the answer. Its runs are a study whose plan grows, so that one file holds all of them and a search
+that was interrupted goes on.
 
-What a run costs is the time of its march. A clock is noisy, so that of each pair the least time for a node and a stage
-is taken, from all its runs, and multiplied by the number of nodes, steps and stages of the run.
+What a run costs is its number of steps times nodes times stages: known before it runs, and the same on every machine.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
+import json
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,26 +25,30 @@ import numpy as np
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
 from percuss.case.quantities import METRICS
-from percuss.errors import InputError, Problem, RefusedPair, shortened, suggestion
+from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, shortened, suggestion
 from percuss.files import expect_no_input, expect_writable
+from percuss.methods.interfaces import ContactLaw, Implicit
 from percuss.methods.registry import Registry
 from percuss.solver.model import Model
-from percuss.studies.candidates import Candidate, defaults, drawn, evaluations, needed_quantities, neighbours
+from percuss.studies.candidates import (
+    Candidate,
+    defaults,
+    evaluations,
+    meshes,
+    needed_quantities,
+    neighbours,
+    required_options,
+)
 from percuss.studies.dispatch import Progress
 from percuss.studies.pareto import front_of
+from percuss.studies.search import Search
 from percuss.studies.study import study
 from percuss.studies.study_table import Study
 
 __all__ = ["Bounds", "Recommendation", "Tried", "recommend"]
 
 FEWEST_RUNS = 10
-FEWEST_PAIRS = 4  # that are kept in every round
-ROUNDS_OF_DRAWS = 3
-SHARE_OF_FIRST_RUNS = 0.5  # of all runs; more pairs than that are drawn from
-SHARE_OF_SEARCH = 0.75  # of all runs; the others are kept for the neighbours of the best
-LARGEST_REFINEMENT = 64
-USUAL_ORDER = 1.0  # of the error of a force in L1, until two meshes tell
-ORDERS = (0.5, 2.0)
+SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
 STABLE = "certificate.stable"  # of the summary of a run
 TWICE_AS_FINE = ("peak_force", "impulse")  # numbers whose change on a finer mesh estimates an error
 
@@ -88,9 +90,7 @@ class Tried:
     error, energy, seconds
         The error, true or estimated, the share of energy, and the time of the march; None where they are not known.
     evaluations
-        Number of steps times nodes times stages, which depends on no machine.
-    cost
-        `evaluations` times the least time of one of them in the runs of the pair.
+        Number of steps times nodes times stages, infinite if the run was not done.
     excess
         The largest ratio of a number to its bound: at most 1 where all bounds are met, infinite where one is not known.
     key
@@ -105,9 +105,13 @@ class Tried:
     energy: float | None
     seconds: float | None
     evaluations: float
-    cost: float
     excess: float
     key: str
+
+    @property
+    def cost(self) -> float:
+        """What the search keeps small: `evaluations`."""
+        return self.evaluations
 
     @property
     def meets(self) -> bool:
@@ -141,9 +145,14 @@ class Recommendation:
     refused
         Why pairs were not run, of which one method refuses the other.
     beside
-        Neighbours of the best that were examined; None if the search ended before all of them were.
+        Number of neighbours of the best, or else of the nearest, that are settled: each of them has missed the bounds
+        on a cheaper mesh or costs more than the best. Neighbours differ in the mesh, the step or one option.
+    unsettled
+        Number of the other neighbours, for which no runs were left.
     untried
         Number of pairs that were not run, because the number of runs is smaller.
+    left
+        Number of lines (methods, options and step) of which a mesh that did not run may still be better.
     estimated
         Whether errors are estimated from a mesh twice as fine, because no exact solution covers the case.
     study
@@ -157,8 +166,10 @@ class Recommendation:
     front: list[Tried]
     tried: list[Tried]
     refused: Mapping[tuple[str, str], str]
-    beside: int | None
+    beside: int
+    unsettled: int
     untried: int
+    left: int
     estimated: bool
     study: Study
 
@@ -179,7 +190,9 @@ class Recommendation:
             "tried": [one.as_dict() for one in self.tried],
             "refused": {" + ".join(pair): reason for pair, reason in self.refused.items()},
             "neighbours": self.beside,
+            "unsettled_neighbours": self.unsettled,
             "untried_pairs": self.untried,
+            "lines_left": self.left,
             "estimated": self.estimated,
         }
 
@@ -214,7 +227,7 @@ def recommend(
     runs
         Largest number of runs.
     seed
-        Seed of the draws.
+        Seed of the order of the pairs.
     out
         File of the runs, as of `percuss.study`; by default ``CASE-recommend.sqlite`` in the current folder.
     workers
@@ -242,8 +255,8 @@ def recommend(
     expect_no_input(file, case.inputs)
     for output in outputs:
         expect_writable(output, [*case.inputs, ("file of runs", file)])
-    search = _Search(case, Path(path), methods, bounds, runs, file, workers, plugins, progress)
-    return search.answer(np.random.default_rng(seed))
+    bench = _Bench(case, Path(path), bounds, runs, file, workers, plugins, progress)
+    return _answer(bench, methods, np.random.default_rng(seed))
 
 
 def bound_of(text: str, option: str) -> float | None:
@@ -305,11 +318,18 @@ def _methods(registry: Registry, integrators: Sequence[str], contacts: Sequence[
             for name in names
             if name in needed
         ]
-        tie = [name for name, law in methods.items() if family == "contacts" and not names and law.tied_during]
-        open_to_search[family] = [name for name in methods if name not in needed and name not in tie]
+        left_out = [name for name, method in methods.items() if not names and _is_reference(method)]
+        open_to_search[family] = [name for name in methods if name not in needed and name not in left_out]
     if problems:
         raise InputError(problems)
     return open_to_search["integrators"], open_to_search["contacts"]
+
+
+def _is_reference(method: Any) -> bool:
+    """Return whether a method is no contender: a contact that is tied at times, or an implicit scheme."""
+    if issubclass(method, ContactLaw):
+        return bool(method.tied_during)
+    return isinstance(method(**required_options(method)).bind(1.0), Implicit)
 
 
 def _fixed(case: Case) -> dict[str, Any]:
@@ -323,126 +343,139 @@ def _fixed(case: Case) -> dict[str, Any]:
     return fixed | {"record.fields": 0} | {f"contacts.{name}.method": None for name in own}
 
 
-class _Search:
-    """A search: the candidates run so far, and the study that holds them."""
+@dataclass
+class _Bench:
+    """Where the candidates of a search run: the runs so far, and the study that holds them."""
 
-    def __init__(
-        self,
-        case: Case,
-        path: Path,
-        methods: tuple[list[str], list[str]],
-        bounds: Bounds,
-        runs: int,
-        out: Path,
-        workers: int | None,
-        plugins: Sequence[str | Path],
-        progress: Progress | None,
-    ) -> None:
-        self.case, self.path, self.bounds, self.runs = case, path, bounds, runs
-        self.out, self.workers, self.plugins, self.progress = out, workers, plugins, progress
-        self.methods, self.registry = methods, case.registry
-        self.candidates: dict[str, Candidate] = {}
-        self.rows: dict[str, dict[str, Any]] = {}
-        self.made: Study | None = None
-        self.estimated = False
-        self.interrupted = False
-        self.fixed = _fixed(case)
-        self.untried = 0
-        self.refused: dict[tuple[str, str], str] = {}
+    case: Case
+    path: Path
+    bounds: Bounds
+    runs: int
+    out: Path
+    workers: int | None
+    plugins: Sequence[str | Path]
+    progress: Progress | None
+    rows: dict[str, dict[str, Any]] = field(default_factory=dict)
+    candidates: dict[str, Candidate] = field(default_factory=dict)
+    refused: dict[tuple[str, str], str] = field(default_factory=dict)
+    made: Study | None = None
+    estimated: bool = False
+    interrupted: bool = False
+    rate: float = 0.0  # the least time of a march for one evaluation
 
-    # ------------------------------------------------------------------------------------------------- runs
+    def __post_init__(self) -> None:
+        self.reason: PercussError = InputError([])
+        self.fixed = _fixed(self.case)
+        self.usual: dict[str, Any] = {}  # methods that fit, to count nodes and steps with
+        self.node_steps = functools.cache(self._node_steps)
+        self.stages = functools.cache(self._stages)
 
-    def run(self, candidates: Iterable[Candidate]) -> None:
-        """Run candidates that were not run yet, as many as the number of runs allows."""
-        wanted = [one for one in candidates if self._fits(one)]
-        if self.estimated:  # each with the one on a finer mesh, without which it has no error
-            wanted = [each for one in wanted for each in (one, dataclasses.replace(one, refine=2 * one.refine))]
-        new = {one.key: one for one in wanted if one.key not in self.candidates}
-        room = self.runs - len(self.candidates)
-        if not new or room <= 0 or self.interrupted:
-            return
-        self.candidates |= dict(list(new.items())[:room])
-        plan = self._plan([one.changes for one in self.candidates.values()])
-        self.made = study(plan, self.out, self.workers, None, self._progress, plugins=self.plugins)
-        records = self.made.as_records()
-        self.rows = dict(zip(self.candidates, records, strict=True))
-        self.interrupted = any(row["status"] == "waiting" for row in records)
+    @property
+    def room(self) -> int:
+        """Number of candidates that may still be run."""
+        room = 0 if self.interrupted else self.runs - len(self.candidates)
+        return room // 2 if self.estimated else room
 
-    def _fits(self, candidate: Candidate) -> bool:
-        """Return whether the options of a candidate go together, and neither method refuses the other."""
-        if candidate.key in self.candidates:
-            return True
+    def cost(self, candidate: Candidate) -> float:
+        """Return the number of steps times nodes times stages of a candidate, infinite if its march takes too long."""
+        options = json.dumps(candidate.integrator_options)
+        count = self.node_steps(candidate.refine, candidate.courant) * self.stages(candidate.integrator, options)
+        return count if self.rate * count <= (self.bounds.seconds or math.inf) else math.inf
+
+    def _node_steps(self, refine: float, courant: float) -> float:
         try:
-            Model(self.case.with_overrides({**self.fixed, **candidate.changes}))
+            model = self._model({**self.usual, "refine": refine, "time.courant": courant})
+        except InputError:  # too large for this machine
+            return math.inf
+        return float(model.steps * len(model.nodes))
+
+    def _model(self, changes: Mapping[str, Any]) -> Model:
+        return Model(self.case.with_overrides({**self.fixed, **changes}))
+
+    def _stages(self, name: str, options: str) -> int:
+        integrator: Any = self.case.registry.get("integrators", name)
+        return evaluations(integrator(**json.loads(options)))
+
+    def fits(self, candidate: Candidate) -> bool:
+        """Return whether the options of a candidate go together, and neither method refuses the other."""
+        if candidate.pair in self.refused:
+            return False
+        try:
+            self._model(candidate.changes)
         except RefusedPair as refusal:
+            self.reason = refusal
             if not (candidate.integrator_options or candidate.contact_options):
                 self.refused[candidate.pair] = str(refusal)
             return False
-        except InputError:
+        except InputError as error:
+            self.reason = error
             return False
         return True
+
+    def meshes(self, candidate: Candidate) -> list[float]:
+        """Return the refinements to choose from; a candidate that fits tells numbers of elements, nodes and steps."""
+        self.usual = candidate.changes
+        found = meshes([body.mesh.lengths.size for body in self._model(self.usual).bodies.values()])
+        try:
+            self._model({**self.usual, "refine": found[0]})
+        except PluginError:  # of a shape that knows whole numbers alone
+            return [refine for refine in found if isinstance(refine, int)]
+        return found
+
+    def ask(self, candidates: Sequence[Candidate]) -> list[float]:
+        """Run candidates, each with one on a mesh twice as fine where errors are estimated, and return their excess."""
+        finer = [_finer(one) for one in candidates] if self.estimated else []
+        new = {one.key: one for pair in itertools.zip_longest(candidates, finer) for one in pair if one is not None}
+        new = {key: one for key, one in new.items() if key not in self.candidates}
+        self.candidates |= dict(list(new.items())[: self.runs - len(self.candidates)])
+        plan = {
+            "percuss-study": 1,
+            "title": f"recommendation for {self.path.name}",
+            "cases": [str(self.path)],
+            "set": self.fixed,
+            "paired": [one.changes for one in self.candidates.values()],
+            "measure": list(dict.fromkeys([self.bounds.measure, "energy_kept", *TWICE_AS_FINE, STABLE])),
+        }
+        self.made = study(plan, self.out, self.workers, None, self._progress, plugins=self.plugins)
+        self.rows = dict(zip(self.candidates, self.made.as_records(), strict=True))
+        self.interrupted = not self.made.complete
+        tried = self.tried()
+        self.rate = min((one.seconds / one.evaluations for one in tried if one.seconds), default=0.0)
+        if self.bounds.error is not None and not self.estimated and all(one.error is None for one in tried):
+            self.estimated = True
+            return self.ask(candidates)
+        excess = {one.candidate.key: one.excess for one in tried}
+        return [excess.get(one.key, math.inf) for one in candidates]
 
     def _progress(self, done: int, total: int) -> None:  # noqa: ARG002 - of the round, not of the search
         if self.progress is not None:
             self.progress(done, self.runs)
 
-    def _plan(self, points: list[dict[str, Any]]) -> dict[str, Any]:
-        """Return the study of the search: all points so far, of which those that are stored are not made again."""
-        return {
-            "percuss-study": 1,
-            "title": f"recommendation for {self.path.name}",
-            "cases": [str(self.path)],
-            "set": self.fixed,
-            "paired": points,
-            "measure": list(dict.fromkeys([self.bounds.measure, "energy_kept", *TWICE_AS_FINE, STABLE])),
-        }
-
-    # -------------------------------------------------------------------------------------------- judgement
-
     def tried(self) -> list[Tried]:
         """Return the runs, judged by the bounds."""
-        rates: dict[tuple[str, str], float] = {}
-        for key, candidate in self.candidates.items():
-            count, seconds = self._evaluations(key), self.rows[key]["seconds"]
-            if math.isfinite(count):
-                rate = seconds / count
-                rates[candidate.pair] = min(rate, rates.get(candidate.pair, math.inf))
-        return [
-            self._judged(key, candidate, rates.get(candidate.pair, 0.0)) for key, candidate in self.candidates.items()
-        ]
+        return [self._judged(self.rows[key], candidate) for key, candidate in self.candidates.items()]
 
-    def _evaluations(self, key: str) -> float:
-        """Return the number of steps times nodes times stages of a run, infinite if it was not done."""
-        candidate, row = self.candidates[key], self.rows[key]
-        if row["status"] != "done" or not row["node_steps"] or row["seconds"] is None:
-            return math.inf
-        integrator: Any = self.registry.get("integrators", candidate.integrator)
-        return float(row["node_steps"] * evaluations(integrator(**candidate.integrator_options)))
-
-    def _judged(self, key: str, candidate: Candidate, rate: float) -> Tried:
-        row = self.rows[key]
-        # A case may ask that a run goes on though it is known to be unstable.
-        done = row["status"] == "done" and row[STABLE] != "no"
+    def _judged(self, row: Mapping[str, Any], candidate: Candidate) -> Tried:
+        ran = row["status"] == "done" and row["seconds"] is not None
+        done = ran and row[STABLE] != "no"  # a case may ask that a run goes on though it is known to be unstable
         kept = row["energy_kept"]
         error, energy = self._error(candidate, row), None if kept is None else abs(1.0 - kept)
-        bounds = self.bounds
-        excess = 0.0 if done else math.inf
-        for value, bound in ((error, bounds.error), (energy, bounds.energy), (row["seconds"], bounds.seconds)):
-            if bound is not None:
-                number = math.inf if value is None or not done else float(value)
-                excess = max(excess, number / bound if math.isfinite(number) else math.inf)
-        count = self._evaluations(key)
-        cost = rate * count if math.isfinite(count) else math.inf
-        numbers = error, energy, row["seconds"] if done else None
+        seconds = row["seconds"] if done else None
+        bounds = ((error, self.bounds.error), (energy, self.bounds.energy), (seconds, self.bounds.seconds))
+        ratios = [math.nan if value is None else value / bound for value, bound in bounds if bound is not None]
+        excess = max(ratios) if done and all(map(math.isfinite, ratios)) else math.inf
+        stages = self.stages(candidate.integrator, json.dumps(candidate.integrator_options))
+        count = float(row["node_steps"] * stages) if ran else math.inf
         stable = row[STABLE] if row["status"] == "done" else None
-        return Tried(candidate, row["status"], row["reason"], stable, *numbers, count, cost, excess, row["key"])
+        numbers = error, energy, seconds, count, excess
+        return Tried(candidate, row["status"], row["reason"], stable, *numbers, row["key"])
 
     def _error(self, candidate: Candidate, row: Mapping[str, Any]) -> float | None:
         """Return the true error of a run, or what a mesh twice as fine changes where errors are estimated."""
         if not self.estimated:
             value = row[self.bounds.measure]
             return None if value is None else float(value)
-        finer = self.rows.get(dataclasses.replace(candidate, refine=2 * candidate.refine).key)
+        finer = self.rows.get(_finer(candidate).key)
         if finer is None or finer["status"] != "done" or row["status"] != "done":
             return None
         changes: list[float] = [
@@ -450,120 +483,47 @@ class _Search:
         ]
         return max(changes)
 
-    def _prediction(self, one: Tried, order: float) -> float:
-        """Return the cost at which a run would meet the bounds on a finer mesh, if its excess falls with that order."""
-        return one.cost * _power(max(one.excess, 1.0), 2.0 / order)
 
-    def _order(self, one: Tried, meshes: Sequence[Tried]) -> float:
-        """Return the order with which the excess of a candidate has fallen from a coarser of its meshes to its own."""
-        coarser = [other for other in meshes if other.candidate.refine < one.candidate.refine and other.excess > 0]
-        if not coarser or not one.excess > 0:
-            return USUAL_ORDER
-        nearest = max(coarser, key=lambda other: other.candidate.refine)
-        fallen = math.log(nearest.excess / one.excess) / math.log(one.candidate.refine / nearest.candidate.refine)
-        return min(max(fallen, ORDERS[0]), ORDERS[1])
-
-    # ----------------------------------------------------------------------------------------------- search
-
-    def answer(self, random: np.random.Generator) -> Recommendation:
-        """Search and return the answer."""
-        first = [one for one in defaults(*self.methods, self.registry) if self._fits(one)]
-        most = int(SHARE_OF_FIRST_RUNS * self.runs)
-        pairs = list(dict.fromkeys(one.pair for one in first))
-        if len(first) > most:
-            first = list({one.pair: one for one in reversed(first)}.values())[::-1]
-        if len(first) > most:
-            first = [first[k] for k in sorted(random.choice(len(first), most, replace=False))]
-        self.untried = len(pairs) - len({one.pair for one in first})
-        self.run(first)
-        if self.bounds.error is not None and all(one.error is None for one in self.tried()):
-            self.estimated = True
-            self.run([one.candidate for one in self.tried() if one.status == "done"])
-        kept = max(len({one.candidate.pair for one in self.tried()}), FEWEST_PAIRS)
-        rounds = 0
-        while len(self.candidates) < SHARE_OF_SEARCH * self.runs and not self.interrupted:
-            before = len(self.candidates)
-            kept = max(kept // 2, FEWEST_PAIRS)
-            self.run(self._next(kept, random if rounds < ROUNDS_OF_DRAWS else None))
-            rounds += 1
-            if len(self.candidates) == before:
-                break
-        beside = self._improve()
-        return self._recommendation(beside)
-
-    def _next(self, kept: int, random: np.random.Generator | None) -> list[Candidate]:
-        """Return the candidates of a round, from the pairs that are predicted to meet the bounds at the least cost."""
-        runs = [one for one in self.tried() if math.isfinite(one.excess)]
-        cheapest = min((one.cost for one in runs if one.meets), default=math.inf)
-        meshes: dict[str, list[Tried]] = {}  # of the same methods, options and step
-        for one in runs:
-            meshes.setdefault(_unrefined(one), []).append(one)
-        orders = {one.key: self._order(one, meshes[_unrefined(one)]) for one in runs}
-        predicted = sorted(runs, key=lambda one: (self._prediction(one, orders[one.key]), one.candidate.key))
-        best: dict[tuple[str, str], Tried] = {}
-        for one in predicted:
-            best.setdefault(one.candidate.pair, one)
-        out = []
-        for one in list(best.values())[:kept]:
-            order = orders[one.key]
-            if not one.meets and self._prediction(one, order) < cheapest:
-                factor = min(_power(one.excess, 1.0 / order), 2.0)
-                refine = max(math.ceil(one.candidate.refine * factor), one.candidate.refine + 1)
-                out.append(dataclasses.replace(one.candidate, refine=min(refine, LARGEST_REFINEMENT)))
-            if random is not None:
-                out += [drawn(one.candidate, self.registry, random) for _ in range(2)]
-        return out
-
-    def _improve(self) -> int | None:
-        """Go from the best run to its cheapest neighbour that meets the bounds until there is none; return how many.
-
-        The result is the number of neighbours of the last, None if not all of them could be run.
-        """
-        while True:
-            best = _cheapest(self.tried())
-            if best is None:
-                return None
-            beside = [one for one in neighbours(best.candidate, self.registry) if self._fits(one)]
-            self.run(beside)
-            if self.interrupted or any(one.key not in self.candidates for one in beside):
-                return None
-            if _cheapest(self.tried()) == best:
-                return len(beside)
-
-    def _recommendation(self, beside: int | None) -> Recommendation:
-        if self.made is None:
-            raise AssertionError("a search has made no run")
-        tried = self.tried()
-        best = _cheapest(tried)
-        others = [one for one in tried if best is not None and one.candidate.pair != best.candidate.pair]
-        known = [one for one in tried if math.isfinite(one.excess)]
-        nearest = min(known, key=lambda one: (one.excess, one.cost), default=None) if best is None else None
-        return Recommendation(
-            self.bounds,
-            best,
-            _cheapest(others),
-            nearest,
-            front(known),
-            tried,
-            self.refused,
-            beside,
-            self.untried,
-            self.estimated,
-            self.made,
-        )
+def _finer(candidate: Candidate) -> Candidate:
+    """Return a candidate on a mesh twice as fine."""
+    return replace(candidate, refine=2 * candidate.refine)
 
 
-def _power(base: float, exponent: float) -> float:
-    """Return a power of a positive number, infinite where no number is that large."""
-    try:
-        return math.pow(base, exponent)
-    except OverflowError:
-        return math.inf
-
-
-def _unrefined(one: Tried) -> str:
-    """Return the key of the candidate of a run on the mesh of the case."""
-    return dataclasses.replace(one.candidate, refine=1).key
+def _answer(bench: _Bench, methods: tuple[list[str], list[str]], random: np.random.Generator) -> Recommendation:
+    """Search and return the answer."""
+    registry = bench.case.registry
+    usable = [one for one in defaults(*methods, registry) if bench.fits(one)]
+    if not usable:
+        raise bench.reason
+    of_pair = {one.pair: one for one in reversed(usable)}
+    drawn = random.permutation(len(of_pair))[: max(1, int(SHARE_OF_FIRST_RUNS * bench.runs))]
+    first = [list(of_pair.values())[k] for k in drawn]
+    search = Search(first, usable, bench.meshes(first[0]), lambda one: neighbours(one, registry), bench)
+    search.run()
+    tried = bench.tried()
+    best = _cheapest(tried)
+    known = [one for one in tried if math.isfinite(one.excess)]
+    nearest = min(known, key=lambda one: (one.excess, one.cost), default=None) if best is None else None
+    if bench.made is None:
+        raise AssertionError("a search has made no run")
+    cost, _ = search.best()
+    centre = best or nearest
+    around = [not search.left(line, cost) for line in search.around(centre.candidate)] if centre is not None else []
+    return Recommendation(
+        bench.bounds,
+        best,
+        _cheapest(one for one in tried if best is not None and one.candidate.pair != best.candidate.pair),
+        nearest,
+        front(known),
+        tried,
+        bench.refused,
+        sum(around),
+        len(around) - sum(around),
+        len(of_pair) - len({one.candidate.pair for one in tried}),
+        sum(bool(search.left(line, cost)) for line in search.lines.values()),
+        bench.estimated,
+        bench.made,
+    )
 
 
 def _cheapest(runs: Iterable[Tried]) -> Tried | None:

@@ -44,11 +44,11 @@ class Bar(Shape):
         """Return the number of components of `direction`, or None if it is not given."""
         return None if self.direction is None else len(self.direction)
 
-    def element_count(self, refine: int) -> int:
+    def element_count(self, refine: float) -> int:
         """Return the number of elements."""
-        return self.elements * refine
+        return self.refined(self.elements, refine)
 
-    def mesh(self, at: Floats, refine: int) -> Mesh:
+    def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh from `at` along the direction."""
         dim = at.size
         direction = np.zeros(dim)

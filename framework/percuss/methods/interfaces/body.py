@@ -84,7 +84,7 @@ class Shape(Component, contract="shapes"):
         """Return the number of space dimensions that the options imply, or None if any number is possible."""
 
     @abstractmethod
-    def mesh(self, at: Floats, refine: int) -> Mesh:
+    def mesh(self, at: Floats, refine: float) -> Mesh:
         """Return the mesh of the body that starts at `at`, with `refine` times the number of elements in the options.
 
         Parameters
@@ -92,10 +92,15 @@ class Shape(Component, contract="shapes"):
         at : (dim,) array
             Start of the body [length].
         refine
-            Factor on the number of elements.
+            Factor on the number of elements, below 1 for a coarser mesh; `refined` makes it a whole number.
         """
 
-    def element_count(self, refine: int) -> int | None:  # noqa: ARG002
+    @staticmethod
+    def refined(elements: int, refine: float) -> int:
+        """Return `refine` times a number of elements: the nearest whole number, and at least 1."""
+        return max(1, round(elements * refine))
+
+    def element_count(self, refine: float) -> int | None:  # noqa: ARG002
         """Return the number of elements of `mesh` without making it, or None where only the mesh tells.
 
         A case whose elements do not fit into memory is refused by this number; without it the mesh is made first.

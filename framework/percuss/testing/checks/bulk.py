@@ -55,24 +55,25 @@ def line(count: int, dim: int = 1) -> Mesh:
 def check_mesh(subject: Subject) -> None:
     """A mesh is a straight line of elements with consistent lengths, nodes, unit direction and unit outward normals.
 
-    `refine` multiplies the number of elements without moving the regions, and the body starts where the case places it.
+    `refine`, above 1 or below, multiplies the number of elements without moving the regions, and the body starts where
+    the case places it.
     """
     for options in subject.examples:
         shape = subject.make(options)
         dim = shape.dimension() or 2
         start = np.array([1.5, -2.0, 0.25][:dim])
-        meshes = [shape.mesh(start.copy(), refine) for refine in (1, 3)]
+        meshes = [shape.mesh(start.copy(), refine) for refine in (1, 3, 0.3)]
         for mesh in meshes:
             _check_line(subject, mesh, dim)
-        coarse, fine = meshes
-        if fine.lengths.size != 3 * coarse.lengths.size:
-            raise CheckFailed(f"refine 3 makes {fine.lengths.size} elements of {coarse.lengths.size}")
-        for name, region in coarse.regions.items():
-            nodes, fine_nodes = coarse.nodes[list(region.nodes)], fine.nodes[list(fine.regions[name].nodes)]
-            if not np.allclose(nodes, fine_nodes, rtol=1e-12, atol=1e-12):
+        usual, fine, coarse = meshes
+        if fine.lengths.size != 3 * usual.lengths.size:
+            raise CheckFailed(f"refine 3 makes {fine.lengths.size} elements of {usual.lengths.size}")
+        for name, other in ((name, other) for name in usual.regions for other in (fine, coarse)):
+            before, after = (mesh.nodes[list(mesh.regions[name].nodes)] for mesh in (usual, other))
+            if not np.allclose(before, after, rtol=1e-12, atol=1e-12):
                 raise CheckFailed(f"refinement moves the region '{name}'")
         shifted = shape.mesh(start + 1.0, 1)
-        if not np.allclose(shifted.nodes - coarse.nodes, 1.0, rtol=0.0, atol=1e-12):
+        if not np.allclose(shifted.nodes - usual.nodes, 1.0, rtol=0.0, atol=1e-12):
             raise CheckFailed("the body does not begin where the case says")
 
 
