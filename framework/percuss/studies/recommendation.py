@@ -27,8 +27,9 @@ import numpy as np
 from percuss.case.arguments import expect_methods, expect_names
 from percuss.case.case import Case, load
 from percuss.case.quantities import METRICS
-from percuss.errors import InputError, Problem, RefusedPair, shortened, suggestion
+from percuss.errors import InputError, PluginError, Problem, RefusedPair, shortened, suggestion
 from percuss.files import expect_no_input, expect_writable
+from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.solver.model import Model
 from percuss.studies.candidates import Candidate, defaults, drawn, evaluations, needed_quantities, neighbours
@@ -373,13 +374,16 @@ class _Search:
         if candidate.key in self.candidates:
             return True
         try:
-            Model(self.case.with_overrides({**self.fixed, **candidate.changes}))
+            with plugin_faults():
+                Model(self.case.with_overrides({**self.fixed, **candidate.changes}))
         except RefusedPair as refusal:
             if not (candidate.integrator_options or candidate.contact_options):
                 self.refused[candidate.pair] = str(refusal)
             return False
         except InputError:
             return False
+        except PluginError:
+            return True  # its run fails, and says why
         return True
 
     def _progress(self, done: int, total: int) -> None:  # noqa: ARG002 - of the round, not of the search
