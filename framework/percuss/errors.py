@@ -22,7 +22,17 @@ class PercussError(Exception):
 
 
 class PluginError(PercussError):
-    """Breach of the contract by a plug-in or by a component it registers; the message names it and the rule."""
+    """Breach of the contract by a plug-in or by a component it registers; the message names it and the rule.
+
+    Attributes
+    ----------
+    place
+        ``file:line`` of the breach, with which the message begins; empty if it is not known.
+    """
+
+    def __init__(self, message: str, place: str = "") -> None:
+        super().__init__(f"{place}: {message}" if place else message)
+        self.place = place
 
 
 class RefusedPair(PercussError):

@@ -5,6 +5,7 @@ It is prepared before anything that takes long is imported, so that this module 
 
 from __future__ import annotations
 
+import faulthandler
 import io
 import os
 import signal
@@ -30,6 +31,7 @@ def begin() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end_at_once)
     _open_closed_streams()
+    faulthandler.enable(2, all_threads=False)  # a plug-in that crashes this process is named
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         # Where somebody else has put another stream in its place, as a test does, it is not ours to change.

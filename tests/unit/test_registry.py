@@ -240,6 +240,7 @@ NOT_IMPORTABLE = {
     "error": ("x = 1\nx / 0\n", "ZeroDivisionError: division by zero", 2),
     "syntax": ("x = 1\ndef f(:\n    pass\n", "SyntaxError: invalid syntax", 2),
     "exit": ("raise SystemExit(3)\n", "SystemExit: 3", 1),
+    "interrupt": ("x = 1\nraise KeyboardInterrupt\n", "KeyboardInterrupt", 2),
     "nothing said": ("raise ValueError\n", "ValueError", 1),
     "no name": (
         IMPORTS + 'class L(ContactLaw):\n    """Law."""\n',
@@ -289,8 +290,9 @@ def test_a_missing_object_and_a_missing_module_are_named(install):
     assert "my-law" in registry.names("contacts")
 
 
-def test_a_keyboard_interrupt_is_not_swallowed(install):
-    install("fake-laws", {"fake_laws.py": "raise KeyboardInterrupt\n"})
+def test_ctrl_c_is_not_swallowed(install):
+    press = "import os, signal\nsignal.signal(2, signal.default_int_handler)\nos.kill(os.getpid(), 2)\n"
+    install("fake-laws", {"fake_laws.py": f"{press}while True: pass\n"})
     with pytest.raises(KeyboardInterrupt):
         Registry.load()
     assert "fake_laws" not in sys.modules

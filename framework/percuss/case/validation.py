@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, cast
@@ -21,8 +22,9 @@ from percuss.case.options import Option, options_of
 from percuss.case.type_words import Expects, advice_for, branches, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
-from percuss.methods.blame import SINGULAR, said_by
+from percuss.methods.blame import SINGULAR, is_third_party, said_by
 from percuss.methods.interfaces import AllowInf, Component, DataFile, OptionError
+from percuss.methods.process_guard import process_as_before
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
@@ -264,7 +266,8 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
         except pydantic.ValidationError as error:
             raise failure(*_mapping_mistakes(cls, given, error.errors(include_url=False), info.context)) from None
         try:
-            made = cls(**{options[key].field: item for key, item in values.items()})
+            with process_as_before() if is_third_party(cls.__module__) else nullcontext():
+                made = cls(**{options[key].field: item for key, item in values.items()})
         except OptionError as error:
             raise failure(Mistake(error.path, str(error))) from None
         except ValueError as error:

@@ -34,6 +34,7 @@ from percuss.certificate.following_loads import directions
 from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
 from percuss.errors import PercussError
 from percuss.heartbeat import beat
+from percuss.methods.blame import described
 from percuss.solver.compiled.contact_equation import NEVER, WITH_MASS
 from percuss.solver.march import March
 
@@ -443,7 +444,7 @@ def examine(
     except (PercussError, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001  A kernel need not be made for overlaps this deep.
-        return ClosedStepStability(np.nan, None, conclusive=False, failure=f"{type(error).__name__}: {error}")
+        return ClosedStepStability(np.nan, None, conclusive=False, failure=described(error))
     if not linear:
         return ClosedStepStability(np.nan, None, conclusive=False)
     found = _stability(step, stable_at_longer_step=stable_at_longer_step)

@@ -12,19 +12,18 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, shortened
 from percuss.files import expect_writable
 from percuss.heartbeat import Watch, beat, heard_by
-from percuss.methods.blame import line_in_plugin
+from percuss.methods.blame import described, is_ctrl_c, line_in_plugin, plugin_faults
 from percuss.methods.process_guard import (
     STANDSTILL,
-    exit_text,
     guarded_output,
-    plug_ins_cannot_exit,
+    plug_ins_cannot_end_the_process,
     tell_standstill,
     where_is,
 )
@@ -117,14 +116,18 @@ def reporting(as_json: bool) -> Iterator[None]:
     Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so.
     """
     try:
-        with guarded_output(), plug_ins_cannot_exit(), _standstill_told(), _compiling_shown():
+        with (
+            plugin_faults(),
+            guarded_output(),
+            plug_ins_cannot_end_the_process(),
+            _standstill_told(),
+            _compiling_shown(),
+        ):
             yield
-    except SystemExit as error:
-        text = exit_text(error)
-        if not text:
-            raise
-        _refuse(text, as_json=as_json)
-    except PercussError as error:
+    except (PercussError, MemoryError) as error:
+        if isinstance(error, MemoryError):
+            size = described(error).partition(": ")[2] or "of no known size"
+            error = PercussError(f"this needs more memory than there is ({size}): take fewer elements or records")
         problems = [vars(problem) for problem in getattr(error, "problems", ())]
         if as_json:
             status = "bad input" if error.exit_code == 2 else "failed"
@@ -133,27 +136,6 @@ def reporting(as_json: bool) -> Iterator[None]:
         if isinstance(error, InputError):
             tell(f"{len(problems)} mistake{'s' if len(problems) > 1 else ''}; nothing was run")
         raise typer.Exit(error.exit_code) from None
-    except MemoryError as error:
-        _refuse(
-            f"this needs more memory than there is ({error or 'of no known size'}): take fewer elements or records",
-            as_json=as_json,
-        )
-    except Exception as error:
-        from percuss.methods.blame import line_in_plugin
-
-        where = line_in_plugin(error)
-        # A defect of percuss itself keeps its full traceback.
-        if not where:
-            raise
-        _refuse(f"{where}: {type(error).__name__}: {error}", as_json=as_json)
-
-
-def _refuse(text: str, *, as_json: bool) -> NoReturn:
-    """Print an error that is no list of mistakes, and end the command with exit code 2."""
-    if as_json:
-        print_json({"status": "bad input", "error": text, "problems": []})
-    tell(f"error: {text}")
-    raise typer.Exit(2) from None
 
 
 @contextmanager
@@ -175,6 +157,8 @@ def _standstill_told() -> Iterator[None]:
         with ctrl_c_raises(), Watch(STANDSTILL, tell_standstill):
             yield
     except KeyboardInterrupt as interrupt:
+        if not is_ctrl_c(interrupt):
+            raise
         where = line_in_plugin(interrupt)
         print(f"interrupted{f' in {where}' if where else ''}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None

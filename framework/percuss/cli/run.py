@@ -122,6 +122,8 @@ def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_jso
         try:
             result = run_case(case, nudge=nudge, progress=progress)
         except RunError as error:
+            if error.result is None:  # a plug-in raised it
+                raise
             failure, result = error, error.result
     outputs = _written_outputs(result, out, plot)
     if as_json:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import dis
 import importlib
 import importlib.metadata
 import inspect
@@ -9,18 +11,19 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from percuss import version
-from percuss.errors import PluginError, nearest
+from percuss.errors import PercussError, PluginError, RefusedPair, nearest
 from percuss.files import PACKAGE
 
 OWN_PACKAGES = {"percuss", "percuss_methods"}
 RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # names that contract 2 changed
-PLUGIN_MODULES: set[str] = set()  # top-level modules of all loaded plug-ins; the registry adds to it
+PLUGIN_MODULES: set[str] = set()  # top-level modules of all plug-ins, from their import on; the registry adds to it
 
 SINGULAR = {
     "integrators": "integrator",
@@ -37,14 +40,69 @@ SINGULAR = {
 _NAME_MISSING = re.compile(r"cannot import name '(\w+)' from '(percuss(?:\.\w+)*)'")
 
 
-def line_in_plugin(error: BaseException) -> str:
-    """Return ``file:line`` of the innermost call of an error that lies in a third-party plug-in, or an empty text."""
-    return _innermost(reversed(list(traceback.walk_tb(error.__traceback__))))
+@contextmanager
+def plugin_faults() -> Iterator[None]:
+    """Turn whatever a third-party plug-in raises inside this context into a PluginError with file and line.
+
+    Ctrl-C, a refused pair, and the errors that percuss raises on purpose stay as they are.
+    """
+    try:
+        yield
+    except BaseException as error:
+        where, frame = line_in_plugin(error), _last_call(error)[0]
+        of_percuss = isinstance(error, PercussError) and not is_third_party(frame.f_globals.get("__name__", ""))
+        if not where or of_percuss or isinstance(error, RefusedPair) or is_ctrl_c(error):
+            raise
+        text = described(error)
+        if isinstance(error, SystemExit):
+            text = f"a plug-in ends the process ({error.code!r}): raise an error instead"
+        raise PluginError(text, where) from error
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether an error is the KeyboardInterrupt of Ctrl-C, and not one that a statement of a plug-in raises."""
+    if not isinstance(error, KeyboardInterrupt):
+        return False
+    frame, place = _last_call(error)
+    is_raised = dis.opname[frame.f_code.co_code[place]] == "RAISE_VARARGS"
+    return not (is_raised and is_third_party(frame.f_globals.get("__name__", "")))
+
+
+def _last_call(error: BaseException) -> tuple[FrameType, int]:
+    """Return the innermost call of an error that has been caught, and the place of the instruction in its code."""
+    call: Any = error.__traceback__
+    while call.tb_next is not None:
+        call = call.tb_next
+    return call.tb_frame, call.tb_lasti
+
+
+def described(error: BaseException) -> str:
+    """Return the class and the text of an error."""
+    return ": ".join(filter(None, (type(error).__name__, _text_of(error))))
+
+
+def _text_of(error: BaseException) -> str:
+    """Return the text of an error, whose code is that of a plug-in and may raise an error itself."""
+    try:
+        return str(error.msg if isinstance(error, SyntaxError) else error).strip()
+    except BaseException as another:  # noqa: BLE001
+        return f"its text cannot be shown ({type(another).__name__})"
+
+
+def line_in_plugin(error: BaseException | None) -> str:
+    """Return ``file:line`` of the innermost call of an error that lies in a third-party plug-in, or an empty text.
+
+    Of an error without such a call the cause is asked: Python ends a generator that a StopIteration leaves with an
+    error of its own.
+    """
+    if error is None:
+        return ""
+    return _innermost(reversed(list(traceback.walk_tb(error.__traceback__)))) or line_in_plugin(error.__cause__)
 
 
 def said_by(error: ValueError) -> str:
     """Return the text of an error about options, with file and line of the third-party plug-in that raises it."""
-    text = str(error) or type(error).__name__
+    text = _text_of(error) or type(error).__name__
     where = line_in_plugin(error)
     # A method that percuss itself defines may be called from generated code, as that of a dataclass, which has no file.
     return text if not where or where.startswith("<") else f"{text} (raised in the plug-in {where})"
@@ -68,7 +126,29 @@ def is_third_party(module: str) -> bool:
     return module.startswith("percuss_file_") or module.partition(".")[0] in PLUGIN_MODULES - OWN_PACKAGES
 
 
-def breach(component: Any, method: str, message: str) -> PluginError:
+def third_party_files() -> list[str]:
+    """Return the files of the modules of third-party plug-ins, in the order in which they were loaded."""
+    modules = [module for name, module in list(sys.modules.items()) if is_third_party(name)]
+    return [file for module in modules if (file := getattr(module, "__file__", None))]
+
+
+def assignment_place(name: str) -> str:
+    """Return ``file:line`` where a third-party plug-in assigns to an attribute of this name, or an empty text."""
+    named = []
+    for file in reversed(third_party_files()):
+        try:
+            source = ast.parse(Path(file).read_bytes())
+        except (OSError, SyntaxError, ValueError):  # it has been changed, or is machine code
+            continue
+        for node in ast.walk(source):
+            if isinstance(node, ast.Attribute) and node.attr == name and not isinstance(node.ctx, ast.Load):
+                return f"{file}:{node.lineno}"
+            if isinstance(node, ast.Constant) and node.value == name:  # as in `setattr` and `vars`
+                named.append(f"{file}:{node.lineno}")
+    return next(iter(named), "")
+
+
+def breach(component: Any, method: str, message: str, place: str = "") -> PluginError:
     """Return the error for a method of a component that does what its contract forbids.
 
     Parameters
@@ -79,9 +159,11 @@ def breach(component: Any, method: str, message: str) -> PluginError:
         Name of the method or kernel; its first line is the place of the error.
     message
         What it does, what is expected, and what to do.
+    place
+        Place of the error; by default the first line of the method.
     """
-    place = definition_place(inspect.getattr_static(type(component), method, type(component)))
-    return PluginError(f"{place + ': ' if place else ''}{SINGULAR[component.family]} {component.name}: {message}")
+    place = place or definition_place(inspect.getattr_static(type(component), method, type(component)))
+    return PluginError(f"{SINGULAR[component.family]} {component.name}: {message}", place)
 
 
 def place_of(error: BaseException, plugin: str) -> str:
@@ -94,6 +176,8 @@ def place_of(error: BaseException, plugin: str) -> str:
     plugin
         The file of the plug-in; empty if it is not known.
     """
+    if isinstance(error, PluginError) and error.place:
+        return error.place
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}:{error.lineno}"
     # Both find distributions where they are imported; importlib_metadata then takes over from importlib.
@@ -120,7 +204,9 @@ def definition_place(definition: Any) -> str:
 
 def error_text(error: BaseException) -> str:
     """Return the text of a plug-in's error; for a name that percuss does not have, suggest the nearest one."""
-    text = error.msg if isinstance(error, SyntaxError) else str(error).strip()
+    if isinstance(error, PluginError):
+        return str(error).removeprefix(f"{error.place}: ")
+    text = _text_of(error)
     present = f"percuss {version.__version__} (contract {version.CONTRACT})"
     if isinstance(error, ModuleNotFoundError) and (error.name or "").startswith("percuss."):
         text = f"{present} has no module '{error.name}'; a plug-in imports from percuss and percuss.testing alone"
@@ -131,4 +217,4 @@ def error_text(error: BaseException) -> str:
         advice = "it stands in percuss itself" if name in sys.modules["percuss"].__all__ else advice
         advice = f"it is called `{RENAMED[name]}` since contract 2" if name in RENAMED else advice
         text = f"{present} has no '{name}' in {module}; {advice}"
-    return text if isinstance(error, PluginError) else ": ".join(filter(None, (type(error).__name__, text)))
+    return ": ".join(filter(None, (type(error).__name__, text)))

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.errors import PluginError
-from percuss.methods.blame import breach, line_in_plugin
+from percuss.errors import PercussError, PluginError
+from percuss.methods.blame import breach, described, line_in_plugin
 from percuss.methods.interfaces import Trial
 from percuss.methods.plugin_calls import mapped, read_only
 
@@ -190,12 +190,14 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
     try:
         with np.errstate(all="ignore"):
             kernel(bound, trial, multiplier)
+    except PercussError:
+        raise
     except Exception as error:
-        text = f"{type(error).__name__}: {error}"
+        text = described(error)
         if isinstance(error, ValueError) and "read-only" in str(error):
             text = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
         where = line_in_plugin(error)
-        raise PluginError(f"{where + ': ' if where else ''}contact law {law.name}: multipliers: {text}") from error
+        raise PluginError(f"contact law {law.name}: multipliers: {text}", where) from error
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
         did, remedy = fault_of_nan(kernel, bound, trial, point)

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from percuss.methods.blame import breach, is_third_party, line_in_plugin
-from percuss.methods.interfaces import Component, Exact, LeapFrog, Mesh
+from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Mesh
 
-__all__ = ["answer", "mapped", "read_only", "same"]
+__all__ = ["answer", "as_numbers", "mapped", "read_only", "same"]
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 # How many calls of each method have been repeated, by the class and the options of the component.
@@ -42,9 +42,13 @@ def answer(component: Component, method: str, *arguments: Any) -> Any:
     arguments = tuple(read_only(argument) for argument in arguments)
     key, own_state = (method, repr(component)), repr(vars(component))
     repeated = _REPEATED.setdefault(type(component), Counter())
+    check = CHECKS.get((component.family, method))
+    fault = ""
     try:
         first = call(*arguments)
-        if repeated[key] < REPEATED_CALLS:
+        if check is not None:
+            fault = _fault_of(check, first, *arguments)
+        if not fault and repeated[key] < REPEATED_CALLS:
             if not same(first, call(*arguments)):
                 raise breach(component, method, f"{method} {DIFFERENT}")
             repeated[key] += 1
@@ -53,10 +57,8 @@ def answer(component: Component, method: str, *arguments: Any) -> Any:
     except ValueError as error:
         if "read-only" not in str(error) or not line_in_plugin(error):
             raise
-        changed = breach(component, method, f"{method} changes an array that it was handed: copy it first")
-        raise type(changed)(f"{line_in_plugin(error)}: {str(changed).partition(': ')[2]}") from error
-    check = CHECKS.get((component.family, method))
-    fault = check(first, *arguments) if check is not None else ""
+        message = f"{method} changes an array that it was handed: copy it first"
+        raise breach(component, method, message, line_in_plugin(error)) from error
     if fault:
         raise breach(component, method, f"{method} {fault}")
     return first
@@ -121,11 +123,26 @@ def same(first: Any, second: Any, depth: int = 0) -> bool:
 # ---------------------------------------------------------------------------------------- checks of the answers
 
 
+def as_numbers(value: Any) -> Floats | None:
+    """Return a value as an array of numbers, or None if it is not real numbers that double precision holds."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        return None
+    return array.astype(float) if np.can_cast(array.dtype, float) else None
+
+
+def _fault_of(check: Callable[..., str], value: Any, *arguments: Any) -> str:
+    try:
+        return check(value, *arguments)
+    except (TypeError, ValueError):
+        return f"returned {_shown(value)}, expected numbers"
+
+
 def _numbers_fault(value: Any, shape: tuple[int, ...]) -> str:
     """Return what is wrong with an array of finite numbers, in words, or an empty text."""
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    array = as_numbers(value)
+    if array is None:
         return f"returned {_shown(value)}, expected numbers of shape {shape}"
     if array.shape != shape:
         return f"returned numbers of shape {array.shape}, expected {shape}"
@@ -136,7 +153,8 @@ def _numbers_fault(value: Any, shape: tuple[int, ...]) -> str:
 
 
 def _shown(value: Any) -> str:
-    return "nothing" if value is None else f"a {type(value).__name__}"
+    of = f" of {value.dtype}" if isinstance(value, np.ndarray) else ""
+    return "nothing" if value is None else f"a {type(value).__name__}{of}"
 
 
 def _amplitude_fault(value: Any, time: Any) -> str:
@@ -272,6 +290,14 @@ def _measure_fault(value: Any, result: Any) -> str:  # noqa: ARG001 - the argume
     return f"{fault}; None says that there is no number" if fault else ""
 
 
+def _bound_law_fault(value: Any, points: Any, dt: float) -> str:  # noqa: ARG001 - the arguments of `ContactLaw.bind`
+    for name in getattr(value, "_fields", ()):
+        array = getattr(value, name)
+        if isinstance(array, np.ndarray) and array.dtype.kind != "V" and not np.can_cast(array.dtype, complex):
+            return f"returned as `{name}` {_shown(array)}, expected numbers"
+    return ""
+
+
 def _bound_integrator_fault(value: Any, dt: float) -> str:  # noqa: ARG001 - the arguments of `Integrator.bind`
     if not isinstance(value, LeapFrog):
         return ""  # the numbers of `Stages` are checked with the trial steps
@@ -303,4 +329,5 @@ CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("solutions", "solve"): _solve_fault,
     ("measures", "of"): _measure_fault,
     ("integrators", "bind"): _bound_integrator_fault,
+    ("contacts", "bind"): _bound_law_fault,
 }

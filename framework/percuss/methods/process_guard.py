@@ -1,29 +1,50 @@
-"""Guards around a process that runs plug-ins: what they print, and their attempts to end the process."""
+"""Guards around a process that runs plug-ins: what they print, change, close and end, and errors nobody catches."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
+import gc
+import inspect
+import locale
 import os
+import signal
 import sys
 import threading
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from percuss.errors import PluginError
 from percuss.files import PACKAGE
-from percuss.methods.blame import line_in_plugin, running_line
+from percuss.methods.blame import (
+    OWN_PACKAGES,
+    PLUGIN_MODULES,
+    assignment_place,
+    definition_place,
+    described,
+    is_third_party,
+    line_in_plugin,
+    running_line,
+)
 
 __all__ = [
     "STANDSTILL",
-    "exit_text",
     "guarded_output",
-    "plug_ins_cannot_exit",
+    "plug_ins_cannot_end_the_process",
     "process_as_before",
     "tell_standstill",
+    "tell_uncaught",
     "where_is",
 ]
 
+MOST_FILES = 256  # numbers of open files that are looked at
+MISSING = object()  # in the place of a name that has been removed
+STREAMS = ("stdin", "stdout", "stderr")
 STANDSTILL = 10.0  # seconds without a completed step after which the line of the plug-in is named
 
 # Nothing in this folder prints: text that appears to come from here comes from a compiled kernel.
@@ -84,37 +105,141 @@ def guarded_output(*, shown: bool = True) -> Iterator[None]:
 
 
 @contextmanager
-def plug_ins_cannot_exit() -> Iterator[None]:
-    """Raise SystemExit where a plug-in calls `os._exit` inside this context: it can be caught and has a place."""
-    real = os._exit
+def plug_ins_cannot_end_the_process() -> Iterator[None]:
+    """Raise an error where a plug-in ends this process inside this context, or closes a file that was open before it.
 
-    def exit_process(status: int) -> None:
-        if running_line(sys._getframe(1)):
-            raise SystemExit(status)
-        real(status)
+    Without its files a process stands still, or can neither print nor say why it fails.
+    """
+    ours = dict(filter(None, map(_open_file, range(MOST_FILES))))
+    real = {name: getattr(os, name) for name in ("_exit", "abort", "close", "closerange", "dup2")}
 
-    os._exit = exit_process  # type: ignore[assignment]
+    def guarded(name: str, *arguments: Any, **options: Any) -> Any:
+        where = running_line(sys._getframe(1))
+        if where and name in {"_exit", "abort"}:
+            raise SystemExit(*arguments)
+        if where:
+            first, *rest = (*arguments, *options.values())
+            closed = range(first, *rest) if name == "closerange" else rest[:1] if name == "dup2" else [first]
+            for number, file in ours.items():
+                if number in closed and _open_file(number) == (number, file):
+                    message = f"os.{name} closes file {number}, which percuss needs: close only what you open"
+                    raise PluginError(message, where)
+        return real[name](*arguments, **options)
+
+    for name in real:
+        setattr(os, name, functools.partial(guarded, name))
     try:
         yield
     finally:
-        os._exit = real
+        for name, function in real.items():
+            setattr(os, name, function)
+
+
+def _open_file(number: int) -> tuple[int, tuple[int, int]] | None:
+    """Return the number of an open file and what identifies the file, or None if there is no open file."""
+    try:
+        status = os.fstat(number)
+    except OSError:
+        return None
+    return number, (status.st_dev, status.st_ino)
+
+
+def _folder() -> str:
+    """Return the current folder, or an empty text if it has been removed."""
+    try:
+        return os.getcwd()  # noqa: PTH109
+    except OSError:
+        return ""
+
+
+def _put_handler(handler: Any) -> None:
+    """Put back the handler of Ctrl-C where a plug-in has replaced it; percuss itself does so once Ctrl-C has come."""
+    now = signal.getsignal(signal.SIGINT)
+    of_plugin = isinstance(now, signal.Handlers) or is_third_party(str(getattr(now, "__module__", "")))
+    if of_plugin and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, handler)
+
+
+# What a plug-in may change for all others: how it is read, and how it is put back.
+STATES: tuple[tuple[Callable[[], Any], Callable[[Any], Any]], ...] = (
+    (sys.getrecursionlimit, sys.setrecursionlimit),
+    (sys.getswitchinterval, sys.setswitchinterval),
+    (lambda: [(name, getattr(sys, name)) for name in STREAMS], lambda streams: vars(sys).update(streams)),
+    (np.geterr, lambda errors: np.seterr(**errors)),
+    (lambda: warnings.filters[:], lambda filters: vars(warnings).update(filters=filters)),
+    (gc.isenabled, lambda enabled: gc.enable() if enabled else gc.disable()),
+    (lambda: locale.setlocale(locale.LC_ALL), lambda name: locale.setlocale(locale.LC_ALL, name)),
+    (lambda: signal.getsignal(signal.SIGINT), _put_handler),
+    (_folder, lambda folder: os.chdir(folder) if folder else None),
+)
 
 
 @contextmanager
 def process_as_before() -> Iterator[None]:
-    """Put back what the import of a plug-in inside this context changes in this process: streams, depth of calls."""
-    streams, depth = (sys.stdin, sys.stdout, sys.stderr), sys.getrecursionlimit()
+    """Put back what a plug-in inside this context changes in this process, and refuse one that overwrites a name.
+
+    Names are those of Python, numpy and percuss that other methods use.
+
+    Raises
+    ------
+    PluginError
+        If a plug-in overwrites a name.
+    """
+    if not PLUGIN_MODULES - OWN_PACKAGES:
+        yield
+        return
+    states = [(put, get()) for get, put in STATES]
+    names = [(owner, dict(vars(owner))) for owner in _owners()]
     try:
         yield
     finally:
-        sys.setrecursionlimit(depth)
-        sys.stdin, sys.stdout, sys.stderr = streams
+        changed = [
+            (owner, name, value, now)
+            for owner, values in names
+            for name, value in values.items()
+            if (now := vars(owner).get(name, MISSING)) is not value
+        ]
+        for owner, name, value, _ in changed:
+            setattr(owner, name, value)
+        for put, before in states:
+            put(before)
+        for owner, name, _, now in changed:
+            if place := _culprit(name, now):  # and the cause of any error that has been raised
+                message = f"overwrites {owner.__name__}.{name}, which others use too: take a name of your own"
+                raise PluginError(message, place)
+            setattr(owner, name, now) if now is not MISSING else delattr(owner, name)
 
 
-def exit_text(error: SystemExit) -> str:
-    """Return the message for a plug-in that ends the process, with its place, or an empty text if no plug-in does."""
-    where = line_in_plugin(error)
-    return f"{where}: a plug-in ends the process ({error.code!r}): raise an error instead" if where else ""
+def _owners() -> Iterator[Any]:
+    """Yield the modules and the classes whose names no plug-in may overwrite."""
+    for key, module in list(sys.modules.items()):
+        top = key.partition(".")[0]
+        if top in {"builtins", "math", "numpy", "os", "percuss"} and "._" not in key and module is not None:
+            yield module
+            if top == "percuss":
+                yield from (item for item in vars(module).values() if inspect.isclass(item) and item.__module__ == key)
+
+
+def _culprit(name: str, value: Any) -> str:
+    """Return the place at which a plug-in overwrites a name, or an empty text if no plug-in does."""
+    in_plugin = is_third_party(str(getattr(value, "__module__", "")))
+    return assignment_place(name) or (definition_place(value) if in_plugin else "")
+
+
+def tell_uncaught() -> None:
+    """Tell an error of a plug-in that nothing can catch, as in a thread of its own or at the end, in one line."""
+    told = set()
+
+    def tell(usual: Callable[[Any], Any], arguments: Any) -> None:
+        error = arguments.exc_value
+        if error is None or not (where := line_in_plugin(error)):
+            usual(arguments)
+        elif where not in told:
+            told.add(where)
+            print(f"note: {where}: {described(error)}; nothing catches it here", file=sys.stderr, flush=True)
+
+    threading.excepthook = functools.partial(tell, threading.excepthook)
+    sys.unraisablehook = functools.partial(tell, sys.unraisablehook)
 
 
 def where_is(thread: int) -> str:

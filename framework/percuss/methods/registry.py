@@ -10,7 +10,6 @@ import contextlib
 import functools
 import importlib.metadata
 import inspect
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +23,7 @@ from percuss.compiling import LOCK
 from percuss.errors import PluginError, nearest, suggestion
 from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
-from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, place_of
+from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, is_ctrl_c, place_of
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.process_guard import process_as_before
 from percuss.methods.provenance import Broken, Provenance
@@ -154,22 +153,7 @@ def _environment() -> tuple[tuple[str, int], ...]:
     return tuple((folder, Path(folder).stat().st_mtime_ns if Path(folder).exists() else 0) for folder in sys.path)
 
 
-@contextlib.contextmanager
-def _in_the_same_folder() -> Iterator[None]:
-    """Go back at the end to the current folder of the beginning, which relative paths given by the user start from."""
-    try:
-        folder = Path.cwd()
-    except OSError:  # it has been removed
-        yield
-        return
-    try:
-        yield
-    finally:
-        os.chdir(folder)
-
-
 @functools.lru_cache(maxsize=32)
-@_in_the_same_folder()
 def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFile, ...]) -> Registry:
     """Return the registry of installed distributions and `files`, cached until the installation changes.
 
@@ -186,7 +170,9 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFi
     points = importlib.metadata.entry_points(group=GROUP) if environment is not None else ()
     for source, point in sorted(((_provenance_of(point), point) for point in points), key=lambda pair: pair[0].label):
         with _isolate(broken, source, f"entry point '{point.name} = {point.value}'"):
-            with process_as_before(), _undoing_failed_import(source.module.partition(".")[0]):
+            top = source.module.partition(".")[0]
+            PLUGIN_MODULES.add(top)
+            with _undoing_failed_import(top), process_as_before():
                 plugin = point.load()
             for registered in _components_of(manager, plugin, source, broken):
                 by_key.setdefault(registered.key, []).append(registered)
@@ -255,7 +241,8 @@ def _import_file(file: SingleFile) -> ModuleType:
     """Return the module of a single-file plug-in, which is imported once for each content."""
     name = file.source.module
     if name not in sys.modules:
-        with process_as_before(), _undoing_failed_import(name):
+        PLUGIN_MODULES.add(name)
+        with _undoing_failed_import(name), process_as_before():
             file.import_as(name)
     return sys.modules[name]
 
@@ -315,7 +302,7 @@ def _components_of(manager: _Manager, plugin: Any, source: Provenance, broken: l
         Broken(source.label, fault, definition_place(function) or source.file) for fault, function in manager.faults
     ]
     for family, function in hooks:
-        with _isolate(broken, source, PREFIX + family, function):
+        with _isolate(broken, source, PREFIX + family, function), process_as_before():
             offers += [(family, offer) for offer in _offers_of(function)]
     if not hooks and not manager.faults:
         offers = [] if source.distribution else [(offer.family, offer) for offer in _finished_components(plugin)]
@@ -365,6 +352,8 @@ def _isolate(broken: list[Broken], source: Provenance, part: str = "", culprit: 
     """
     try:
         yield
-    except (Exception, SystemExit) as error:  # noqa: BLE001  no error of a plug-in may stop the others
+    except BaseException as error:  # no error of a plug-in may stop the others
+        if is_ctrl_c(error):
+            raise
         place = place_of(error, source.file) or definition_place(culprit) or source.file
         broken.append(Broken(source.label, ": ".join(filter(None, (part, error_text(error)))), place))

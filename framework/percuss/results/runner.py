@@ -16,6 +16,7 @@ from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
+from percuss.methods.process_guard import process_as_before
 from percuss.results import nudged_twin
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
@@ -126,6 +127,7 @@ def run_again(case: Case, summary: Mapping[str, Any]) -> Result:
     )
 
 
+@process_as_before()
 @one_blas_thread()
 def _run(
     case: Case,

@@ -12,7 +12,7 @@ import numpy as np
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats, LinearLaw
 from percuss.methods.kernel_trial import kernel_of, try_kernel
-from percuss.methods.plugin_calls import answer, mapped, read_only, same
+from percuss.methods.plugin_calls import answer, as_numbers, mapped, read_only, same
 
 OF_END_FORCE = ("sees", "pushes", "softens")
 COEFFICIENTS = ("sigma", "gap", "rate", "acceleration", *OF_END_FORCE)
@@ -136,7 +136,9 @@ def broadcast(linear_law: LinearLaw, points: ContactPoints, law: ContactLaw) -> 
     count = len(points.names)
     values = np.empty((len(COEFFICIENTS), count))
     for field, row in zip(COEFFICIENTS, values, strict=True):
-        value = np.asarray(getattr(linear_law, field), dtype=float)
+        value = as_numbers(getattr(linear_law, field))
+        if value is None:
+            raise breach(law, "bind", f"LinearLaw.{field} is {getattr(linear_law, field)!r}, expected real numbers")
         if value.shape not in {(), (count,)}:
             message = f"LinearLaw.{field} has shape {value.shape}, expected ({count},) or a number"
             raise breach(law, "bind", message)
@@ -169,10 +171,10 @@ def _intervals(linear_law: LinearLaw, law: ContactLaw) -> Floats | None:
     """
     if linear_law.during is None:
         return None
-    during = np.asarray(linear_law.during, dtype=float)
-    if during.size == 0:
+    during = as_numbers(linear_law.during)
+    if during is not None and during.size == 0:
         return np.zeros((0, 2))
-    if during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
+    if during is None or during.ndim != 2 or during.shape[1] != 2 or not (during[:, 0] <= during[:, 1]).all():
         message = f"LinearLaw.during is {linear_law.during!r}, expected pairs (start, stop), stop not before start"
         raise breach(law, "bind", message)
     return during

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import PercussError, PluginError
+from percuss.errors import PercussError
 from percuss.methods import slots
-from percuss.methods.blame import breach, is_third_party, line_in_plugin
+from percuss.methods.blame import breach, described, is_third_party, line_in_plugin
 from percuss.methods.interfaces import CellElement
-from percuss.methods.plugin_calls import DIFFERENT, answer, read_only, same
+from percuss.methods.plugin_calls import DIFFERENT, answer, as_numbers, read_only, same
 from percuss.solver.cells import cells_of, volumes_of
 from percuss.solver.compiler.specialise import Specialiser
 from percuss.solver.material_points import plain_slots, points_at_rest
@@ -122,17 +122,16 @@ def _try_twice(component: Any, name: str, call: Callable[[Any, Any], Any], state
     except PercussError:
         raise
     except Exception as error:
-        text = f"{name}: {type(error).__name__}: {error}"
+        text = f"{name}: {described(error)}"
         if isinstance(error, ValueError) and "read-only" in str(error):
             text = f"{name} changes what it was handed to read"
-        failure = breach(component, name, text)
-        where = line_in_plugin(error)
-        raise PluginError(f"{where}: {str(failure).partition(': ')[2]}" if where else str(failure)) from error
+        raise breach(component, name, text, line_in_plugin(error)) from error
     for value, repeated in zip(first, second, strict=True):
         # the nodal forces are the array that the kernel was handed; the other kernels return a number
-        if np.ndim(value) != (1 if name in (FORCE, CELL_FORCE) else 0):
+        numbers = as_numbers(value)
+        if numbers is None or numbers.ndim != (1 if name in (FORCE, CELL_FORCE) else 0):
             raise breach(component, name, f"{name} returned {value}, expected one number")
-        if not np.isfinite(np.asarray(value, dtype=float)).all():
+        if not np.isfinite(numbers).all():
             raise breach(component, name, f"{name} gave {value}, expected finite numbers")
         if not same(value, repeated):
             raise breach(component, name, f"{name} {DIFFERENT}")

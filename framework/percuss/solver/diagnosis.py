@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from percuss.errors import PercussError, PluginError
-from percuss.methods.blame import line_in_plugin
+from percuss.methods.blame import described, line_in_plugin
 from percuss.methods.kernel_trial import Fault, describe_state, fault_of_nan, kernel_of
 from percuss.solver.build import Kernels, LoopParts, bind
 
@@ -177,9 +177,8 @@ def kernel_failure(march: Marching, amplitudes: Any, step: int, raised: BaseExce
         error = error.__cause__ or raised
     if isinstance(error, NoMultiplier):
         error = raised
-    location = line_in_plugin(error)
-    description = f"{type(error).__name__}: {error}"
+    description = described(error)
     if isinstance(error, ValueError) and "read-only" in str(error):
         description = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
     step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
-    return PluginError(f"{location + ': ' if location else ''}{law or 'a kernel: '}{description} ({step_and_time})")
+    return PluginError(f"{law or 'a kernel: '}{description} ({step_and_time})", line_in_plugin(error))

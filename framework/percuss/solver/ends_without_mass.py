@@ -58,14 +58,15 @@ def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) 
     for region in ends:
         may_lack_mass[list(mesh.regions[region].nodes)] = True
     if type(method).nodal_in_contact is Mass.nodal_in_contact or not may_lack_mass.any():
-        return answer(method, "nodal", element_mass, lumping), np.zeros_like(may_lack_mass)
+        return np.asarray(answer(method, "nodal", element_mass, lumping), dtype=float), np.zeros_like(may_lack_mass)
     if mesh.cells:
         kinds = ", ".join(mesh.cells)
         message = f"expected elements of two nodes at ends in contact with the mass {method.name}, found cells {kinds}"
         advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for two-node elements alone: take another mass."
         raise InputError([case.problem(("bodies", spec.name), message, advice)])
     first, last = bool(may_lack_mass[0]), bool(may_lack_mass[-1])
-    return answer(method, "nodal_in_contact", element_mass, lumping, first, last), may_lack_mass
+    nodal = answer(method, "nodal_in_contact", element_mass, lumping, first, last)
+    return np.asarray(nodal, dtype=float), may_lack_mass
 
 
 def refuse_without_mass(

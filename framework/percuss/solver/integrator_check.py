@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
-from percuss.methods.blame import breach, line_in_plugin
+from percuss.methods.blame import breach, described, line_in_plugin
 from percuss.methods.interfaces import ContactState, Implicit, Integrator, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
 from percuss.solver.compiler.specialise import Specialiser
@@ -230,13 +230,10 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
     try:
         step(stages.numbers, (constant,), u, v, kept, dt)
     except Exception as error:
-        location = line_in_plugin(error)
-        text = (
-            f"{location + ': ' if location else ''}integrator {integrator.name}: step: {type(error).__name__}: {error}"
-        )
+        text = f"integrator {integrator.name}: step: {described(error)}"
         if isinstance(error, IndexError) and not integrator.kept:
             text += " (`kept` is 0: say how many rows the scheme keeps)"
-        raise PluginError(text) from error
+        raise PluginError(text, line_in_plugin(error)) from error
     if set(stages_used) - set(range(len(stages.times))):
         raise _plugin_error(
             integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"

@@ -17,6 +17,7 @@ from percuss.errors import InputError, Problem, RefusedPair
 from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
 from percuss.methods.plugin_calls import answer
+from percuss.methods.process_guard import process_as_before
 from percuss.solver import size_limits
 from percuss.solver.bound_law import BoundLaw, bind_law, joined
 from percuss.solver.bulk_trial import try_kernels
@@ -138,6 +139,7 @@ class Model:
     _whole: Model | None  # the model of the whole run, in the model of a stretch
 
     @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
+    @process_as_before()
     def __init__(self, case: Case) -> None:
         bodies = size_limits.checked_bodies(case, lambda: _bodies_of(case))
         mass = np.concatenate([body.mass for body in bodies.values()])

@@ -17,6 +17,7 @@ from percuss.case.case import Case, load
 from percuss.compiling import LOCK as ONE_AT_A_TIME
 from percuss.errors import PluginError
 from percuss.heartbeat import beat
+from percuss.methods.blame import plugin_faults
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import SourceDigests, content_digest, own_digest, surroundings
@@ -108,7 +109,8 @@ class Bench:
             beat()
             began = time.perf_counter()
             try:
-                case = self._case_once(task.case)
+                with plugin_faults():
+                    case = self._case_once(task.case)
             except Exception as error:  # noqa: BLE001 - it was read where the study began: this machine differs
                 reason = f"the process that was to make the run cannot read the case: {error}"
                 records.append(Record(key, LOST, reason, "worker", misfit=True))
@@ -128,7 +130,8 @@ class Bench:
         from percuss.studies.preflight import rehearse
 
         try:
-            case = self._case_once(task.case)
+            with plugin_faults():
+                case = self._case_once(task.case)
         except Exception:  # noqa: BLE001 - the runs of this case will say why it cannot be read here
             return None
         return plain(rehearse(case, task))  # type: ignore[no-any-return]

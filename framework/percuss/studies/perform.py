@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError, PercussError, PluginError, RefusedPair, RunError, TooLargeError
-from percuss.methods.blame import line_in_plugin
-from percuss.methods.process_guard import exit_text
+from percuss.methods.blame import described, line_in_plugin, plugin_faults
 from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
 from percuss.results.runner import run, timed_run
 from percuss.studies.tasks import TIED, Task
@@ -115,13 +114,15 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
 ) -> tuple[Run, InputError | None]:
     names = task.integrator, task.contact, task.varied
     try:
-        changed = case.with_overrides(task.changes) if task.changes else case
+        with plugin_faults():
+            changed = case.with_overrides(task.changes) if task.changes else case
     except InputError as error:
         return Run(*names, "failed", str(error), unread=True), error
+    except PluginError as error:
+        return Run(*names, *failure_status(error, case.registry)), None
     try:
-        if task.tied:
-            changed = tied_twin(changed)
-        result = make(changed)
+        with plugin_faults():
+            result = make(tied_twin(changed) if task.tied else changed)
     except RefusedPair as error:
         return Run(*names, "refused", error.reason, error.said_by), None
     except _NoTwin as error:
@@ -130,9 +131,7 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
         return Run(*names, "unstable", str(error), result=error.result), None
     except InputError as error:
         return Run(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
-    except PercussError as error:
-        return Run(*names, "failed", str(error)), None
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
+    except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
         return Run(*names, *failure_status(error, case.registry)), None
     reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
@@ -141,12 +140,10 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
 
 def failure_status(error: BaseException, registry: Registry) -> tuple[str, str]:
     """Return status and reason of a run ended by an unexpected error: `LOST` unless the code of a plug-in raised it."""
-    if isinstance(error, PluginError):
+    if isinstance(error, PercussError) and not isinstance(error.__cause__, ENVIRONMENT):
         return "failed", str(error)
-    if isinstance(error, SystemExit) and (text := exit_text(error)):
-        return "failed", text
     where = line_in_plugin(error)
-    message = f"{where + ': ' if where else ''}{type(error).__name__}: {error}"
+    message = str(error) if isinstance(error, PercussError) else f"{where + ': ' if where else ''}{described(error)}"
     files = {source.file for source in registry.sources.values() if source.file}
     packages = {source.module.partition(".")[0] for source in registry.sources.values() if source.distribution}
     in_plugin = any(

@@ -27,6 +27,7 @@ from percuss.case.case import Case, load
 from percuss.case.quantities import METRICS
 from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, shortened, suggestion
 from percuss.files import expect_no_input, expect_writable
+from percuss.methods.blame import plugin_faults
 from percuss.methods.interfaces import ContactLaw, Implicit
 from percuss.methods.registry import Registry
 from percuss.solver.model import Model
@@ -401,15 +402,18 @@ class _Bench:
         if candidate.pair in self.refused:
             return False
         try:
-            self._model(candidate.changes)
+            with plugin_faults():
+                self._model(candidate.changes)
         except RefusedPair as refusal:
             self.reason = refusal
             if not (candidate.integrator_options or candidate.contact_options):
-                self.refused[candidate.pair] = str(refusal)
+                self.refused[candidate.pair] = refusal.sentence
             return False
         except InputError as error:
             self.reason = error
             return False
+        except PluginError:
+            return True  # its run fails, and says why
         return True
 
     def meshes(self, candidate: Candidate) -> list[float]:

@@ -82,6 +82,8 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
         Registry of the measures that are plug-ins.
     """
     from percuss.jsonable import plain
+    from percuss.methods.blame import plugin_faults
+    from percuss.methods.process_guard import process_as_before
     from percuss.results.provenance import processor_model
     from percuss.studies.perform import failure_status
 
@@ -93,8 +95,9 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
     measures = {}
     for column in columns:
         try:
-            measures[column.name] = plain(column.take(run.result, registry))
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
+            with plugin_faults(), process_as_before():
+                measures[column.name] = plain(column.take(run.result, registry))
+        except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
             status, reason = failure_status(error, registry)
             return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
     histories = _packed(run.result, keep) if keep else b""

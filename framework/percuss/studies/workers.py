@@ -25,11 +25,13 @@ from typing import Any, NamedTuple
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
 from percuss.heartbeat import Watch, beat
+from percuss.methods.blame import third_party_files
 from percuss.methods.process_guard import (
     STANDSTILL,
     guarded_output,
-    plug_ins_cannot_exit,
+    plug_ins_cannot_end_the_process,
     tell_standstill,
+    tell_uncaught,
     where_is,
 )
 from percuss.process import processes_with
@@ -304,7 +306,6 @@ class _Crew:
             _start_server()
         self.notes = Path(tempfile.mkdtemp(prefix="percuss-"))
         self.alive, self.leash = context.Pipe(duplex=False)
-        self.plugins = {str(path) for plugins in bench.plugins.values() for path, _ in plugins}
         self.began, self.retiring = time.monotonic(), False
         arguments = (bench, self.alive, str(self.notes), stalled_after)
         self.pool = ProcessPoolExecutor(number, context, _begin, arguments)
@@ -331,7 +332,8 @@ class _Crew:
         """Return the message for a crash by its trace, or an empty text if the crash was in no plug-in."""
         fatal = re.search(r"Fatal Python error: (.+)", trace)
         calls = re.findall(r'File "(.+)", line (\d+)', trace)
-        place = next((f"{file}:{line}" for file, line in calls if file in self.plugins), "")
+        plugins = third_party_files()
+        place = next((f"{file}:{line}" for file, line in calls if file in plugins), "")
         return f"{place}: its worker process died {STRIKES} times here: {fatal[1]}" if fatal and place else ""
 
     def retire_if_large(self) -> None:
@@ -420,7 +422,8 @@ def _begin(bench: Bench, alive: Any, notes: str, stalled_after: float) -> None:
     # Standard output belongs to the results of the process that hands out the work.
     os.dup2(2, 1)
     guards.enter_context(guarded_output(shown=False))
-    guards.enter_context(plug_ins_cannot_exit())
+    guards.enter_context(plug_ins_cannot_end_the_process())
+    tell_uncaught()
     guards.enter_context(Watch(STANDSTILL, tell_standstill))
     faulthandler.enable(crash)
     guards.enter_context(Watch(stalled_after, functools.partial(_stop_work, note.with_suffix(STALLED), stalled_after)))

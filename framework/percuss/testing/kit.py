@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from percuss.errors import PercussError, PluginError
+from percuss.methods.blame import described, is_ctrl_c, line_in_plugin
 from percuss.methods.interfaces import Component, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.testing.subject import (
@@ -224,7 +225,9 @@ def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
     except (CheckFailed, PercussError) as error:
         message = str(error) if isinstance(error, CheckFailed) else _error_with_line(error, subject)
         return Outcome(kit_check, partner, "expected failure" if reason else "failed", message, reason)
-    except Exception as error:  # noqa: BLE001  the kit reports any error that a plug-in raises
+    except BaseException as error:  # the kit reports any error that a plug-in raises
+        if not isinstance(error, Exception) and (is_ctrl_c(error) or not line_in_plugin(error)):
+            raise
         # an expected failure excuses a broken demand, never an error of the program
         return Outcome(kit_check, partner, "failed", _error_with_line(error, subject))
     if reason:
@@ -293,7 +296,7 @@ def _error_with_line(error: BaseException, subject: Subject) -> str:
     lines = [f"{f.filename}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
     notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
     place = f" [{lines[-1]}]" if lines else ""
-    return f"{type(error).__name__}: {error}{place}{notes}"
+    return f"{described(error)}{place}{notes}"
 
 
 def _filled(text: str) -> str:

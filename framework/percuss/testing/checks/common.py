@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import InputError, RefusedPair, RunError
+from percuss.methods.blame import described
 from percuss.testing.draws import (
     TWO_BARS,
     bar_chains,
@@ -178,7 +179,7 @@ def check_options_bounded(subject: Subject) -> None:
             except (InputError, RefusedPair, RunError):
                 return
             except Exception as error:
-                failure = f"option `{key}` accepts {value!r}, and then: {type(error).__name__}: {error}"
+                failure = f"option `{key}` accepts {value!r}, and then: {described(error)}"
                 raise CheckFailed(f"{failure}; give it a bound, or raise ValueError in words") from error
 
         default = option.default if not option.required else subject.examples[0].get(key)
