@@ -7,6 +7,7 @@ import functools
 import gc
 import inspect
 import locale
+import operator
 import os
 import signal
 import sys
@@ -191,25 +192,40 @@ def process_as_before() -> Iterator[None]:
         return
     beat()  # so that a silence from here on is one of the plug-in
     states = [(put, get()) for get, put in STATES]
-    names = [(owner, dict(vars(owner))) for owner in _owners()]
+    if sys.modules.keys() != _SEEN.keys():
+        _SEEN.clear()
+        _SEEN.update(dict.fromkeys(sys.modules))
+        _NAMES[:] = [(owner, dict(vars(owner))) for owner in _owners()]
     try:
         yield
     finally:
         changed = [
-            (owner, name, value, now)
-            for owner, values in names
-            for name, value in values.items()
-            if (now := vars(owner).get(name, MISSING)) is not value
+            (owner, values, name, vars(owner).get(name, MISSING))
+            for owner, values in _NAMES
+            if not all(map(operator.is_, map(vars(owner).get, values), values.values()))
+            for name, value in list(values.items())
+            if vars(owner).get(name) is not value
         ]
-        for owner, name, value, _ in changed:
-            setattr(owner, name, value)
+        for owner, values, name, _ in changed:
+            setattr(owner, name, values[name])
         for put, before in states:
             put(before)
-        for owner, name, _, now in changed:
+        for owner, values, name, now in changed:
             if place := _culprit(name, now):  # and the cause of any error that has been raised
                 message = f"overwrites {owner.__name__}.{name}, which others use too: take a name of your own"
                 raise PluginError(message, place)
-            setattr(owner, name, now) if now is not MISSING else delattr(owner, name)
+            if now is MISSING:
+                del values[name]
+                delattr(owner, name)
+            else:
+                setattr(owner, name, now)
+                values[name] = now
+
+
+# The names that are watched as they were before any plug-in could change them, and the modules that were loaded then.
+# To write down nine thousand names in each run would take as long as many a run.
+_NAMES: list[tuple[Any, dict[str, Any]]] = []
+_SEEN: dict[str, None] = {}
 
 
 def _owners() -> Iterator[Any]:
