@@ -114,10 +114,19 @@ class _CompilationLine:
 def reporting(as_json: bool) -> Iterator[None]:
     """Turn errors into a message and an exit code, and show a spinner while the time loop is compiled.
 
-    Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so.
+    Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so. Numbers that
+    overflow are told by the result or by an error, not by warnings of numpy besides.
     """
+    import numpy as np
+
     try:
-        with guarded_output(), plug_ins_cannot_exit(), _standstill_told(), _compiling_shown():
+        with (
+            np.errstate(all="ignore"),
+            guarded_output(),
+            plug_ins_cannot_exit(),
+            _standstill_told(),
+            _compiling_shown(),
+        ):
             yield
     except SystemExit as error:
         text = exit_text(error)

@@ -125,6 +125,7 @@ def run_again(case: Case, summary: Mapping[str, Any]) -> Result:
 
 
 @one_blas_thread()
+@np.errstate(all="ignore")  # an overflow is reported by the stop of the run, or as a history without a number
 def _run(
     case: Case,
     watch: Stopwatch,
@@ -155,8 +156,7 @@ def _run(
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
     watch.lap()
-    with np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext():  # the stop reports an overflow
-        result = result_of(march, outcome, certificate)
+    result = result_of(march, outcome, certificate)
     if nudge and outcome.status != "unstable":
         try:
             with MARCH_LOCK if timed else nullcontext():  # the twin is not timed but would slow down a march that is
