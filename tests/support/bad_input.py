@@ -8,6 +8,7 @@ import argparse
 import contextlib
 import copy
 import json
+import math
 import os
 import re
 import resource
@@ -21,6 +22,7 @@ import traceback
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import get_args
 
 if __name__ == "__main__":
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -33,13 +35,17 @@ import places
 from command_line import percuss_command
 from percuss.case.options import options_of
 from percuss.case.specs import CaseSection
-from percuss.case.type_words import branches, fact, item_type
+from percuss.case.type_words import branches, fact, is_union, item_type
 from percuss.case.validation import NO_KEY, Keyed, Named, Section
+from percuss.certificate.verdict import settled
 from percuss.errors import PercussError
 from percuss.methods.registry import Registry
 from percuss.process import INTERRUPTED
+from percuss.testing.draws import bounds
 
-SHARES = {"case": 30, "value": 30, "study": 5, "table": 12, "command": 5, "result": 12, "store": 3, "plug-in": 3}
+SHARES = {
+    "case": 25, "value": 20, "edge": 20, "study": 5, "table": 9, "command": 5, "result": 10, "store": 3, "plug-in": 3,
+}  # fmt: skip
 CHUNK = 2000  # inputs of one kind that a process tries
 GOOD = {"fine", "refused"}
 SECOND = 1.0  # of processor time, that no input may take
@@ -239,6 +245,36 @@ STUDY = {
     "repeats": 1,
     "where": [{"path": "time.courant", "op": "<", "value": 2}],
 }
+# a case small enough to be run, in which most numbers of a case have a place
+EDGE = {
+    "percuss": 1,
+    "bodies": {
+        "short": {"bar": {"length": 1.0, "elements": 2}, "area": 1.0, "velocity": 0.1},
+        "long": {"bar": {"length": 2.0, "elements": 3, "direction": [1.0]}, "at": 1.0, "area": 1.0},
+    },
+    "contacts": {"tip": {"between": ["short.right", "long.left"]}, "top": {"body": "long.right", "wall": 3.01}},
+    "loads": {"pull": {"on": "short.left", "from": 0.01, "until": 0.05}},
+    "time": {"end": 0.1, "courant": 0.5},
+    "record": {"every": 1, "probes": ["short.left"], "fields": 2},
+    "refine": 1,
+    "expect": [
+        {"quantity": "impulse", "contact": "tip", "value": 0.02, "within": 0.1, "source": "paper"},
+        {"quantity": "gap", "contact": "tip", "during": [0.02, 0.05], "mean": 0.0, "within": "1%", "source": "paper"},
+    ],
+}
+SIZES = (1e12, 1e30, 1e60, 1e99, 1e100, 1e154, 1.7e308)
+EDGES = (*SIZES, *(1.0 / size for size in SIZES), 5e-324, 0.0)  # and their negatives
+WHOLE_EDGES = (0, 1, 2, 11, 2**31, 2**62)
+MOST_STEPS = 500  # or nodes, of a case that is run
+MARCHING = {"run", "compare", "verify"}
+EDGE_COMMANDS = [  # PATH has been set to a number at the edge, VALUES are three about it
+    *("check CASE", "check CASE --json", "run CASE", "run CASE", "run CASE --json", "run CASE --json"),
+    *("run CASE --nudge", "run CASE --tied --json", "run CASE --plot out.svg", "run CASE -o out.nc"),
+    *("run CASE --exact-only --json", "run CASE --exact-only", "run CASE --exact-only --plot out.svg"),
+    *("stability CASE --json", "stability CASE --vary PATH=VALUES --json", "stability CASE --by pencil,black-box"),
+    *("compare CASE --vary PATH=VALUES --json", "waves CASE --json", "waves CASE --contact top", "verify CASE"),
+]
+WRONG_WORDS = re.compile(r"\bNone\b|\bNaN\b|\binf%|np\.|\bSingular\b|object at 0x")
 # command lines that are right, beside files of the ground
 COMMANDS = [
     "check hunek.yaml --set time.courant=0.4 --set method.contact=lagrange --json",
@@ -260,6 +296,78 @@ COMMANDS = [
     "schema --study",
     "new my-law --kind contact --single-file -o here",
 ]
+
+
+def at_edge(draw, kind, annotation=None):
+    """Return a number at the edge of what a machine or an option's bounds allow."""
+    if kind is int:
+        return int(one_of(draw, WHOLE_EDGES))
+    low, high, *_ = bounds(annotation)
+    limits = [limit for limit in (low, high) if math.isfinite(limit)]
+    near = [math.nextafter(limit, other) for limit in limits for other in (-math.inf, limit, math.inf)]
+    return one_of(draw, near) if near and draw.integers(2) else one_of(draw, EDGES) * (1 if draw.integers(8) else -1)
+
+
+def edge_case(draw, registry):
+    """Return a small case with components of all that are registered, and the path of an option at its edge, if any."""
+    data, path = copy.deepcopy(EDGE), ()
+
+    def component(at, family, *names):
+        nonlocal path
+        name = one_of(draw, names or registry.names(family))
+        cls = registry.get(family, name)
+        options = dict(one_of(draw, cls.examples))
+        numeric = [
+            (key, kind, part)
+            for key, option in options_of(cls).items()
+            for part in parts(option.annotation)
+            for kind in branches(part)
+            if kind in {int, float}
+        ]
+        if numeric and draw.integers(3) == 0:
+            key, kind, annotation = one_of(draw, numeric)
+            options[key] = at_edge(draw, kind, annotation)
+            path = (*at, key)
+        return name, options
+
+    simple = draw.integers(3) > 0  # with bars of lumped masses alone other components reach further
+    for part, family, usual in (("material", "materials", "elastic"), ("element", "elements", "bar")):
+        name, options = component(("bodies", "short", part), family, *([usual] if simple else []))
+        for body in data["bodies"].values():
+            body[part] = {"name": name, **options}
+    data["method"] = {}
+    for part, family, usual in (
+        ("integrator", "integrators", "central-difference" if draw.integers(2) else "wu-predictor-corrector"),
+        ("contact", "contacts", ""),
+        ("mass", "masses", "lumped"),
+    ):
+        name, options = component(("method", part), family, *([usual] if simple and usual else []))
+        data["method"][part] = {"name": name, **options}
+    name, options = component(("loads", "pull"), "loads")
+    if draw.integers(2):
+        data["loads"]["pull"][name] = options
+        path = (*path[:2], name, *path[2:]) if path[:1] == ("loads",) else path
+    else:
+        data["loads"], path = {}, path if path[:1] != ("loads",) else ()
+    if name == "gravity" and data["loads"]:
+        del data["loads"]["pull"]["on"]
+    data["time"]["courant"] = "auto" if draw.integers(5) == 0 else 0.5
+    if draw.integers(4) == 0:
+        data["time"], data["expect"] = {"steps": 10, "step": 0.001}, []
+    return json.loads(json.dumps(data)), path
+
+
+def parts(annotation):
+    """Yield each branch of the type of an option, with its bounds."""
+    if is_union(annotation):
+        for branch in get_args(annotation):
+            yield from parts(branch)
+    else:
+        yield annotation
+
+
+def no_constant(name):
+    raise ValueError(f"{name} is no JSON")
 
 
 class Ground:
@@ -318,7 +426,8 @@ class Bench:
         self.rows = study_contents(ground.folder / "store.sqlite")
         self.contents = contents(percuss.open_result(ground.folder / "result.nc"))
         self.paths = [path for path in schema_paths(CaseSection, self.registry) if path]
-        self.undo = without_marches(percuss.open_result(ground.folder / "result.nc"))
+        self.ready = percuss.open_result(ground.folder / "result.nc")
+        self.undo = without_marches(self.ready)
 
     def close(self):
         self.undo()
@@ -427,6 +536,47 @@ class Bench:
         word, detail = self.command("plugins", "--plugin", "bad.py", *(["--json"] if draw.integers(2) else []))
         return ("unclear", detail) if word == "refused" and "bad.py" not in detail else (word, detail)
 
+    def edge(self, draw):
+        """Check, run or draw a small case with up to three numbers at the edge of what is allowed."""
+        data, path = edge_case(draw, self.registry)
+        for _ in range(few(draw) - bool(path)):
+            numbers = [one for one in paths_in(data) if type(value_at(data, one)) in {int, float} and len(one) > 1]
+            path = one_of(draw, numbers)
+            value_at(data, path[:-1])[path[-1]] = at_edge(draw, type(value_at(data, path)))
+        (self.work / "edge.yaml").write_text(as_yaml(data), encoding="utf-8")
+        path = path if all(isinstance(part, str) for part in path) and path else ("time", "courant")
+        value = value_at(data, path) if path in paths_in(data) else 0.5
+        values = f"{value}:{one_of(draw, (-1, 0.5, 2)) * value if isinstance(value, float | int) else value}:3"
+        words = one_of(draw, EDGE_COMMANDS).replace("PATH", ".".join(path)).replace("VALUES", values)
+        self.words = words.replace("CASE", "edge.yaml").split()
+        if self.words[0] in MARCHING and self.lasts():
+            self.words = ["check", "edge.yaml"]
+        with self.marching():
+            done = percuss_command(*self.words, cwd=self.work, plain=True)
+        word, detail = judged(done)
+        said = done.stdout + done.stderr
+        if word in GOOD and (wrong := WRONG_WORDS.search(said)):
+            return "unclear", f"{wrong[0]!r} in {said[max(0, wrong.start() - 200) : wrong.end() + 100]!r}"
+        if "--json" in self.words:
+            json.loads(done.stdout, parse_constant=no_constant)
+        return word, detail
+
+    def lasts(self):
+        """Return whether the case at the edge is a right one that takes its time."""
+        with contextlib.suppress(PercussError):
+            model = settled(percuss.load(self.work / "edge.yaml")).model
+            return max(model.steps, model.n_nodes) > MOST_STEPS
+        return False
+
+    @contextlib.contextmanager
+    def marching(self):
+        """Let cases be run meanwhile."""
+        self.undo()
+        try:
+            yield
+        finally:
+            self.undo = without_marches(self.ready)
+
     def command_(self, draw):
         words = one_of(draw, COMMANDS).split()
         for _ in range(int(draw.integers(1, 4))):
@@ -460,6 +610,7 @@ class Bench:
     KINDS = {
         "case": case,
         "value": value,
+        "edge": edge,
         "study": study,
         "table": table,
         "command": command_,
@@ -482,7 +633,7 @@ class Bench:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         seconds = spent() - before
-        works = word == "fine" and kind in {"study", "store", "command"}  # that plan many runs, or draw pictures
+        works = kind == "edge" or (word == "fine" and kind in {"study", "store", "command"})  # runs, plans, pictures
         if word in {"fine", "refused"} and seconds > (SECONDS_OF_WORK if works else SECOND):
             word, detail = "slow", f"{seconds:.2f} s; {word}: {detail[:200]}"
         self.refresh()

@@ -17,7 +17,17 @@ from bad_input import GOOD, SHARES, Bench, Ground
 from percuss.errors import PercussError
 
 COUNT = int(os.environ.get("PERCUSS_FUZZ", "2000"))
-QUICK = {"case": 60, "value": 60, "table": 40, "result": 40, "store": 12, "study": 8, "command": 12, "plug-in": 8}
+QUICK = {
+    "case": 60,
+    "value": 60,
+    "edge": 60,
+    "table": 40,
+    "result": 40,
+    "store": 12,
+    "study": 8,
+    "command": 12,
+    "plug-in": 8,
+}
 
 
 @pytest.fixture(scope="module")

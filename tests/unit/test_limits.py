@@ -1,11 +1,16 @@
 """Numbers and sizes that cannot be computed with, and arguments of the wrong kind: one clear message each."""
 
+import json
+
+import numpy as np
 import pytest
+import yaml
 
 import percuss
 import places
 from command_line import percuss_command
-from percuss.certificate.verdict import settled
+from percuss.certificate.criteria import PencilCriterion
+from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError
 from percuss.solver import size_limits
 from percuss.solver.recording import recordable
@@ -17,8 +22,13 @@ GIB = 2**30
 
 # what is set, and what the message says; on a machine of 16 GiB
 ABSURD = [
-    ("time.courant=1e300", ["time.courant: expected a time step between", "found 1e+297"]),
-    ("time.courant=1e-300", ["time.courant: expected a time step between", "found 1e-303"]),
+    ("time.courant=1e300", ["time.courant: expected a number between 1e-100 and 1e+100, found 1e+300"]),
+    ("time.courant=1e-100", ["time.courant: expected a time step between", "found 1e-103"]),
+    ("method.contact.beta_s=1e154", ["method.contact.beta_s: expected a number between 1e-100 and", "found 1e+154"]),
+    ("method.contact.beta_s=5e-324", ["method.contact.beta_s: expected a number between", "found 5e-324"]),
+    ("method.integrator={name: noh-bathe, p: 5e-324}", ["method.integrator.p: expected a number between", "5e-324"]),
+    ("method.contact={name: uzawa, iterations: 4611686018427387904}", ["iterations: expected", "at most 10000"]),
+    ("bodies.short.at=[1e300]", ["bodies.short.at.0: expected a number between -1e+100 and 1e+100 [length]"]),
     ("refine=1000000000", ["refine: expected elements that fit into memory", "1e+11 in body 'short'", "16 GiB"]),
     ("bodies.short.bar.elements=1000000000000000", ["bodies.short: expected elements that fit into memory"]),
     ("bodies.short.bar.elements=1000000000", ["bodies.short: expected elements", "1e+09 in body 'short'", "16 GiB"]),
@@ -29,14 +39,14 @@ ABSURD = [
     (f"time.end={400 * '1'}", ["time.end: expected a number greater than 0 [time], found 1111"]),
     (
         "bodies.short.velocity=1e200",
-        ["bodies.short.velocity: expected a velocity between", "found 1e+200", "Choose units"],
+        ["bodies.short.velocity: expected a number between -1e+100 and", "found 1e+200", "Choose units"],
     ),
-    ("bodies.short.material.density=1e-320", ["bodies.short: expected a mass of a node between", "Choose units"]),
-    ("bodies.short.material.young=1e308", ["bodies.short: expected a stiffness EA/h", "found inf"]),
-    ("bodies.short.bar.length=1e-300", ["bodies.short: expected an element length"]),
-    ("bodies.short.area=1e300", ["bodies.short: expected a mass of a node"]),
+    ("bodies.short.material.density=1e-100", ["bodies.short: expected a mass of a node between", "Choose units"]),
+    ("bodies.short.material.young=1e100", ["bodies.short: expected a stiffness EA/h", "found 1e+101"]),
+    ("bodies.short.bar.length=1e-100", ["bodies.short: expected an element length"]),
+    ("bodies.short.area=1e100", ["bodies.short: expected a stiffness EA/h", "found 1e+103"]),
     ("time.end=1e8", ["found 2e+11 steps, whose records take", "TiB", "16 GiB", "record: {every: 10000}"]),
-    ("time.end=1e300", ["expected at most"]),
+    ("time.end=1e100", ["expected at most"]),
     ("record.fields=100000000", ["record.fields: expected snapshots that fit into memory"]),
 ]
 
@@ -142,5 +152,72 @@ def test_a_limit_that_an_override_passes_is_told_of_the_override(override):
 def test_a_velocity_beyond_the_limits_is_told_at_its_place(tmp_path):
     file, text = tmp_path / "fast.yaml", (places.CASES / "hunek.yaml").read_text(encoding="utf-8")
     file.write_text(text.replace("velocity: 0.1", "velocity: 1e200"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"fast\.yaml:9:15: bodies\.short\.velocity: expected a velocity between"):
+    with pytest.raises(InputError, match=r"fast\.yaml:9:15: bodies\.short\.velocity: expected a number between"):
         settled(percuss.load(file))
+
+
+EXTREME = [  # command, what is set, exit code, and what it says
+    ("compare {case} --vary time.courant=1e308:-1e308:3", {}, 2, "expected ends of at most 1e+100 in size"),
+    ("run {case} --exact-only", {"record": {"fields": 2**62}}, 2, "record.fields: expected snapshots that fit"),
+    (
+        "run {case}",
+        {
+            "loads": {"pull": {"on": "short.left", "constant": 1e100}},
+            "bodies.short.material.young": 1e-95,
+            "bodies.long.material.young": 1e-95,
+            "time": {"steps": 40, "courant": 0.5},
+        },
+        1,
+        "the energy exceeds 1e+200, beyond which numbers overflow",
+    ),
+    (
+        "run {case} --exact-only",
+        {"method": {"mass": "redistributed"}, "bodies.short.material.density": 1e-100},
+        2,
+        "bodies.short: expected a mass of a node between",
+    ),
+]
+
+
+@pytest.mark.parametrize(("command", "changes", "code", "said"), EXTREME, ids=[said for *_, said in EXTREME])
+def test_a_command_with_extreme_numbers_says_one_thing(tmp_path, command, changes, code, said):
+    """Nothing of numpy stands beside it: no warning, no traceback."""
+    data = hunek(4, end=0.1)
+    for path, value in changes.items():
+        *owners, last = path.split(".")
+        owner = data
+        for part in owners:
+            owner = owner[part]
+        owner[last] = {**owner[last], **value} if isinstance(owner.get(last), dict) and last != "time" else value
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(data))), encoding="utf-8")
+    done = percuss_command(*command.format(case=tmp_path / "case.yaml").split(), plain=True)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert "Warning" not in done.stderr
+
+
+def test_a_table_holds_no_number_that_overflows(tmp_path):
+    (tmp_path / "pull.csv").write_text("0,0\n1,1e154\n", encoding="utf-8")
+    (tmp_path / "case.yaml").write_text(
+        yaml.safe_dump(
+            json.loads(json.dumps(hunek(4) | {"loads": {"pull": {"on": "short.left", "table": {"file": "pull.csv"}}}}))
+        ),
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError, match=r"pull\.csv:2:3: expected a number of at most 1e\+100 in size, found '1e154'"):
+        percuss.load(tmp_path / "case.yaml")
+
+
+@pytest.mark.parametrize("integrator", ["central-difference", "wu-predictor-corrector"])
+def test_matrices_that_overflow_leave_the_certificate_unknown(monkeypatch, integrator):
+    def fails(self, dt):
+        raise np.linalg.LinAlgError("Eigenvalues did not converge")
+
+    monkeypatch.setattr(PencilCriterion, "assess_step", fails)
+    monkeypatch.setattr(PencilCriterion, "critical_step", property(lambda self: fails(self, 0.0)))
+    case = percuss.load(hunek(4, end=0.1), {"method.integrator": integrator})
+    found = certificate(settled(case).model)
+    assert found["stable"] == "unknown"
+    assert "too large or too unlike to be computed with (Eigenvalues did not converge)" in found["why"]
+    with pytest.raises(InputError, match=r"time\.courant: expected methods of which some step is known"):
+        settled(percuss.load(hunek(4, end=0.1), {"method.integrator": integrator, "time.courant": "auto"}))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from percuss.case.options import LARGEST_NUMBER
 from percuss.files import found_instead
 from percuss.methods.interfaces import DataFile
 
@@ -160,6 +161,7 @@ def _number(field: _Field, place: str) -> float:
         shown = f"'{field.text}'" if field.text else "nothing"
         raise ValueError(f"{place}: expected a number as 1.5 or 2e-3, found {shown}")
     value = float(field.text)
-    if not math.isfinite(value):
-        raise ValueError(f"{place}: expected a finite number, found '{field.text}', which is too large")
+    if abs(value) > LARGEST_NUMBER:
+        message = f"expected a number of at most {LARGEST_NUMBER:g} in size, found '{field.text}', which is too large"
+        raise ValueError(f"{place}: {message}")
     return value

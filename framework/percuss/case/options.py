@@ -15,7 +15,11 @@ from percuss.case.type_words import fact
 from percuss.errors import PluginError
 from percuss.methods.interfaces import Doc, Unit
 
-__all__ = ["Computed", "Key", "Option", "options_of"]
+__all__ = ["LARGEST_NUMBER", "SMALLEST_NUMBER", "UNITS", "Computed", "Key", "Option", "options_of"]
+
+# A product of three numbers between these bounds neither overflows nor underflows.
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-100, 1e100
+UNITS = "Choose units in which lengths, masses and times are nearer to 1."
 
 
 @dataclasses.dataclass(frozen=True)

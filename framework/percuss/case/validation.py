@@ -18,12 +18,12 @@ import pydantic
 from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
 
 from percuss.case.csv_file import read_text, table_in
-from percuss.case.options import Option, options_of
-from percuss.case.type_words import Expects, advice_for, branches, describe, fact, found, item_type
+from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS, Option, options_of
+from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import PluginError, suggestion
 from percuss.methods.blame import SINGULAR, is_third_party, said_by
-from percuss.methods.interfaces import AllowInf, Component, DataFile, OptionError
+from percuss.methods.interfaces import AllowInf, Component, DataFile, Gt, OptionError
 from percuss.methods.process_guard import process_as_before
 
 if TYPE_CHECKING:
@@ -248,9 +248,9 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
             raise PluginError(f"{cls.__name__}: option '{key}' is of a type no case can give: {reason}") from None
         if fact(option.annotation, AllowInf) is not None:
             schema = core_schema.no_info_after_validator_function(_without_nan, schema)
-        if int in branches(option.annotation):
-            schema = core_schema.no_info_after_validator_function(_within_64_bits, schema)
         required = option.required and schema["type"] != "default"
+        if schema["type"] != "default":  # else it is a component or a section, whose options have limits of their own
+            schema = core_schema.no_info_after_validator_function(functools.partial(_within_limits, option), schema)
         fields[key] = core_schema.typed_dict_field(schema, required=required)
 
     def instance(value: Any, check: Any, info: Any) -> Any:
@@ -285,10 +285,31 @@ def _without_nan(value: Any) -> Any:
     return value
 
 
-def _within_64_bits(value: Any) -> Any:
+def _within_limits(option: Option, value: Any) -> Any:
+    """Return the value of an option if it can be computed with: products of a few of its numbers are finite.
+
+    Numbers that are greater than 0 are divided by, so that they must not be tiny either.
+    """
     if isinstance(value, int) and abs(value) > MOST:
         raise PydanticCustomError("too_large", "expected a whole number below 2^63")
+    above = fact(option.annotation, Gt)
+    smallest = SMALLEST_NUMBER if above is not None and above.gt == 0 else 0.0
+    for path, number in _finite_numbers(value):
+        if not smallest <= abs(number) <= LARGEST_NUMBER:
+            sign = "" if smallest else "-"
+            message = f"expected a number between {sign}{smallest or LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}"
+            advice = UNITS if option.shown_unit else ""
+            raise failure(Mistake(path, f"{message}{option.shown_unit}, found {found(number)}", advice))
     return value
+
+
+def _finite_numbers(value: Any, path: KeyPath = ()) -> Iterator[tuple[KeyPath, float]]:
+    """Yield the path and the value of each finite number in a value that is a number or a list of them."""
+    if isinstance(value, float) and math.isfinite(value):
+        yield path, value
+    elif isinstance(value, tuple):
+        for index, item in enumerate(value):
+            yield from _finite_numbers(item, (*path, index))
 
 
 @functools.cache

@@ -416,14 +416,21 @@ class RunCriterion:
     @property
     def critical_step(self) -> float:
         """Largest stable step, nan where it is not known."""
-        limits = [criterion.critical_step for criterion in self.criteria]
+        try:
+            limits = [criterion.critical_step for criterion in self.criteria]
+        except np.linalg.LinAlgError:  # of matrices that overflow, as the assessment of a step says
+            return np.nan
         return float(np.nan if np.isnan(limits).any() else min(limits))
 
     def assess_step(self, dt: float) -> StepAssessment:
         """Return the assessment of a step in the worst stretch, with the largest theta of all stretches."""
-        assessments = [
-            dataclasses.replace(criterion.assess_step(dt), stretch=k) for k, criterion in enumerate(self.criteria)
-        ]
+        try:
+            assessments = [
+                dataclasses.replace(criterion.assess_step(dt), stretch=k) for k, criterion in enumerate(self.criteria)
+            ]
+        except np.linalg.LinAlgError as error:
+            doubt = f"the numbers of its matrices are too large or too unlike to be computed with ({error})"
+            return StepAssessment(False, doubt=doubt, conclusive=False)
         thetas = [assessment.theta for assessment in assessments if assessment.theta is not None]
 
         def severity(assessment: StepAssessment) -> tuple[int, float]:

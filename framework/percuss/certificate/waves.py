@@ -68,6 +68,7 @@ class Waves:
 
 
 @one_blas_thread()
+@np.errstate(all="ignore")  # equations that overflow have no solution
 def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
     """Return reflection and transmission of waves at a contact that is held closed.
 
@@ -140,7 +141,11 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
             outgoing[2 * side : 2 * side + 2, side] = 1.0, np.exp(-1j * phase[side][k])
         equations = ends.place + (1.0 - 1.0 / z[k]) * ends.speed
         equations[:, ::2] -= (z[k] - 1.0) * np.eye(len(ends.sides))
-        amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)
+        try:
+            amplitudes = np.linalg.solve(equations @ outgoing, -equations @ incident)
+        except np.linalg.LinAlgError:
+            where = f"contact '{contact_pair.name}': at the frequency {frequency[k]:.6g}"
+            raise PercussError(f"{where} the equations of its waves have no solution in numbers of 64 bits") from None
         reflected[k], transmitted[k] = amplitudes[0], amplitudes[1] if amplitudes.size > 1 else 0.0
     flux = [stiffness * np.sin(angle).real for (stiffness, _), angle in zip(ends.sides, phase, strict=True)]
     passed = np.abs(transmitted) ** 2 * flux[1] / flux[0] if len(flux) > 1 else 0.0

@@ -113,11 +113,15 @@ class _CompilationLine:
 def reporting(as_json: bool) -> Iterator[None]:
     """Turn errors into a message and an exit code, and show a spinner while the time loop is compiled.
 
-    Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so.
+    Only errors that percuss raises on purpose, errors in plug-ins and lack of memory are treated so. Numbers that
+    overflow are told by the result or by an error, not by warnings of numpy besides.
     """
+    import numpy as np
+
     try:
         with (
             plugin_faults(),
+            np.errstate(all="ignore"),
             guarded_output(),
             plug_ins_cannot_end_the_process(),
             _standstill_told(),

@@ -18,6 +18,7 @@ from percuss.results.exact import exact_solution
 from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins
 from percuss.solver.model import Model
+from percuss.solver.recording import refuse_large
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -54,6 +55,7 @@ def load_for_exact(
 
 
 @one_blas_thread()
+@np.errstate(all="ignore")  # an overflow is told as what it makes of the solution
 def run_exact(case: Case) -> ExactSolutionResult:
     """Return the exact solution of a case up to its end, or up to the time that the solution reaches.
 
@@ -64,6 +66,7 @@ def run_exact(case: Case) -> ExactSolutionResult:
     """
     started = time.perf_counter()
     model = Model(case)
+    refuse_large(case, case.record.fields, FIELD_POINTS * len(model.bodies))
     end = case.time.end if case.time.end is not None else model.steps * model.dt
     solution, name, reason = exact_solution(model, end)
     if solution is None:

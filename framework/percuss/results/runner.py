@@ -129,6 +129,7 @@ def run_again(case: Case, summary: Mapping[str, Any]) -> Result:
 
 @process_as_before()
 @one_blas_thread()
+@np.errstate(all="ignore")  # an overflow is reported by the stop of the run, or as a history without a number
 def _run(
     case: Case,
     watch: Stopwatch,
@@ -159,8 +160,7 @@ def _run(
             if timed and outcome.status == "done":
                 _repeat(march, outcome, repeats, interrupted, marginal=marginal)
     watch.lap()
-    errstate = np.errstate(all="ignore") if outcome.status == "unstable" else nullcontext()  # the stop says overflow
-    with errstate, interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
+    with interruptible() as interrupted, heard_by(partial(_end_if, interrupted)):
         if interrupt_after == model.steps:  # the earlier run was interrupted after its last step
             interrupted.set()
         result = result_of(march, outcome, certificate)

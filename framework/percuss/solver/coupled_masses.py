@@ -17,7 +17,7 @@ from percuss.methods.interfaces import Mass
 from percuss.methods.plugin_calls import answer
 from percuss.solver.banded_matrices import highest_eigenvalue, pencil_bands, times
 from percuss.solver.cells import lumping_of
-from percuss.solver.size_limits import LARGEST_NUMBER, SMALLEST_NUMBER
+from percuss.solver.size_limits import within_limits
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -49,8 +49,7 @@ def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats
     """
     method = case.method.mass
     diagonal = np.zeros((0, mass.size))
-    inside = (mass >= SMALLEST_NUMBER) & (mass <= LARGEST_NUMBER)
-    if type(method).inverse is Mass.inverse or not inside.all():  # the latter are refused by their bounds
+    if type(method).inverse is Mass.inverse or not within_limits(mass).all():  # the latter are refused by their bounds
         return diagonal
     if mesh.cells:
         message = f"expected elements of two nodes with the mass {method.name}, found cells {', '.join(mesh.cells)}"

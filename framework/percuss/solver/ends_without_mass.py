@@ -10,6 +10,7 @@ from percuss.errors import InputError, RefusedPair
 from percuss.methods.interfaces import Mass
 from percuss.methods.plugin_calls import answer
 from percuss.solver.cells import lumping_of
+from percuss.solver.size_limits import within_limits
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -55,6 +56,8 @@ def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) 
     method, lumping = case.method.mass, lumping_of(spec.element, mesh)
     element_mass = spec.material.rho * spec.area * mesh.lengths
     may_lack_mass = np.zeros(mesh.nodes.shape[0], dtype=bool)
+    if not within_limits(element_mass).all():  # which is refused by its bounds
+        return lumping.at_nodes(element_mass), may_lack_mass
     for region in ends:
         may_lack_mass[list(mesh.regions[region].nodes)] = True
     if type(method).nodal_in_contact is Mass.nodal_in_contact or not may_lack_mass.any():

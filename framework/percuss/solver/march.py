@@ -47,7 +47,7 @@ CHUNK_SECONDS = 0.5
 CHUNK_STEPS = 65536
 CONTACT_WORK_GROWTH = 9.0  # contact work beyond this factor times the energy put in stops the run as unstable
 KINETIC_GROWTH = 100.0  # kinetic energy beyond this factor times the energy put in stops the run as unstable
-LARGEST_ENERGY = 1e300  # a larger energy overflows in the next step, or when it is summed in another order
+LARGEST_ENERGY = 1e200  # with stiffnesses and masses of at least 1e-100 the squares of motions stay below 1e300
 SILENT_STRAIN = 1e-10  # the elastic energy of this strain in all elements counts as round-off
 
 Progress = Callable[[int, int], None]
@@ -634,12 +634,13 @@ class March:
     # -- checks ------------------------------------------------------------------------------------------
 
     def _is_sound(self) -> bool:
-        """Return whether the state is finite and its kinetic energy plausible for the energy put in."""
+        """Return whether state and energies are finite, and the kinetic energy plausible for the energy put in."""
         total = self.totals
         energy_put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
         allowed = KINETIC_GROWTH * energy_put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
-        return bool(kinetic < LARGEST_ENERGY and (self._marginal or kinetic <= allowed))
+        finite = kinetic + energy_put_in + total.step_energy < LARGEST_ENERGY
+        return bool(finite and (self._marginal or kinetic <= allowed))
 
     def changing_arrays(self) -> list[Any]:
         """Return the arrays that a step changes, always in the same order."""
@@ -706,6 +707,8 @@ class March:
             )
         else:
             kind, description = "energy", "the kinetic energy exceeds all energy put in many times"
+            if not total.began_with + total.largest_work + total.step_energy < LARGEST_ENERGY:
+                description = f"the energy exceeds {LARGEST_ENERGY:g}, beyond which numbers overflow"
         if not finite.all():
             node, description = int(np.argmin(finite)) // self.dim, "a value is no longer finite"
         return Stop(step, node, kind, description)

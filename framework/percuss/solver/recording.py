@@ -14,6 +14,7 @@ from percuss.solver.compiled import leapfrog_loop
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from percuss.case.case import Case
     from percuss.methods.interfaces import Floats, Integers
     from percuss.solver.model import Model
 
@@ -161,14 +162,24 @@ def recordable(model: Model) -> Model:
         problems.append(
             case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice, any_inside=True)
         )
-    snapshots, columns = shapes.field
+    refuse_large(case, *shapes.field, problems)
+    return model
+
+
+def refuse_large(case: Case, snapshots: int, columns: int, problems: Sequence[Problem] = ()) -> None:
+    """Refuse snapshots that do not fit into memory, together with other problems.
+
+    Raises
+    ------
+    InputError
+        With all problems.
+    """
     size_bytes = 8.0 * COPIES * snapshots * columns
     if not size_limits.fits_in_memory(size_bytes):
         message = (
             f"expected snapshots that fit into memory, found {snapshots:.4g}, which take "
             f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"
         )
-        problems.append(case.problem(("record", "fields"), message, "A picture needs some hundreds."))
+        problems = [*problems, case.problem(("record", "fields"), message, "A picture needs some hundreds.")]
     if problems:
         raise TooLargeError(problems)
-    return model

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS
 from percuss.errors import InputError, TooLargeError
 from percuss.methods.plugin_calls import answer
 from percuss.solver.cells import has_cells, mesh_of_element
@@ -22,13 +23,8 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Mesh
     from percuss.solver.entities import Body
 
-__all__ = ["check_step", "checked_bodies", "memory", "mesh_of_body", "step_count"]
+__all__ = ["check_step", "checked_bodies", "memory", "mesh_of_body", "step_count", "within_limits"]
 
-SMALLEST_NUMBER, LARGEST_NUMBER = (
-    1e-100,
-    1e100,
-)  # a product of three numbers between these bounds neither overflows nor underflows
-UNITS = "Choose units in which lengths, masses and times are nearer to 1."
 BYTES_PER_NODE = 400  # for the certificate and the run together, for each node and dimension
 MOST_STEPS = 2**40
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has
@@ -92,6 +88,11 @@ def mesh_of_body(case: Case, spec: BodySpec) -> Mesh:
     raise TooLargeError([case.problem(path, f"expected elements that fit into memory, found {amount}", "Take fewer.")])
 
 
+def within_limits(values: Any) -> Any:
+    """Return which of the values can be computed with."""
+    return (values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)
+
+
 def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> dict[str, Body]:
     """Return the bodies made by `make_bodies`, or refuse them if one of their quantities is out of bounds.
 
@@ -114,7 +115,7 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
             "a velocity": np.abs(body.velocity[body.velocity != 0]),
         }
         for quantity, values in quantities.items():
-            inside = (values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)
+            inside = within_limits(values)
             if not inside.all():
                 first = int(np.argmin(inside))
                 value = float(values[first])
@@ -144,7 +145,7 @@ def _sizes_within_limits(body: Body) -> bool:
         material.modulus * body.spec.area / h,
         2.0 * math.sqrt(material.modulus / material.rho) / h if material.modulus > 0 < material.rho else 0.0 * h,
     ]
-    return all(bool(((size >= SMALLEST_NUMBER) & (size <= LARGEST_NUMBER)).all()) for size in sizes)
+    return all(bool(within_limits(size).all()) for size in sizes)
 
 
 def _not_positive_message(case: Case, body: Body, quantity: str, index: int, value: float) -> tuple[str, str]:

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from percuss.case.csv_file import NOT_FINITE, NUMBER
+from percuss.case.options import LARGEST_NUMBER
 from percuss.errors import InputError, Problem, shortened
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
@@ -53,12 +54,9 @@ def values(text: str, place: str = "--vary") -> list[Any]:
         raise _grammar_error(place, f"expected numbers and a count of at least 1, found '{text}'")
     if count > MOST:
         raise _grammar_error(place, f"expected at most {MOST} values, found {count}")
-    try:
-        first, last = float(first), float(last)
-    except OverflowError:
-        first = last = math.inf
-    if not (math.isfinite(first) and math.isfinite(last)):
-        raise _grammar_error(place, f"expected finite numbers as ends, found '{shortened(text, 60)}'")
+    if not (abs(first) <= LARGEST_NUMBER and abs(last) <= LARGEST_NUMBER):
+        message = f"expected ends of at most {LARGEST_NUMBER:g} in size, found '{shortened(text, 60)}'"
+        raise _grammar_error(place, message)
     if log and not (first > 0 and last > 0):
         raise _grammar_error(place, f"expected ends above 0 for a logarithmic range, found '{text}'")
     if log:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
-from percuss import ContactLaw, ContactPoints, Doc, Ge, Trial, Unit, coupled_gap
+from percuss import ContactLaw, ContactPoints, Doc, Ge, Le, Trial, Unit, coupled_gap
 from percuss_methods.contacts import _auto
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Uzawa(ContactLaw):
 
     beta_s: _auto.BetaS = None
     epsilon_s: _auto.EpsilonS = None
-    iterations: Annotated[int, Ge(1), Unit("1"), Doc("number of iterations in each step")] = 10
+    iterations: Annotated[int, Ge(1), Le(10_000), Unit("1"), Doc("number of iterations in each step")] = 10
 
     def __post_init__(self) -> None:
         _auto.refuse_several(self, ("beta_s", "epsilon_s"), "stiffness")
