@@ -360,7 +360,7 @@ def test_a_bar_shakes_itself_apart_above_the_critical_step_alone(share):
     critical = ran(case).summary["certificate"]
     assert critical["dt_critical"] < 0.9 * critical["dt_critical_free"]
     assert critical["worst"] == ["wall"]
-    case["time"] = {"steps": 3000, "step": share * critical["dt_critical"], "on_unstable": "warn"}
+    case["time"] = {"steps": 2000, "step": share * critical["dt_critical"], "on_unstable": "warn"}
     result = percuss.run(percuss.load(case))
     assert result.summary["certificate"]["stable"] == ("yes" if share < 1.0 else "no")
     kinetic = result.arrays["kinetic_energy"].max()

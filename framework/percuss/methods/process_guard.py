@@ -18,8 +18,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from percuss.errors import PluginError
 from percuss.files import PACKAGE
 from percuss.heartbeat import beat
@@ -154,6 +152,12 @@ def _folder() -> str:
         return ""
 
 
+def _numpy_errors() -> dict[str, Any]:
+    """Return what numpy does about overflow and the like; nothing before a plug-in or percuss has imported it."""
+    numpy = sys.modules.get("numpy")
+    return dict(numpy.geterr()) if numpy is not None else {}
+
+
 def _put_handler(handler: Any) -> None:
     """Put back the handler of Ctrl-C where a plug-in has replaced it; percuss itself does so once Ctrl-C has come."""
     now = signal.getsignal(signal.SIGINT)
@@ -167,7 +171,7 @@ STATES: tuple[tuple[Callable[[], Any], Callable[[Any], Any]], ...] = (
     (sys.getrecursionlimit, sys.setrecursionlimit),
     (sys.getswitchinterval, sys.setswitchinterval),
     (lambda: [(name, getattr(sys, name)) for name in STREAMS], lambda streams: vars(sys).update(streams)),
-    (np.geterr, lambda errors: np.seterr(**errors)),
+    (_numpy_errors, lambda errors: sys.modules["numpy"].seterr(**errors) if errors else None),
     (lambda: warnings.filters[:], lambda filters: vars(warnings).update(filters=filters)),
     (gc.isenabled, lambda enabled: gc.enable() if enabled else gc.disable()),
     (lambda: locale.setlocale(locale.LC_ALL), lambda name: locale.setlocale(locale.LC_ALL, name)),

@@ -707,7 +707,7 @@ class March:
             )
         else:
             kind, description = "energy", "the kinetic energy exceeds all energy put in many times"
-            if not total.began_with + total.largest_work + total.step_energy < LARGEST_ENERGY:
+            if not self._kinetic(self.v) + total.began_with + total.largest_work + total.step_energy < LARGEST_ENERGY:
                 description = f"the energy exceeds {LARGEST_ENERGY:g}, beyond which numbers overflow"
         if not finite.all():
             node, description = int(np.argmin(finite)) // self.dim, "a value is no longer finite"

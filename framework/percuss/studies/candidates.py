@@ -38,6 +38,7 @@ ROUNDED = 0.02  # part of a number of elements
 STEP_OF_OPTION = 1.6
 WITHOUT_DEFAULT = (0.03, 3.0)  # range from which a pure number without a default is drawn
 AROUND_DEFAULT = 10.0  # factor either way of the range around a default that has only one bound
+WIDE = 1000.0  # ratio of the ends of a range above which it is searched around the default
 FINITE_STEP = 0.15  # of the range of an option with two bounds, between neighbours
 
 
@@ -157,7 +158,7 @@ def _range(option: Option) -> tuple[float, float, bool]:
     low, above, high, below = (None if found is None else float(getattr(found, name)) for found, name in bounds)
     low = low if low is not None else above
     high = high if high is not None else below
-    if low is not None and high is not None:
+    if low is not None and high is not None and not high > WIDE * low > 0.0:
         return low, high, False
     given = option.default if isinstance(option.default, int | float) else 0.0
     first, last = (given / AROUND_DEFAULT, given * AROUND_DEFAULT) if given > 0 else WITHOUT_DEFAULT
