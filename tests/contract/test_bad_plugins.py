@@ -73,7 +73,7 @@ METHODS = {
     "element.bind": (
         ("np.full(h.size, body.area)", "np.full(h.size, body.area * (1.0 + bias))"),
         ("return MyMethodArrays(*[body.mesh.lengths * np.nan] * 3)", "bind returned as `length` nan at index 0"),
-        ("return body.mesh.lengths", "bind returned a ndarray, expected a NamedTuple"),
+        ("return body.mesh.lengths", "bind returned a ndarray of float64, expected a NamedTuple"),
         ("body.mesh.lengths[0] = 9.0", "bind changes an array that it was handed"),
     ),
     "mass.nodal": (
@@ -85,13 +85,13 @@ METHODS = {
     "shape.mesh": (
         ("0.5 * self.length / count", "0.5 * self.length / count * (1.0 + bias)"),
         ("at = at * np.nan", "mesh returned as `nodes` nan at index 0"),
-        ("return at", "mesh returned a ndarray, expected a Mesh"),
+        ("return at", "mesh returned a ndarray of float64, expected a Mesh"),
         ("at[0] = 9.0", "mesh changes an array that it was handed"),
     ),
     "solution.solve": (
         ("Rebound(problem, end)", "Rebound(problem, end * (1.0 - bias))"),
         ("end = np.nan", "reached the time nan"),
-        ("return np.ones(3)", "solve returned a ndarray, expected an Exact"),
+        ("return np.ones(3)", "solve returned a ndarray of float64, expected an Exact"),
         ("problem.bodies.clear()", "AttributeError: 'mappingproxy' object"),
     ),
     "measure.of": (

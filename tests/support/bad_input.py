@@ -677,7 +677,7 @@ def judged(done):
     """Return how a command ended."""
     if done.returncode not in {0, 1, 2, INTERRUPTED}:  # runs that are left out here wait, as after an interruption
         return "unclear", f"exit code {done.returncode}"
-    if "Warning" in re.sub(r"(Syntax|Deprecation)Warning: invalid", "", done.stderr):  # Python says these of a plug-in
+    if "Warning" in re.sub(r"(Syntax|Deprecation)Warning: ", "", done.stderr):  # Python says these of a plug-in
         return "warning", done.stderr[-500:]
     if done.returncode == 2:
         return clear(done.stderr)

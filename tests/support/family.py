@@ -19,6 +19,7 @@ PAGE = places.ROOT / "cases" / "studies" / "README.md"
 COURANT, MESHES = 0.5, (1, 4)
 PRESSED = ("preloaded", "smooth-pulse")  # the bodies stay pressed together
 MANY = "fifty-impacts"  # late impacts come at another time than the exact ones: its energy is judged, not its force
+MOST_SPENT = 2  # change of the energy in all these impacts [%]; round-off changes it by about as much
 FIRST = ("central-difference", "penalty")  # to which costs and overlaps are compared
 USUAL = "lumped"  # the mass of all tables but that of the masses
 
@@ -112,7 +113,7 @@ def summary(table):
             short(median(orders)),
             short(median([one / other for one, other in zip(larger, values["force_error_l1"], strict=True)])),
             kept_in_words(kept),
-            short(100.0 * fifty["energy_kept"], 4) if fifty["status"] == "done" else fifty["status"],
+            f"{100.0 * fifty['energy_kept']:.0f}" if fifty["status"] == "done" else fifty["status"],
             short(median(values["noise"])),
             short(median([one / other for one, other in zip(values["penetration"], reference, strict=True)])),
             short(min(limits), 3) if limits else "-",
@@ -278,10 +279,9 @@ def findings(tables):
     conserving = ("energy-conserving-penalty", cd)
     assert all(abs(value - 100.0) < 0.01 for value in kept[conserving])
     assert error[conserving] > 1.5 * error["lagrange", cd]
-    assert abs(fifty[conserving] - 100.0) < 1.0
-    assert fifty["lagrange", cd] < 50.0 < 90.0 < fifty["penalty", cd]
-    spent = [fifty[pair] for pair in (*damped, ("penalty", wu)) if math.isfinite(fifty[pair])]
-    assert max(spent) < fifty["penalty", cd]
+    assert all(abs(fifty[pair] - 100.0) <= MOST_SPENT for pair in (conserving, ("penalty", cd)))
+    assert fifty["lagrange", cd] < 50.0
+    assert max(fifty[pair] for pair in (*damped, ("penalty", wu)) if math.isfinite(fifty[pair])) < 90.0
     gains = {pair: high - 100.0 for pair, (_, high) in kept.items() if pair[0] == "nitsche" and pair[1] not in DAMPING}
     others = max(high for pair, (_, high) in kept.items() if pair[0] != "nitsche") - 100.0
     assert min(gains.values()) > others
@@ -324,10 +324,10 @@ def findings(tables):
         "**Energy kept exactly is no accuracy, and small losses add up.** With central difference "
         "`energy-conserving-penalty` keeps the energy to 0.01 % and errs "
         f"{short(error[conserving] / error['lagrange', cd])} times as much as `lagrange`, which loses up to "
-        f"{short(100.0 - kept['lagrange', cd][0])} %. When the exact bar of `{MANY}` has struck fifty times, a bar "
-        f"with this pair has {short(fifty[conserving], 4)} % of its energy left, with a penalty "
-        f"{short(fifty['penalty', cd], 4)} %, with `lagrange` {short(fifty['lagrange', cd], 4)} %, and with a penalty "
-        f"and a scheme that damps, or Wu's predictor-corrector, {span(spent)} %. "
+        f"{short(100.0 - kept['lagrange', cd][0])} %. When the exact bar of `{MANY}` has struck fifty times, "
+        f"this pair has kept its energy to {MOST_SPENT} %, as a penalty has; `lagrange` has lost more than half of it, and a "
+        "penalty with a scheme that damps, or with Wu's predictor-corrector, more than a tenth. How much depends on "
+        "round-off there. "
         f"`nitsche` with a scheme that does not damp adds {span(gains.values())} %, more than any other law "
         f"({short(max(others, 0.0))} % at most).",
         f"**The largest step is the best one, unless the scheme damps.** From a Courant number of {COURANT} to 0.9 the "
@@ -395,8 +395,8 @@ def advice(tables):
         ),
         (
             "energy over many impacts",
-            f"least change of all energy in {MANY}, by contacts, scheme and material",
-            {pair: abs(value - 100.0) for pair, value in fifty.items() if math.isfinite(value)},
+            f"all energy kept to {MOST_SPENT} % in {MANY}, whatever takes it: contacts, scheme or material",
+            {pair: max(abs(value - 100.0), MOST_SPENT) for pair, value in fifty.items() if math.isfinite(value)},
             None,
             " %",
         ),

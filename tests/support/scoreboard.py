@@ -124,7 +124,9 @@ def findings(table):
     assert change < 0.1 * min(springs)
     assert bounce[CD, "bipenalty"] < 0 < bounce[WU, "lagrange"] < bounce[WU, "penalty"]
     spent = [many[pair] for pair in many if pair[1] == "lagrange" or pair[0] == WU]
-    assert max(spent) < 50 < 90 < many[CD, "penalty"] < 100 < many[CD, "bipenalty"]
+    assert max(spent) < 50
+    assert abs(many[CD, "penalty"] - 100) < 2
+    assert 100 < many[CD, "bipenalty"] < 110
     lines = [
         "**For a penalty it matters most where contact is evaluated.** The same penalty spring "
         f"errs {span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies "
@@ -141,9 +143,9 @@ def findings(table):
         f"predictor-corrector {bounce[WU, 'penalty']:.2g} % with a penalty and Lagrange multipliers "
         f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
         f"**Small losses add up.** When the exact bar of {MANY} has struck fifty times, the bar of 40 elements has "
-        f"{span(spent)} % of its energy left with Lagrange multipliers, or with Wu's predictor-corrector and any of "
-        f"the three laws; with central difference it has {many[CD, 'penalty']:.3g} % left with a penalty and "
-        f"{many[CD, 'bipenalty']:.4g} % with bipenalty.",
+        "lost more than half of its energy with Lagrange multipliers, or with Wu's predictor-corrector and any of the three "
+        "laws. With central difference a penalty has kept it to 2 %, and bipenalty has added up to a tenth. How much "
+        "depends on round-off there.",
         f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "
         f"{len(cases)} cases, Wu's predictor-corrector with a penalty on {len(winners['penalty'])} "
         f"({', '.join(winners['penalty'])}). The tied twin is a reference and no bound: on {len(found.below)} of "

@@ -111,6 +111,8 @@ class Store:
             if code in OF_THE_MACHINE:
                 raise self._error(f"cannot be read: {error}", "Name another file with -o.") from error
             raise self._damaged(str(error)) from error
+        except UnicodeDecodeError as error:  # of a table's definition, or of what SQLite says of it
+            raise self._damaged(str(error)) from error
 
     def _damaged(self, reason: str) -> InputError:
         return self._unusable(f"the file is damaged: {shortened(reason, 200)}")
