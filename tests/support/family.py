@@ -325,8 +325,8 @@ def findings(tables):
         "`energy-conserving-penalty` keeps the energy to 0.01 % and errs "
         f"{short(error[conserving] / error['lagrange', cd])} times as much as `lagrange`, which loses up to "
         f"{short(100.0 - kept['lagrange', cd][0])} %. When the exact bar of `{MANY}` has struck fifty times, "
-        f"this pair has kept its energy to {MOST_SPENT} %, as a penalty has; `lagrange` has lost more than half of it, and a "
-        "penalty with a scheme that damps, or with Wu's predictor-corrector, more than a tenth. How much depends on "
+        f"this pair has kept its energy to {MOST_SPENT} %, as a penalty has; `lagrange` has lost more than half of it, and "
+        "a penalty with a scheme that damps, or with Wu's predictor-corrector, more than a tenth. How much depends on "
         "round-off there. "
         f"`nitsche` with a scheme that does not damp adds {span(gains.values())} %, more than any other law "
         f"({short(max(others, 0.0))} % at most).",
