@@ -144,7 +144,8 @@ def findings(table):
         f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
         f"**Small losses add up.** When the exact bar of {MANY} has struck fifty times, the bar of 40 elements has "
         "lost more than half of its energy with Lagrange multipliers, or with Wu's predictor-corrector and any of the "
-        "three laws. With central difference a penalty has kept it to 2 %, and bipenalty has added up to a tenth. How much "
+        "three laws. With central difference a penalty has kept it to 2 %, and bipenalty has added up to a "
+        "tenth. How much "
         "depends on round-off there.",
         f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "
         f"{len(cases)} cases, Wu's predictor-corrector with a penalty on {len(winners['penalty'])} "
