@@ -195,6 +195,7 @@ class _Lost:
         self.batches: list[list[Job]] = []
         self.suspects: deque[Job] = deque()
         self.strikes: Counter[str] = Counter()
+        self.crashes: dict[str, str] = {}
         self.in_vain = 0
 
     def sort(self, running: Mapping[str, _End], batches: Batches) -> list[Record]:
@@ -210,12 +211,13 @@ class _Lost:
                     continue
                 end = running[job.key]
                 self.strikes[job.key] += 1
+                self.crashes[job.key] = crash = end.crash or self.crashes.get(job.key, "")
                 if end.stalled:
                     given_up.append(Record(job.key, "failed", end.stalled, WORKER))
                 elif self.strikes[job.key] < STRIKES:
                     self.suspects.append(job)
-                elif end.crash:
-                    given_up.append(Record(job.key, "failed", end.crash, WORKER))
+                elif crash:
+                    given_up.append(Record(job.key, "failed", crash, WORKER))
                 else:
                     reason = (
                         f"its worker process died {STRIKES} times; the next time the study is run it is tried again"
