@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -196,40 +196,52 @@ def process_as_before() -> Iterator[None]:
         return
     beat()  # so that a silence from here on is one of the plug-in
     states = [(put, get()) for get, put in STATES]
-    if sys.modules.keys() != _SEEN.keys():
-        _SEEN.clear()
-        _SEEN.update(dict.fromkeys(sys.modules))
-        _NAMES[:] = [(owner, dict(vars(owner))) for owner in _owners()]
+    outermost = not _OPEN
+    _OPEN.append(None)
+    if outermost:
+        _write_down_names()
     try:
         yield
     finally:
+        _OPEN.pop()
         changed = [
-            (owner, values, name, vars(owner).get(name, MISSING))
-            for owner, values in _NAMES
-            if not all(map(operator.is_, map(vars(owner).get, values), values.values()))
-            for name, value in list(values.items())
-            if vars(owner).get(name) is not value
+            (owner, name, value, vars(owner).get(name, MISSING))
+            for owner, values in (_NAMES if outermost else ())
+            if _differ(owner, values)
+            for name, value in values.items()
+            if vars(owner).get(name, MISSING) is not value
         ]
-        for owner, values, name, _ in changed:
-            setattr(owner, name, values[name])
+        for owner, name, value, _ in changed:
+            setattr(owner, name, value)
         for put, before in states:
             put(before)
-        for owner, values, name, now in changed:
+        for owner, name, _, now in changed:
             if place := _culprit(name, now):  # and the cause of any error that has been raised
                 message = f"overwrites {owner.__name__}.{name}, which others use too: take a name of your own"
                 raise PluginError(message, place)
-            if now is MISSING:
-                del values[name]
-                delattr(owner, name)
-            else:
-                setattr(owner, name, now)
-                values[name] = now
+            setattr(owner, name, now) if now is not MISSING else delattr(owner, name)
 
 
-# The names that are watched as they were before any plug-in could change them, and the modules that were loaded then.
-# To write down nine thousand names in each run would take as long as many a run.
+# The open contexts, of which the outermost watches the names; the names as they were when it began, by module or class;
+# and the modules that were loaded then. To copy nine thousand names for each run would take as long as many a run.
+_OPEN: list[None] = []
 _NAMES: list[tuple[Any, dict[str, Any]]] = []
 _SEEN: dict[str, None] = {}
+
+
+def _write_down_names() -> None:
+    """Keep the names that no plug-in may overwrite as they are now."""
+    if sys.modules.keys() == _SEEN.keys():
+        _NAMES[:] = [(owner, dict(vars(owner)) if _differ(owner, values) else values) for owner, values in _NAMES]
+        return
+    _SEEN.clear()
+    _SEEN.update(dict.fromkeys(sys.modules))
+    _NAMES[:] = [(owner, dict(vars(owner))) for owner in _owners()]
+
+
+def _differ(owner: Any, values: Mapping[str, Any]) -> bool:
+    """Return whether a module or a class has another object under one of the names than it had."""
+    return not all(map(operator.is_, map(vars(owner).get, values), values.values()))
 
 
 def _owners() -> Iterator[Any]:
