@@ -180,11 +180,12 @@ class Model:
             self._bind_methods()
         except RefusedPair as refused:
             contact = next((pair.name for pair in self.contact_pairs if pair.law.name == refused.contact), "")
-            own = ("contacts", contact, "method")
-            law = own if self.case.origin.get(own) is not None else ("method", "contact")
+            own, origin = ("contacts", contact, "method"), self.case.origin
+            paths = (("method", "integrator"), own if origin.get(own) is not None else ("method", "contact"))
+            messages = (refused.sentence, f"{refused.contact}, the contact law of that pair")
             problems = [
-                self.case.problem(("method", "integrator"), refused.sentence),
-                self.case.problem(law, f"{refused.contact}, the contact law of that pair"),
+                self.case.problem((*path, "name") if origin.get((*path, "name")) is not None else path, message)
+                for path, message in zip(paths, messages, strict=True)
             ]
             raise RefusedPair(refused.integrator, refused.contact, refused.reason, refused.said_by, problems) from None
 
