@@ -82,8 +82,10 @@ def _verify_files(files: list[Path], plugins: list[Path], *, quiet: bool) -> tup
 
 def _is_result(path: Path) -> bool:
     """Return whether a file is meant as a saved result: by its name, or by its first bytes."""
-    if path.suffix == ".nc" or not is_file(path):  # what is no file is told when it is read as a case
-        return path.suffix == ".nc"
+    if path.suffix == ".nc":
+        return True
+    if not is_file(path):  # which is told when it is read as a case
+        return False
     try:
         with path.open("rb") as file:
             return file.read(4).startswith(BEGINNINGS_OF_RESULTS)
