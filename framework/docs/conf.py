@@ -39,8 +39,8 @@ nitpicky = True
 html_theme = "furo"
 html_title = f"percuss {version}"
 html_additional_pages = {"index": "index.html"}
+html_show_copyright = False
 html_show_sourcelink = False
-html_copy_source = False
 templates_path = ["templates"]
 
 # The pages in the order of the site's menu; a page that is missing here is a warning of Sphinx.
