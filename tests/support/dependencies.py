@@ -16,7 +16,6 @@ import pages
 from lowest import declared
 from places import ROOT
 
-PAGE = ROOT / "framework" / "README.md"
 PAIRS = 9  # processes for each library, and as many for NumPy
 # Each distribution: the module that is imported, and what it is for.
 REASONS = {
@@ -75,13 +74,8 @@ def table(cost):
 
 def written():
     """Return library, reason and cost of each line of the table on the page."""
-    begin, end = pages.marks("dependencies")
-    text = PAGE.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
-    return re.findall(r"^\| `([\w-]+)` \| (.*) \| ([\d.]+) \|$", text, re.MULTILINE)
+    return re.findall(r"^\| `([\w-]+)` \| (.*) \| ([\d.]+) \|$", pages.shown("dependencies"), re.MULTILINE)
 
 
 if __name__ == "__main__":
-    new = table(lambda module: f"{cost(module):.1f}")
-    PAGE.write_text(
-        pages.between(PAGE.read_text(encoding="utf-8"), *pages.marks("dependencies"), new), encoding="utf-8"
-    )
+    pages.write("dependencies", table(lambda module: f"{cost(module):.1f}"))

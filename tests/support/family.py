@@ -15,7 +15,6 @@ import percuss
 import places
 
 STUDY = places.ROOT / "cases" / "studies" / "family.yaml"
-PAGE = places.ROOT / "cases" / "studies" / "README.md"
 COURANT, MESHES = 0.5, (1, 4)
 PRESSED = ("preloaded", "smooth-pulse")  # the bodies stay pressed together
 MANY = "fifty-impacts"  # late impacts come at another time than the exact ones: its energy is judged, not its force
@@ -418,7 +417,7 @@ def advice(tables):
     return markdown(lines)
 
 
-PARTS = ("errors", "medians", "masses", "refusals", "findings", "which method when")
+PARTS = ("errors", "medians", "masses", "refusals", "what the family shows", "which method when")
 
 
 def refused(table):
@@ -434,14 +433,6 @@ def refused(table):
     return "".join(lines)
 
 
-def shown(page, name):
-    """Return what stands between the marks of a part of the page."""
-    begin, end = pages.marks(name)
-    assert begin in page, name
-    assert end in page, name
-    return page.partition(begin)[2].partition(end)[0]
-
-
 def main():
     """Write the tables, and what they show, into the page."""
     given = sys.argv[1:]
@@ -450,12 +441,9 @@ def main():
     made = {"errors": markdown(errors(table)), "medians": markdown(summary(table)), "masses": markdown(masses(table))}
     made["refusals"] = refused(table)
     tables = Tables(made["errors"], made["medians"], made["masses"])
-    made |= {"findings": findings(tables), "which method when": advice(tables)}
-    page = PAGE.read_text(encoding="utf-8")
+    made |= {"what the family shows": findings(tables), "which method when": advice(tables)}
     for name in PARTS:
-        page = pages.between(page, *pages.marks(name), made[name])
-    PAGE.write_text(page, encoding="utf-8")
-    sys.stdout.write("".join(f"{name}\n{made[name]}\n" for name in PARTS[4:]))
+        pages.write(name, made[name])
 
 
 if __name__ == "__main__":

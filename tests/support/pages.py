@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,16 +34,58 @@ FAMILIES = {  # families whose components stand in a case under their own names
 MOST_SHOWN = 10  # values that a table lists; of more it says what they are
 
 
-def between(text: str, begin: str, end: str, new: str) -> str:
-    """Return a text with what stands between two marks replaced."""
-    before, mark, rest = text.partition(begin)
-    assert mark, f"the page has no mark {begin}"
-    return f"{before}{begin}{new}{end}{rest.partition(end)[2]}"
+def texts() -> dict[str, str]:
+    """Return every page of the project, by its path from the top."""
+    found = sorted(path for path in places.project_files() if path.suffix == ".md")
+    return {path.relative_to(places.ROOT).as_posix(): path.read_text(encoding="utf-8") for path in found}
+
+
+def everything() -> str:
+    """Return all pages as one text."""
+    return "\n".join(texts().values())
+
+
+def blocks(page: str, kind: str) -> list[str]:
+    """Return the blocks of one kind in a page."""
+    found = re.findall(r"^```(\w+)\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
+    return [text for one, text in found if one == kind]
+
+
+def page_with(text: str) -> Path:
+    """Return the one page that holds a text: a mark, or a heading."""
+    found = [name for name, page in texts().items() if text in page]
+    assert len(found) == 1, f"{text!r} is in {found or 'no page'}"
+    return places.ROOT / found[0]
+
+
+def section(heading: str) -> str:
+    """Return what stands below the one heading of this text."""
+    page = page_with(f"\n{heading}\n").read_text(encoding="utf-8")
+    return page.partition(f"\n{heading}\n")[2].partition("\n## ")[0]
 
 
 def marks(name: str) -> tuple[str, str]:
-    """Return the lines that begin and end a table."""
+    """Return the lines that begin and end a part of a page that is written by a program."""
     return f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+
+
+def shown(name: str) -> str:
+    """Return what stands between the marks of a part, on the page that has it."""
+    begin, end = marks(name)
+    _, mark, rest = page_with(begin).read_text(encoding="utf-8").partition(begin)
+    part, closing, _ = rest.partition(end)
+    assert mark, name
+    assert closing, name
+    return part
+
+
+def write(name: str, new: str) -> None:
+    """Write a part anew on the page that has it."""
+    begin, end = marks(name)
+    page = page_with(begin)
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    page.write_text(f"{before}{begin}{new}{end}{rest.partition(end)[2]}", encoding="utf-8")
+    sys.stdout.write(f"{name}: {page.relative_to(places.ROOT)}\n")
 
 
 def table(head: tuple[str, ...], lines: Iterator[tuple[str, ...]]) -> str:
@@ -179,27 +222,20 @@ def shipped_cases(_: Registry) -> str:
 
 
 TABLES = {
-    "keys of a case": ("cases", case_keys),
-    "keys of a study": ("cases", study_keys),
-    "commands": ("cases", commands),
-    "shipped cases": ("cases", shipped_cases),
-    "components": ("plugins", components),
-    "held against": ("plugins", held_against),
+    "keys of a case": case_keys,
+    "keys of a study": study_keys,
+    "commands": commands,
+    "shipped cases": shipped_cases,
+    "components": components,
+    "held against": held_against,
 }
-
-
-def page(folder: str) -> Path:
-    """Return the page of a folder."""
-    return places.ROOT / folder / "README.md"
 
 
 def main() -> None:
     """Write every table into its page."""
     registry = Registry.load()
-    for name, (folder, make) in TABLES.items():
-        text = page(folder).read_text(encoding="utf-8")
-        page(folder).write_text(between(text, *marks(name), make(registry)), encoding="utf-8")
-        sys.stdout.write(f"{name}: {folder}/README.md\n")
+    for name, make in TABLES.items():
+        write(name, make(registry))
 
 
 if __name__ == "__main__":

@@ -1,17 +1,14 @@
 """The scoreboard of the pages, from the shipped study: ``python tests/support/scoreboard.py`` writes it anew."""
 
-import sys
 import tempfile
 from pathlib import Path
 
+import pages
 import percuss
 import places
-from pages import between
 
 ROOT = places.ROOT
 STUDY = ROOT / "cases" / "studies" / "scoreboard.yaml"
-BEGIN, END = "<!-- scoreboard -->\n", "<!-- end of scoreboard -->\n"
-FINDINGS, END_OF_FINDINGS = "<!-- findings -->\n", "<!-- end of findings -->\n"
 REFERENCE = "tied"
 CD, WU = "central-difference", "wu-predictor-corrector"
 LAWS = ("penalty", "bipenalty", "lagrange")
@@ -156,16 +153,11 @@ def findings(table):
 
 
 def main():
-    """Write the scoreboard into the page of the cases, and its findings into the first page."""
+    """Write the scoreboard and its findings into the pages that have them."""
     with tempfile.TemporaryDirectory() as folder:
         table = rows(folder)
-    made, told = scoreboard(table), findings(table)
-    for page, begin, end, new in (
-        (ROOT / "cases" / "README.md", BEGIN, END, made),
-        (ROOT / "README.md", FINDINGS, END_OF_FINDINGS, told),
-    ):
-        page.write_text(between(page.read_text(encoding="utf-8"), begin, end, new), encoding="utf-8")
-    sys.stdout.write(made + told)
+    pages.write("scoreboard", scoreboard(table))
+    pages.write("findings", findings(table))
 
 
 if __name__ == "__main__":

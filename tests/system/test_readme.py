@@ -18,37 +18,38 @@ from percuss.methods.registry import Registry
 from percuss.solver.model import Model
 
 ROOT = places.ROOT
-PAGES = {
-    name: (ROOT / name / "README.md").read_text(encoding="utf-8")
-    for name in (".", "cases", "cases/studies", "plugins", "framework", "tests")
-}
-README, CASES, PLUGINS = PAGES["."], PAGES["cases"], PAGES["plugins"]
+PAGES = pages.texts()
+README = PAGES["README.md"]
 LONGEST = 120  # lines of the first page
+CHECKED = {"sh", "python", "yaml"}  # kinds of blocks that the tests below execute or load
+FREE = {"text", "bibtex"}  # and those that they do not
 
 
-def blocks(page: str, kind: str) -> list[str]:
-    """Return the blocks of one kind in a page."""
-    found = re.findall(r"^```(\w+)\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
-    return [text for one, text in found if one == kind]
+def all_blocks(kind: str) -> list[str]:
+    """Return the blocks of one kind in all pages, each once."""
+    return list(dict.fromkeys(text for page in PAGES.values() for text in pages.blocks(page, kind)))
 
 
-SHELL = blocks(README, "sh")
-PYTHON = [text for page in PAGES.values() for text in blocks(page, "python")]
+SHELL = pages.blocks(README, "sh")
+PYTHON = all_blocks("python")
+YAML = all_blocks("yaml")
 SAVED = [
     saved
     for page in PAGES.values()
     for saved in re.findall(
-        r"[Ss]ave (?:this|it) as `(\w+\.py)`:\n\n```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL
+        r"[Ss]ave (?:this|it) as `([\w-]+\.(?:py|yaml))`:\n\n```(?:python|yaml)\n(.*?)^```$",
+        page,
+        re.MULTILINE | re.DOTALL,
     )
 ]
 COMMANDS = list(
-    dict.fromkeys(
-        line
-        for name, page in PAGES.items()
-        for text in blocks(page, "sh")[2 if name == "." else 0 :]
-        for line in text.strip().splitlines()
-    )
+    dict.fromkeys(line for text in all_blocks("sh") if text not in SHELL[:2] for line in text.strip().splitlines())
 )
+
+
+def beginning(text: str) -> str:
+    """Return the first line of a block."""
+    return text.splitlines()[0]
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +58,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     here = tmp_path_factory.mktemp("readme")
     shutil.copytree(ROOT / "cases", here / "cases")
     for name, text in SAVED:
-        (here / name).write_text(text)
+        (here / name).write_text(text, encoding="utf-8")
     return here
+
+
+def test_a_file_of_the_pages_has_one_text() -> None:
+    assert len({name for name, _ in SAVED}) == len(set(SAVED))
+
+
+def test_every_block_is_of_a_kind_that_is_checked() -> None:
+    for name, page in PAGES.items():
+        fences = re.findall(r"^ *```(.*)$", page, re.MULTILINE)
+        assert len(fences) % 2 == 0, name
+        assert set(fences[::2]) <= CHECKED | FREE, name
+        assert set(fences[1::2]) <= {""}, name
+        for text in (text for kind in FREE for text in pages.blocks(page, kind)):
+            assert not re.search(r"^(\$ )?percuss ", text, re.MULTILINE), f"{name}: a command that no test runs"
 
 
 @pytest.mark.skipif(not places.has_source_tree, reason="reads the source tree, and here are the tests alone")
@@ -105,22 +120,22 @@ def test_a_command_runs(command: str, folder: Path) -> None:
     assert done.stdout
 
 
-@pytest.mark.parametrize("text", PYTHON, ids=lambda text: text.splitlines()[0])
+@pytest.mark.parametrize("text", PYTHON, ids=beginning)
 def test_a_snippet_runs(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     exec(compile(text, "snippet", "exec"), {"__name__": "__main__"})
 
 
-def test_the_case_shown_is_a_case(tmp_path: Path) -> None:
-    text = blocks(CASES, "yaml")[0]
-    (tmp_path / "shown.yaml").write_text(text, encoding="utf-8")
-    case = percuss.load(tmp_path / "shown.yaml")
-    assert percuss.run(case).summary["steps"] == 1600
+@pytest.mark.parametrize("text", [text for text in YAML if beginning(text).startswith("percuss:")], ids=beginning)
+def test_a_case_shown_is_a_case(text: str, folder: Path) -> None:
+    (folder / "shown-case.yaml").write_text(text, encoding="utf-8")
+    case = percuss.load(folder / "shown-case.yaml")
+    assert percuss.run(case).summary["steps"] > 100
 
 
 @pytest.mark.slow
 def test_the_study_shown_is_a_study(folder: Path) -> None:
-    text = next(text for text in blocks(CASES, "yaml") if "percuss-study" in text)
+    text = next(text for text in YAML if "name: plateau" in text)
     (folder / "shown.yaml").write_text(text, encoding="utf-8")
     study = percuss.study(folder / "shown.yaml", folder / "shown.sqlite", workers=1)
     assert study.complete
@@ -197,7 +212,7 @@ def test_every_method_named_is_registered() -> None:
     registry = Registry.load()
     for family in ("integrators", "contacts", "loads"):
         for name in registry.names(family):
-            assert f"`{name}`" in PLUGINS + CASES, f"{family} {name} is in no page"
+            assert any(f"`{name}`" in page for page in PAGES.values()), f"{family} {name} is in no page"
 
 
 @pytest.mark.parametrize(
@@ -210,30 +225,33 @@ def test_what_a_method_is_held_against_is_there(file: Path, test: str) -> None:
 @pytest.mark.parametrize("name", pages.TABLES)
 def test_a_table_says_what_the_code_says(name: str) -> None:
     """`python tests/support/pages.py` writes the tables anew."""
-    folder, make = pages.TABLES[name]
-    begin, end = pages.marks(name)
-    shown = PAGES[folder].partition(begin)[2].partition(end)[0]
+    shown = pages.shown(name)
     assert len(shown.splitlines()) > 5
-    assert shown == make(Registry.load())
+    assert shown == pages.TABLES[name](Registry.load())
+
+
+def address(heading: str) -> str:
+    """Return a heading as GitHub names it: small letters, hyphens for spaces, no other punctuation."""
+    return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
 
 
 def test_pictures_and_links_lead_somewhere() -> None:
     for name, page in PAGES.items():
-        for picture in re.findall(r"!\[.*?\]\((.*?)\)", page):
-            assert (ROOT / name / picture).stat().st_size > 10_000
-        for link in re.findall(r"(?<!!)\[[^\]]*\]\(([^)]*)\)", page):
+        folder, prose = (ROOT / name).parent, re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)
+        for picture in re.findall(r"!\[.*?\]\((.*?)\)", prose):
+            assert (folder / picture).stat().st_size > 5_000, f"{name}: {picture}"
+        for link in re.findall(r"(?<!!)\[[^\]]*\]\(([^)\s]*)\)", re.sub(r"`[^`\n]*`", "", prose)):
             path, _, heading = link.partition("#")
-            target = ROOT / name / path
-            assert target.is_file(), link
-            headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
-            # As GitHub names a heading in an address: small letters, hyphens for spaces, no other punctuation.
-            assert not heading or heading in {
-                re.sub(r"[^\w-]", "", text.lower().replace(" ", "-")) for text in headings
-            }, link
+            if path.startswith("https://"):
+                continue
+            target = folder / path if path else ROOT / name
+            assert target.is_file(), f"{name}: {link}"
+            headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE) if heading else []
+            assert not heading or heading in {address(text) for text in headings}, f"{name}: {link}"
 
 
 def test_the_lines_of_the_laws_are_those_that_the_page_shows() -> None:
-    section = PAGES["framework"].partition("## The contact equation")[2].partition("\n## ")[0]
+    section = pages.section("## The contact equation")
     lines = re.findall(r"^\| `([\w-]+)` \| (.*) \| (.*) \| (.*) \| (.*) \| (.*) \|$", section, re.MULTILINE)
     assert [line[0] for line in lines] == ["penalty", "bipenalty", "lagrange", "tied"]
     for name, evaluated, sigma, weights, active, sign in lines:
@@ -264,7 +282,7 @@ def test_the_first_page_is_short() -> None:
 def test_the_rooms_of_the_page_are_those_of_the_code() -> None:
     folder = Path(percuss.__file__).parent
     rooms = {path.name for path in folder.iterdir() if (path / "__init__.py").is_file()}
-    section = PAGES["framework"].partition("## Rooms")[2].partition("\n## ")[0]
+    section = pages.section("## Rooms")
     assert set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)) == rooms
 
 

@@ -13,6 +13,7 @@ import yaml
 from hypothesis import given as drawn
 from hypothesis import strategies as st
 
+import pages
 import percuss
 import places
 from command_line import percuss_command
@@ -363,7 +364,7 @@ def test_the_files_are_folded_into_the_page(browser, page_of_rows, whole):
 
 
 def test_the_page_says_how_much_is_kept():
-    words = (places.ROOT / "cases" / "README.md").read_text(encoding="utf-8")
+    words = pages.everything()
     assert f"above {study_files.LONGEST_TEXT // 1000} kB" in words
     assert f"beyond {study_files.LONGEST_TEXTS // 10**6} MB together" in words
 

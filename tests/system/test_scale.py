@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.scale import SERIES, exponent, once
 
+import pages
 from percuss.certificate.black_box import MOST_ALONE
 from percuss.solver.size_limits import BYTES_PER_NODE
 
@@ -27,13 +28,11 @@ def test_certificate_and_run_of_a_million_elements_take_less_memory_than_is_stat
 
 
 def test_the_page_states_the_memory_of_a_node():
-    page = (ROOT / "framework" / "README.md").read_text(encoding="utf-8")
-    assert f"at most {BYTES_PER_NODE} bytes for each node and dimension" in page
+    assert f"at most {BYTES_PER_NODE} bytes for each node and dimension" in pages.everything()
 
 
 def test_the_page_states_of_how_many_contacts_each_one_is_closed_alone():
-    page = (ROOT / "framework" / "README.md").read_text(encoding="utf-8")
-    assert f"and of more than {MOST_ALONE} contacts with none and all" in page
+    assert f"and of more than {MOST_ALONE} contacts with none and all" in pages.everything()
 
 
 def calls_of(contacts, method):

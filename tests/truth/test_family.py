@@ -8,13 +8,13 @@ import pytest
 import yaml
 
 import family
+import pages
 from percuss import Implicit, LeapFrog
 from percuss.methods.registry import Registry
 from percuss.studies.candidates import needed_quantities
 
-PAGE = family.PAGE.read_text(encoding="utf-8")
-TABLES = family.Tables(*(family.shown(PAGE, name) for name in ("errors", "medians", "masses")))
-TABLES_HEAD = family.read(family.shown(PAGE, "medians"))[0][2:]
+TABLES = family.Tables(*(pages.shown(name) for name in ("errors", "medians", "masses")))
+TABLES_HEAD = family.read(pages.shown("medians"))[0][2:]
 SAMPLE = (
     ("penalty", "wu-predictor-corrector"),
     ("lagrange", "tchamwa-wielgosz"),
@@ -26,8 +26,8 @@ SAMPLE = (
 
 
 def test_the_sentences_are_those_of_the_tables():
-    assert family.shown(PAGE, "findings") == family.findings(TABLES)
-    assert family.shown(PAGE, "which method when") == family.advice(TABLES)
+    assert pages.shown("what the family shows") == family.findings(TABLES)
+    assert pages.shown("which method when") == family.advice(TABLES)
 
 
 def gives_own_steps(scheme):
@@ -71,7 +71,7 @@ def test_the_tables_are_those_of_the_study(tmp_path):
     table = pd.concat(made, ignore_index=True)
     errors_of, medians_of = cells(family.errors(table)), cells(family.summary(table))
     for there, made in zip(
-        [line for line in family.read(family.shown(PAGE, "masses")) if tuple(line[1:3]) in SAMPLE],
+        [line for line in family.read(pages.shown("masses")) if tuple(line[1:3]) in SAMPLE],
         family.masses(table)[1:],
         strict=True,
     ):
@@ -79,7 +79,7 @@ def test_the_tables_are_those_of_the_study(tmp_path):
         for one, other in zip(there[3:], made[3:], strict=True):
             assert close(one, other, 0.06), (there, made)
     tables = {pair: (errors_of[pair], medians_of[pair]) for pair in SAMPLE}
-    page = cells(family.read(family.shown(PAGE, "errors"))), cells(family.read(family.shown(PAGE, "medians")))
+    page = cells(family.read(pages.shown("errors"))), cells(family.read(pages.shown("medians")))
     for pair, (errors, medians) in tables.items():
         for there, made in zip(page[0][pair], errors, strict=True):
             assert close(there, made, 0.06), (pair, there, made)

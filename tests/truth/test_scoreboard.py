@@ -4,13 +4,13 @@ import re
 
 import pytest
 
+import pages
 import scoreboard
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP
 from percuss.methods.registry import Registry
 
 pytestmark = pytest.mark.deep
 
-PAGES = [(scoreboard.ROOT / name / "README.md").read_text(encoding="utf-8") for name in (".", "cases", "plugins")]
 NUMBER = r"\d+(?:\.\d+)?"
 
 
@@ -24,19 +24,12 @@ def cells(text):
     return [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in text.strip().splitlines()]
 
 
-def shown(begin, end):
-    """Return what the pages have between two marks."""
-    (page,) = (page for page in PAGES if begin in page)
-    assert end in page
-    return page.partition(begin)[2].partition(end)[0]
-
-
 def numbers(text):
     return [float(number) for number in re.findall(NUMBER, text)]
 
 
 def test_the_readme_has_the_scoreboard_of_today(table):
-    there = cells(shown(scoreboard.BEGIN, scoreboard.END))
+    there = cells(pages.shown("scoreboard"))
     made = cells(scoreboard.scoreboard(table))
     assert len(there) == len(made)
     for line, other in zip(there, made, strict=True):
@@ -49,20 +42,20 @@ def test_the_readme_has_the_scoreboard_of_today(table):
 
 
 def test_the_findings_of_the_readme_are_those_of_the_data(table):
-    there, made = shown(scoreboard.FINDINGS, scoreboard.END_OF_FINDINGS), scoreboard.findings(table)
+    there, made = pages.shown("findings"), scoreboard.findings(table)
     assert re.sub(NUMBER, "#", there) == re.sub(NUMBER, "#", made)
     assert numbers(there) == pytest.approx(numbers(made), rel=0.06)
 
 
 def test_the_findings_are_those_of_the_table_above_them():
-    head, _, *lines = cells(shown(scoreboard.BEGIN, scoreboard.END))
+    head, _, *lines = cells(pages.shown("scoreboard"))
     error = {}
     for pair, *line in lines:
         integrator, law = pair.split(" + ")
         for case, text in zip(head[1:], line, strict=True):
             error[case, integrator, law] = float(text.rstrip("*"))
     ratios = scoreboard.Ratios(error)
-    late, lagrange, _, _, wins = shown(scoreboard.FINDINGS, scoreboard.END_OF_FINDINGS).strip().split("\n")
+    late, lagrange, _, _, wins = pages.shown("findings").strip().split("\n")
     ends = [
         end for part in (ratios.late, ratios.penalty_apart, ratios.penalty_pressed) for end in (min(part), max(part))
     ]
@@ -76,10 +69,7 @@ def test_the_findings_are_those_of_the_table_above_them():
 
 
 def test_the_reference_is_never_called_a_bound():
-    headings = ("## What the bench has found", "## The scoreboard")
-    sections = [
-        page.partition(heading)[2].partition("\n## ")[0] for page, heading in zip(PAGES, headings, strict=False)
-    ]
+    sections = [pages.section(heading) for heading in ("## What the bench has found", "## The scoreboard")]
     study = scoreboard.STUDY.read_text(encoding="utf-8")
     for text in (*sections, study):
         assert not re.search(r"\bfloor\b|no contact law can", text)
@@ -88,9 +78,9 @@ def test_the_reference_is_never_called_a_bound():
 
 def test_limits_in_the_prose_are_those_of_the_code():
     integrator = Registry.load().get("integrators", "noh-bathe")
-    row = next(line for line in PAGES[2].splitlines() if line.startswith("| `noh-bathe`"))
+    row = next(line for line in pages.everything().splitlines() if line.startswith("| `noh-bathe`"))
     assert f"without contact up to a Courant number of {integrator.critical_courant:.3g} |" in row
-    assert f"takes {SHARE_OF_CRITICAL_STEP:g} of the critical step" in PAGES[1]
+    assert f"takes {SHARE_OF_CRITICAL_STEP:g} of the critical step" in pages.everything()
 
 
 def value(table, case, pair, name):

@@ -4,7 +4,6 @@ import ast
 import importlib
 import inspect
 import re
-import shutil
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -27,7 +26,6 @@ if not places.has_source_tree:
     pytest.skip("these tests read the source tree, and here are the tests alone", allow_module_level=True)
 
 TOP_LEVEL = {"pyproject.toml", "framework", "plugins", "cases", "tests", "README.md", "LICENSE"}
-DROPPINGS = {"build", "dist", "__pycache__", "PKG-INFO"}
 DOOR = {"percuss", "percuss.testing"}
 
 
@@ -38,24 +36,6 @@ def python_files(folder):
 def name_of(path):
     root = FRAMEWORK if path.is_relative_to(FRAMEWORK) else PLUGINS
     return path.relative_to(root.parent).as_posix()
-
-
-def project_files():
-    """The files that belong to the project: git's, else all but what building and testing leave."""
-    git = shutil.which("git")
-    if git and (ROOT / ".git").exists():
-        command = [git, "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
-        listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
-        return [ROOT / name for name in listed if name and (ROOT / name).is_file()]
-    return [path for path in ROOT.rglob("*") if path.is_file() and not is_dropping(path.relative_to(ROOT))]
-
-
-def is_dropping(path):
-    """Whether a file is what building, testing or the commands of the README leave behind."""
-    made = path.suffix in {".png", ".svg", ".pdf", ".nc", ".html", ".csv", ".sqlite"} and len(path.parts) == 1
-    return (
-        made or bool(DROPPINGS & set(path.parts)) or any(p.startswith(".venv") or "egg-info" in p for p in path.parts)
-    )
 
 
 def imported(path):
@@ -169,7 +149,7 @@ def test_no_import_circle():
 def test_names_of_modules_in_text_resolve():
     """A dotted name in a string, a docstring, a comment or a page names something that is there."""
     name = re.compile(r"\bpercuss((?:\.[a-z_]\w*)+(?:\.[A-Z]\w*)*)")
-    pages = [path for path in project_files() if path.suffix in {".md", ".toml", ".txt"}]
+    pages = [path for path in places.project_files() if path.suffix in {".md", ".toml", ".txt"}]
     files = [*FRAMEWORK_FILES, *PLUGIN_FILES, *python_files(ROOT / "tests"), *pages]
     wrong = []
     for path in files:
@@ -325,7 +305,7 @@ def test_the_hooks_fit_a_page():
 
 
 def test_the_top_level_is_what_it_should_be():
-    top = {path.relative_to(ROOT).parts[0] for path in project_files()}
+    top = {path.relative_to(ROOT).parts[0] for path in places.project_files()}
     assert {name for name in top if not name.startswith(".")} <= TOP_LEVEL
     assert not {name for name in TOP_LEVEL if not (ROOT / name).exists()}
 
@@ -333,7 +313,7 @@ def test_the_top_level_is_what_it_should_be():
 def test_no_file_knows_a_place_on_somebodys_machine():
     private = re.compile(r"(?<![\w.~])/(?:work|home|root|Users|tmp/venv)/\w")
     found = []
-    for path in project_files():
+    for path in places.project_files():
         text = path.read_bytes().decode("utf-8", errors="ignore")
         found += [
             f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
