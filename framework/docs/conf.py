@@ -48,7 +48,15 @@ PYTHON = ["run", "contact_laws", "integrators", "loads", "bodies", "solutions", 
 MENU = {
     "Use percuss": ["cases/README", "cases/studies/README"],
     "Add a method": ["plugins/README"],
-    "Inside": ["framework/README", "tests/README"],
+    "Inside": [
+        "framework/README",
+        "framework/THEORY",
+        "framework/INSIDE",
+        "framework/GLOSSARY",
+        "framework/CONTRIBUTING",
+        "framework/CHANGES",
+        "tests/README",
+    ],
     "Python": [f"framework/docs/api/{name}" for name in PYTHON],
 }
 
