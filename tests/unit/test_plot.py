@@ -12,8 +12,9 @@ import percuss
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
+from percuss.case.quantities import TRUE_ERRORS
 from percuss.errors import InputError, PercussError, RunError
-from percuss.reporting import comparison_figure, figures, report, run_figure
+from percuss.reporting import comparison_figure, convergence_figure, figures, report, run_figure
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -342,6 +343,23 @@ def test_a_long_history_keeps_its_extremes():
     assert np.all(np.diff(boundary) > 0)
 
 
+@pytest.mark.parametrize(
+    ("low", "high"), [(1.4e5, 4.3e5), (1.2e5, 1.3e5), (1e-9, 1e9), (2e-3, 3e-2), (0.97, 1.03), (3e5, 3e5 + 40)]
+)
+def test_the_ticks_of_a_logarithmic_axis_are_several_and_differ(low, high):
+    from matplotlib.figure import Figure
+
+    axes = Figure().subplots()
+    figures.log_axis(axes, "x", (low, high))
+    figures.percent_axis(axes, low, high)
+    for axis, end in ((axes.xaxis, ""), (axes.yaxis, " %")):
+        labels = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+        assert 3 <= len(labels) == len(set(labels)) <= 12
+        assert all(label.endswith(end) for label in labels)
+    assert axes.get_ylim()[0] < low < high < axes.get_ylim()[1]
+    assert (figures.tick_text(1.5e5), figures.percent_text(0.015)) == ("1.5×10⁵", "1.5 %")
+
+
 @pytest.mark.slow
 def test_a_title_is_never_mathematics(good, tmp_path):
     result = fresh(good)
@@ -417,6 +435,27 @@ def test_the_exact_history_of_one_run_stands_for_all(good):
         comparison_figure.comparison_figure(rows * 4).axes[:8],
     ):
         assert all(holds(axes, time, exact) for axes in panels)
+
+
+def test_a_convergence_figure_shows_errors_in_per_cent_orders_and_a_slope():
+    from matplotlib.patches import Polygon
+
+    fit = {"integrator": "a", "contact": "b", "method.contact.k": 2, "refine": [1, 2, 4]}
+    for name in TRUE_ERRORS:
+        fit |= {name: [0.08, 0.02, 0.005], f"{name}_order": 2.04}
+    fit |= {TRUE_ERRORS[1]: [None, None, 0.0], f"{TRUE_ERRORS[1]}_order": None}
+    figure = convergence_figure.convergence_figure([fit], "Title " * 40)
+    first, second, *_ = figure.axes
+    assert holds(first, [1, 2, 4], [0.08, 0.02, 0.005])
+    assert [text.get_text() for text in first.get_legend().get_texts()] == ["2.04"]
+    assert all(label.get_text().endswith(" %") for label in first.get_yticklabels())
+    (triangle,) = first.findobj(Polygon)
+    (left, top), (_, bottom), (right, _) = triangle.get_xy()[:3]
+    assert np.log(top / bottom) / np.log(right / left) == pytest.approx(2.0)
+    assert "No run has this error." in words(second)
+    assert "a + b k=2" in words(figure)
+    title = [text for text in figure.texts if "Title" in text.get_text()]
+    assert all(text.get_window_extent().x1 < figure.bbox.x1 for text in title)
 
 
 # -- the notebook ------------------------------------------------------------------------------------------

@@ -169,6 +169,19 @@ def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float 
         text.set_parse_math(False)
 
 
+def legend_below(figure: Figure, entries: dict[str, Any]) -> None:
+    """Put one legend below all panels; the names are texts of the user and never read as mathematical text."""
+    if not entries:
+        return
+    longest = max(map(len, entries))
+    columns = max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
+    # The space keeps matplotlib from dropping a label that begins with an underscore.
+    names = [f" {one_line(name)}" for name in entries]
+    legend = figure.legend(list(entries.values()), names, loc="outside lower center", ncols=columns)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
 def powers(*panels: Axes) -> None:
     """Write the powers of ten of axes as plain text, to the left of the axis where they hide nothing above the panel.
 
@@ -185,6 +198,48 @@ def powers(*panels: Axes) -> None:
         axes.yaxis.set_major_formatter(Powers(useMathText=False))
         axes.yaxis.get_offset_text().set(ha="right", x=-0.01)
         axes.yaxis.OFFSETTEXTPAD = 8  # The text must stay clear of a tick at the very top.
+
+
+def tick_text(value: float, _: object = None) -> str:
+    """Return the label of a tick as plain text, which is drawn ten times as fast as mathematical text."""
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        return f"{value:.6g}"
+    head, power = f"{value:.5e}".split("e")
+    raised = f"10{str(int(power)).translate(RAISED)}"
+    return raised if float(head) == 1 else f"{float(head):g}×{raised}"
+
+
+def percent_text(value: float, _: object = None) -> str:
+    """Return the label of a tick at a fraction, in per cent."""
+    return f"{tick_text(100 * value)} %"
+
+
+def log_axis(
+    axes: Axes, which: str, limits: tuple[float, float] | None = None, text: Callable[..., str] = tick_text
+) -> None:
+    """Make the axis `which`, x or y, logarithmic between limits, those of its data by default, with plain ticks."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axes.set(**{f"{which}scale": "log", **({f"{which}lim": limits} if limits else {})})
+    low, high = axis.get_view_interval()
+    # Two or more ticks that are round: whole decades, or parts of one, or equal distances within a small part of one.
+    choices = (LogLocator(), LogLocator(subs=(1, 2, 5)), LogLocator(subs=(1, 1.5, 2, 3, 5, 7)), MaxNLocator(5))
+    ticks: Any = ()
+    for locator, least in zip(choices, (5, 4, 3, 0), strict=True):
+        ticks = [tick for tick in locator.tick_values(low, high) if low <= tick <= high]
+        if len(ticks) >= least:
+            break
+    axis.set_major_locator(FixedLocator(ticks))
+    axis.set_major_formatter(FuncFormatter(text))
+    axis.set_minor_locator(NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+
+
+def percent_axis(axes: Axes, low: float, high: float) -> None:
+    """Make the axis of positive fractions logarithmic around `low` to `high`, with ticks in per cent."""
+    margin = (high / low) ** 0.06 if high > low else 2.0
+    log_axis(axes, "y", (low / margin, high * margin), percent_text)
 
 
 SUFFIXES = (".png", ".svg", ".pdf")

@@ -19,7 +19,7 @@ MOST_PAIRS = 8  # that have a colour of their own, the best first
 
 def recommendation_figure(found: Recommendation) -> Figure:
     """Return a figure of the error over the cost on logarithmic axes, with the Pareto front and the bound."""
-    from percuss.reporting.figures import drawing, wrapped
+    from percuss.reporting.figures import drawing, fix_layout, header, legend_below, log_axis, percent_axis
     from percuss.reporting.study_charts import line_style
     from percuss.reporting.study_figures import marked_line
     from percuss.reporting.tell_recommendation import bounds_in_words, methods_in_words
@@ -27,13 +27,12 @@ def recommendation_figure(found: Recommendation) -> Figure:
     with drawing():
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(12.8, 7.2), facecolor="white", layout="constrained")
-        figure.suptitle(found.study.title, x=0.02, ha="left", weight="bold", size=15, parse_math=False)
-        axes = figure.subplots()
+        figure = Figure(figsize=(12.8, 7.2), facecolor="white")
         heading = bounds_in_words(found.bounds)
         if found.best is not None:
             heading = f"{heading}; cheapest: {methods_in_words(found.best)}"
-        axes.set_title("\n".join(wrapped(heading, 80, 4)), loc="left", size=11, parse_math=False)
+        header(figure, found.study.title, [heading], [])
+        axes = figure.subplots()
         by_pair: dict[tuple[str, str], list[Tried]] = {}
         for one in sorted(_drawn(found, found.tried), key=lambda one: (one.excess, one.cost)):
             by_pair.setdefault(one.candidate.pair, []).append(one)
@@ -56,9 +55,13 @@ def recommendation_figure(found: Recommendation) -> Figure:
                       label="the cheapest that meets the bounds")  # fmt: skip
         name = METRICS[found.bounds.measure].label if found.bounds.error is not None else "energy taken or added"
         estimate = " (estimated)" if found.estimated else ""
-        axes.set(xscale="log", yscale="log", xlabel="cost: steps times nodes times stages", ylabel=f"{name}{estimate}")
-        figure.legend(loc="outside right upper", fontsize=9)
-        return figure
+        axes.set(xlabel="cost: steps times nodes times stages", ylabel=f"{name}{estimate}")
+        if heights := [_height(found, one) for one in _drawn(found, found.tried)]:
+            log_axis(axes, "x")
+            percent_axis(axes, min([*heights, bound or math.inf]), max([*heights, bound or 0.0]))
+        handles, labels = axes.get_legend_handles_labels()
+        legend_below(figure, dict(zip(labels, handles, strict=True)))
+        return fix_layout(figure)
 
 
 def _height(found: Recommendation, one: Tried) -> float:

@@ -19,6 +19,7 @@ from percuss.reporting.figures import (
     drawing,
     fix_layout,
     header,
+    log_axis,
     number,
     write,
     write_reason,
@@ -185,8 +186,7 @@ def _set_scale(axes: Axes, vary: Axis, path: str, which: str) -> None:
     if len(values) > 2 and min(values) > 0 and len(values) == len(vary[path]):
         steps = np.diff(np.log(values))
         if np.ptp(steps) < 1e-6 * abs(steps).max() or max(values) > 50 * min(values):
-            axes.set(**{f"{which}scale": "log"})
-            getattr(axes, f"{which}axis").set_major_formatter("{x:g}")
+            log_axis(axes, which)
 
 
 def waves_figure(waves: Waves, title: str, methods: str) -> Figure:

@@ -17,11 +17,13 @@ from percuss.errors import InputError, Problem
 from percuss.files import is_file
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import (
-    RAISED,
     drawing,
     fix_layout,
     header,
+    legend_below,
+    log_axis,
     one_line,
+    tick_text,
     wrapped,
     write,
     write_reason,
@@ -135,7 +137,7 @@ def work_figure(title: str, done: Any, charts: Charts, error: str, wanted: list[
         lacking = [f"runs that are done without a cost or an error, neither drawn nor ranked: {left_out}"]
         notes = [study_charts.CAPTIONS["work"], *(lacking if left_out else []), *_sampling_note(done)]
         header(figure, title, notes, [])
-        _add_legend(figure, entries)
+        legend_below(figure, entries)
         fix_layout(figure)
     return figure
 
@@ -187,7 +189,7 @@ def varied_figure(title: str, table: Any, charts: Charts, path: str) -> Figure:
             axes.set_ylabel(charts.axes[name].label)
         for axes in panels.flat[len(names) :]:
             axes.set_axis_off()
-        _add_legend(figure, entries)
+        legend_below(figure, entries)
         fix_layout(figure)
     return figure
 
@@ -314,9 +316,9 @@ def profile_figure(title: str, profile: ProfileChart, charts: Charts) -> Figure:
             entries[pair] = axes.step(factors, shares, where="post", **style)[0]
         if not profile.empty:
             axes.set(xlim=(1, profile.end), ylim=(0, 1.03), ylabel="share of problems")
-            _set_log_scales(axes, (True, False))
+            log_axis(axes, "x")
             axes.set_xlabel(profile.label)
-        _add_legend(figure, entries)
+        legend_below(figure, entries)
         fix_layout(figure)
     return figure
 
@@ -360,49 +362,14 @@ def _draw_points(axes: Axes, x: Any, y: Any, style: LineStyle) -> None:
 def _set_axes(axes: Axes, log: tuple[bool, bool], across: Axis) -> None:
     """Name the axis across, make axes logarithmic, and put ticks at the values where there are few."""
     axes.set_xlabel(one_line(across.label), parse_math=False)
-    _set_log_scales(axes, log)
+    for which, wanted in zip("xy", log, strict=True):
+        if wanted:
+            log_axis(axes, which)
     if across.ticks:
-        axes.set_xticks(across.ticks, [_tick_label(tick) for tick in across.ticks])
+        axes.set_xticks(across.ticks, [tick_text(tick) for tick in across.ticks])
 
 
 def _sampling_note(done: Any) -> list[str]:
     """Return a note for the figure if a pair of methods has more runs than are drawn as points, else nothing."""
     most = max(Counter(study_data.methods(done)).values(), default=0)
     return [f"of each pair of methods {MOST_MARKS} points at most are drawn, at random"] if most > MOST_MARKS else []
-
-
-def _set_log_scales(axes: Axes, log: tuple[bool, bool]) -> None:
-    """Make axes logarithmic, with ticks at 1, 2 and 5 of each decade where there are few decades."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    for axis, wanted, scale in zip((axes.xaxis, axes.yaxis), log, (axes.set_xscale, axes.set_yscale), strict=True):
-        if not wanted:
-            continue
-        scale("log")
-        low, high = axis.get_view_interval()
-        if high < 80 * low:
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_major_formatter(FuncFormatter(_tick_label))
-        axis.set_minor_formatter(NullFormatter())
-
-
-def _tick_label(value: float, _: object = None) -> str:
-    """Return the label of a tick as plain text, because mathematical text is drawn ten times as slowly."""
-    if 1e-3 <= value < 1e5:
-        return f"{value:g}"
-    head, power = f"{value:.0e}".split("e")
-    raised = str(int(power)).translate(RAISED)
-    return f"10{raised}" if head == "1" else f"{head}×10{raised}"
-
-
-def _add_legend(figure: Figure, entries: dict[str, Any]) -> None:
-    """Put one legend below all panels; the names are texts of the user and never read as mathematical text."""
-    if not entries:
-        return
-    longest = max(map(len, entries))
-    columns = max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
-    # The space keeps matplotlib from dropping a label that begins with an underscore.
-    names = [f" {one_line(name)}" for name in entries]
-    legend = figure.legend(list(entries.values()), names, loc="outside lower center", ncols=columns)
-    for text in legend.get_texts():
-        text.set_parse_math(False)
