@@ -140,10 +140,10 @@ def listen() -> None:
             depth = 0
 
             def on_start(self, event: Any) -> None:  # noqa: ARG002
-                """Announce the start of the outermost function."""
-                self.depth += 1
-                if self.depth == 1:
+                """Announce the start of the outermost function; a notice that raises an error ends it."""
+                if self.depth == 0:
                     self.announce(begun=True)
+                self.depth += 1
 
             def on_end(self, event: Any) -> None:  # noqa: ARG002
                 """Announce the end of the outermost function."""

@@ -5,6 +5,7 @@ Results, NetCDF files, expectations, studies, figures, tables and the conformanc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -23,8 +24,17 @@ __all__ = [
     "TRUE_ERRORS",
     "Quantity",
     "name_schema",
+    "percent",
     "values_at",
 ]
+
+
+def percent(value: float | None, digits: int = 3) -> str:
+    """Return a fraction in per cent, as people read it; a dash where there is no number."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    hundredths = 100.0 * value
+    return f"{hundredths:.{digits}g} %" if not 10.0**digits <= abs(hundredths) < 1e6 else f"{hundredths:.0f} %"
 
 
 @dataclass(frozen=True, kw_only=True)

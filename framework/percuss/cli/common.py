@@ -9,7 +9,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -301,6 +301,12 @@ def print_json(data: dict[str, Any]) -> None:
     from percuss.jsonable import infinity_as_text
 
     print(printable(json.dumps(infinity_as_text(data), indent=2, ensure_ascii=False, allow_nan=False)))
+
+
+def print_verdict(lines: Iterable[str], *, as_json: bool) -> None:
+    """Print the verdict at the end of a command, on standard error if standard output holds JSON."""
+    for line in lines:
+        print(printable(line), file=sys.stderr if as_json else sys.stdout, flush=True)
 
 
 def load_case(

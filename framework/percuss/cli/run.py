@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ from percuss.cli.common import (
     load_case,
     print_json,
     print_notes,
+    print_verdict,
     progress_bar,
     reporting,
     tell,
@@ -44,7 +46,7 @@ def run(
         bool, typer.Option("--exact-only", help="The exact solution alone; needs no method, step or elements.")
     ] = False,
     nudge: Annotated[
-        bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer hang on round-off?")
+        bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer depend on round-off?")
     ] = False,
     tied: Annotated[
         bool, typer.Option("--tied", help="Run with interfaces tied while the exact contact is closed.")
@@ -78,7 +80,8 @@ def run(
         if exact_only:
             _solve(loaded, out, plot, as_json=as_json)
         else:
-            _run(loaded, out, plot, nudge=nudge, as_json=as_json)
+            search = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
+            _run(loaded, out, plot, "" if tied else search, nudge=nudge, as_json=as_json)
 
 
 def _expect_netcdf(out: Path | None) -> None:
@@ -112,10 +115,12 @@ def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) ->
         raise typer.Exit(1)
 
 
-def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_json: bool) -> None:
-    """Run a case, and print, save and draw its result."""
+def _run(case: Case, out: Path | None, plot: Path | None, search: str, *, nudge: bool, as_json: bool) -> None:
+    """Run a case, and print, save and draw its result; `search` is a command that finds better methods, if there is."""
+    from percuss.reporting.verdict import run_verdict
     from percuss.results.ledger import open_accounts
     from percuss.results.runner import run as run_case
+    from percuss.studies.alternatives import alternatives
 
     failure: RunError | None = None
     with progress_bar() as progress, exact_solution_shown():
@@ -135,6 +140,7 @@ def _run(case: Case, out: Path | None, plot: Path | None, *, nudge: bool, as_jso
         tell_result(result)
     if failure is not None:
         tell(f"error: {failure}")
+    print_verdict(run_verdict(result, alternatives(case, result) if search else None, search), as_json=as_json)
     outputs.finish()
     if result.status == "interrupted":
         raise typer.Exit(INTERRUPTED)

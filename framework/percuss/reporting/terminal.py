@@ -126,13 +126,6 @@ def _print_errors(console: Console, summary: Summary) -> None:
                 if quantity.against_exact and key in measured
             )
             console.print(f"{'true ' if not until else ''}error of {plain_text(name)}{until}: {measures}")
-    if summary.get("fragile") is not None:
-        sensitivity = (
-            "hangs on round-off: a nudge of 1e-12 changes it" if summary["fragile"] else "stands a nudge of 1e-12"
-        )
-        console.print(f"the {'contact force' if summary['contacts'] else 'motion'} {sensitivity}")
-    if summary["exact_reason"]:
-        console.print(f"exact solution: {plain_text(summary['exact_reason'])}")
 
 
 def tell_rows(title: str, rows: list[Run]) -> None:

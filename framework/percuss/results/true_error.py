@@ -41,6 +41,20 @@ def summary_entries(errors: ExactErrors | None, reason: str) -> ExactEntries:
     return {"exact": None, "exact_reason": reason, "exact_covered": covered}
 
 
+def largest_error(summary: ExactEntries) -> float | None:
+    """Return the force error, L1, of the worst contact, else the displacement error; None if neither is known.
+
+    Where the exact solution ends before the run, it is the error of the part that the solution covers.
+    """
+    errors = summary["exact"] or summary["exact_covered"]
+    if errors is None:
+        return None
+    of_contacts = (contact["force_error_l1"] for contact in errors["contacts"].values())
+    known = [error for error in of_contacts if error is not None]
+    displacement: Any = errors.get("displacement_error")
+    return max(known) if known else displacement
+
+
 def contact_errors(
     contact: ExactContact,
     time: Floats,

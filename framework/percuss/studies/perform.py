@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
+    from percuss.solver.march import Progress
 
 __all__ = ["LOST", "Run", "failure_status", "perform", "perform_timed", "tied_twin", "tying_law"]
 
@@ -82,7 +83,9 @@ class Run:
         }
 
 
-def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Run, InputError | None]:
+def perform(
+    case: Case, task: Task, *, nudge: bool = False, progress: Progress | None = None
+) -> tuple[Run, InputError | None]:
     """Make the run of a task.
 
     Parameters
@@ -93,6 +96,8 @@ def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Run, InputE
         Task of the run.
     nudge
         Whether to run the nudged twin too.
+    progress
+        As in `percuss.run`.
 
     Returns
     -------
@@ -101,7 +106,7 @@ def perform(case: Case, task: Task, *, nudge: bool = False) -> tuple[Run, InputE
     error
         Error of the input if it is the reason why there is no result, else None.
     """
-    return _perform(case, task, lambda changed: run(changed, nudge=nudge))
+    return _perform(case, task, lambda changed: run(changed, nudge=nudge, progress=progress))
 
 
 def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int | None = None) -> Run:

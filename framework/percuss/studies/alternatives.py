@@ -1,0 +1,117 @@
+"""Other runs of a case whose true error is large: on a finer mesh, and with other contact laws, in a limited time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from percuss.compiling import NOTICES
+from percuss.results.true_error import largest_error
+from percuss.studies.candidates import needed_quantities, required_options
+from percuss.studies.perform import perform
+from percuss.studies.tasks import Task
+
+if TYPE_CHECKING:
+    from percuss.case.case import Case
+    from percuss.results.result import Result
+
+LARGE_ERROR = 0.05  # a run with a smaller true error needs no other run
+LEAST_SECONDS = 2.0  # for all runs together, if the run itself took less
+COMPILE_SECONDS = 4.0  # a law whose kernel must be compiled first is tried only if so much time is left
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """Runs that were made beside a run.
+
+    Attributes
+    ----------
+    finer
+        Error on a mesh twice as fine with half the step; None if there was no such run, or it has no error.
+    laws
+        Error by contact law.
+    untried
+        Contact laws for which the time was too short.
+    """
+
+    finer: float | None
+    laws: dict[str, float]
+    untried: list[str]
+
+
+def alternatives(case: Case, result: Result) -> Alternatives | None:
+    """Return other runs of a case whose true error is large, or None where it is small or unknown.
+
+    All of them together take at most `LEAST_SECONDS`, or as long as the run itself.
+
+    Parameters
+    ----------
+    case
+        The case.
+    result
+        Its run.
+    """
+    error = largest_error(result.summary)
+    if error is None or error <= LARGE_ERROR or result.status != "done":
+        return None
+    finer: dict[str, float] = {"refine": 2 * case.refine}
+    finer |= {"time.step": 0.5 * case.time.step} if case.time.step is not None else {}
+    finer |= {"time.steps": 2 * case.time.steps} if case.time.steps is not None else {}
+    names = case.registry.names("contacts") if case.contacts else ()
+    laws: dict[str, Any] = {name: case.registry.get("contacts", name) for name in names}
+    own = {contact.law.name for contact in case.contacts.values()}
+    tried = {
+        name: {f"method.contact.{key}": value for key, value in {"name": name, **required_options(law)}.items()}
+        # A law without a kernel needs no compilation.
+        for name, law in sorted(laws.items(), key=lambda item: hasattr(item[1], "multipliers"))
+        if {name} != own and not law.tied_during and not needed_quantities(law)
+    }
+    found: dict[str, float] = {}
+    untried = []
+    seconds = result.summary["seconds"]
+    deadline = time.monotonic() + max(LEAST_SECONDS, seconds["total"] - seconds["compile"])
+    one_law = case.with_one_law()
+    with _compiling_until(deadline - COMPILE_SECONDS):
+        for name, changes in {"": finer, **tried}.items():
+            expected = seconds["march"] if name else 4.0 * seconds["march"]  # twice as many elements and steps
+            task = Task("", case.method.integrator.name, name, {}, changes)
+            try:
+                _expect_before(deadline - expected)
+                run, _ = perform(one_law if name else case, task, progress=lambda *_: _expect_before(deadline))
+            except _OutOfTime:
+                untried.append(name)
+                continue
+            if run.status == "interrupted":
+                break
+            if run.result is not None and run.status == "done":
+                other = largest_error(run.result.summary)
+                found |= {name: other} if other is not None else {}
+    return Alternatives(found.pop("", None), found, [name for name in untried if name])
+
+
+class _OutOfTime(BaseException):
+    """Signal that ends a run for which the time is too short; no error, so that nothing takes it for one."""
+
+
+def _expect_before(deadline: float) -> None:
+    """Raise `_OutOfTime` if a time has passed."""
+    if time.monotonic() > deadline:
+        raise _OutOfTime
+
+
+@contextmanager
+def _compiling_until(deadline: float) -> Iterator[None]:
+    """End a run inside this context that begins to compile after a time."""
+
+    def notice(begun: bool) -> None:
+        if begun:
+            _expect_before(deadline)
+
+    NOTICES.insert(0, notice)  # before those that show what is compiled
+    try:
+        yield
+    finally:
+        NOTICES.remove(notice)

@@ -1,0 +1,84 @@
+"""The verdict at the end of a command: true, computed, and where a reader of JSON does not meet it."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import percuss
+import places
+from command_line import percuss_command
+from percuss.results.true_error import largest_error
+from percuss.studies import alternatives as module
+
+CASES = places.ROOT / "cases"
+COARSE = """\
+percuss: 1
+title: Two equal bars, five elements each
+bodies:
+  left: {bar: {length: 1, elements: 5}, material: {young: 1, density: 1}, area: 1, velocity: 1}
+  right: {bar: {length: 1, elements: 5}, at: 1, material: {young: 1, density: 1}, area: 1}
+contacts:
+  tip: {between: [left.right, right.left]}
+method: {integrator: central-difference, contact: penalty}
+time: {end: 3, courant: 0.5}
+"""
+
+
+@pytest.fixture
+def coarse(tmp_path: Path) -> Path:
+    path = tmp_path / "coarse.yaml"
+    path.write_text(COARSE)
+    return path
+
+
+def percent(text: str) -> float:
+    return 0.01 * float(text)
+
+
+def test_a_run_with_a_large_error_names_better_runs_that_it_made(coarse: Path) -> None:
+    done = percuss_command("run", str(coarse), "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    own, finer, law, better = re.search(
+        r"contact force is off by (\S+) % .*twice as fine: (\S+) %\), or try (\S+) \((\S+) %\)", done.stderr
+    ).groups()
+    assert percent(own) == pytest.approx(largest_error(told), rel=0.05)
+    for text, changes in ((finer, {"refine": 2}), (better, {"method.contact.name": law})):
+        again = largest_error(percuss.run(percuss.load(coarse, changes)).summary)
+        assert percent(text) == pytest.approx(again, rel=0.05)
+        assert again < largest_error(told)
+    assert f"percuss recommend {coarse}" in done.stderr
+
+
+def test_without_time_no_other_run_is_made(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = percuss.load(coarse)
+    result = percuss.run(case)
+    monkeypatch.setattr(module, "LEAST_SECONDS", 0.0)
+    result.summary["seconds"] |= {"total": 0.0, "compile": 0.0}
+    made = module.alternatives(case, result)
+    assert made is not None
+    assert (made.finer, made.laws) == (None, {})
+    assert "lagrange" in made.untried
+
+
+def test_a_small_error_needs_no_other_run() -> None:
+    case = percuss.load(CASES / "hunek.yaml")
+    assert module.alternatives(case, percuss.run(case)) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (("time.courant=1.2",), "refused to run it: the certificate says unstable. To be stable, lower the step"),
+        (
+            ("bodies.left.material={name: ramberg-osgood, young: 1, density: 1, yield_stress: 1}",),
+            "No exact solution is known",
+        ),
+        (("refine=40", "method.contact=lagrange"), r"off by \S+ % \(exact solution known\)\.\n"),
+    ],
+)
+def test_what_else_a_verdict_says(coarse: Path, changes: tuple[str, ...], words: str) -> None:
+    done = percuss_command("run", str(coarse), *(f"--set={change}" for change in changes))
+    assert re.search(words, done.stdout), done.stdout + done.stderr
