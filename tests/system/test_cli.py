@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+import percuss
 import places
 from command_line import percuss_command
+from percuss.cli.main import PANELS
 
 ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
@@ -21,8 +23,24 @@ PLUGINS = (ROOT / "plugins" / "README.md").read_text(encoding="utf-8")
 def test_help_names_every_command() -> None:
     done = percuss_command("--help")
     assert done.returncode == 0
-    for command in ("run", "check", "compare", "verify", "plugins", "schema"):
-        assert command in done.stdout
+    shown = {words[0]: " ".join(words[1:]) for line in done.stdout.splitlines() if (words := line.split())}
+    for command in (command for commands in PANELS.values() for command in commands):
+        assert shown[command.__name__] == command.__doc__.splitlines()[0]  # whole, in a terminal of 80 columns
+    assert max(map(len, done.stdout.splitlines())) <= 80
+
+
+def test_version_is_an_option() -> None:
+    done = percuss_command("--version")
+    assert (done.returncode, done.stdout.split()[:2]) == (0, ["percuss", f"{percuss.__version__},"])
+
+
+def test_a_shell_completes_commands_and_options() -> None:
+    for words, completed in (("percuss st", {"study", "stability"}), ("percuss run --js", {"--json"})):
+        env = {**os.environ, "_PERCUSS_COMPLETE": "complete_bash", "COMP_WORDS": words}
+        env["COMP_CWORD"] = str(len(words.split()) - 1)
+        code = "import sys; sys.argv = ['percuss']; from percuss.cli.main import main; main()"
+        done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
+        assert set(done.stdout.split()) == completed
 
 
 def test_help_loads_nothing_heavy() -> None:

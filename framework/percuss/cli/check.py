@@ -7,7 +7,7 @@ from percuss.errors import printable
 
 
 def check(case: CaseFile, set_: Sets = None, plugin: Plugins = None, as_json: AsJson = False) -> None:
-    """Explain the run of a case in words and formulas, without running it."""
+    """Explain the run of a case in words, without running it."""
     with reporting(as_json):
         from percuss.certificate.verdict import settled
         from percuss.reporting.explanation import explanation

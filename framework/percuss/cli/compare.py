@@ -41,7 +41,7 @@ def compare(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run pairs of methods on one case and put them side by side."""
+    """Run pairs of methods on one case, side by side."""
     with reporting(as_json):
         from percuss.studies import comparison, convergence
         from percuss.studies.parameters import varied

@@ -5,8 +5,11 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from percuss.blas import start_with_one_blas_thread
 from percuss.cli.check import check
@@ -24,20 +27,55 @@ from percuss.cli.waves import waves
 from percuss.files import CANNOT_BE_WRITTEN
 from percuss.methods.process_guard import tell_uncaught
 from percuss.process import begin, end_whatever_runs
+from percuss.version import CONTRACT, __version__
 
 GARBAGE_THRESHOLD = 50_000  # new objects after which Python looks for garbage
 
+LINE_OF_HELP = 62  # characters of a command in the help, on 80 columns
+PANELS: dict[str, tuple[Callable[..., None], ...]] = {
+    "One case": (run, check, compare, stability, waves),
+    "Many runs": (study, recommend, report),
+    "Methods and files": (plugins, new, verify, schema),
+}
+
+
+class Commands(TyperGroup):
+    """The commands, which the help lists under the headings of `PANELS`."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write the name and the first line of each command."""
+        for panel, functions in PANELS.items():
+            commands = [(one.__name__, self.commands[one.__name__]) for one in functions]
+            with formatter.section(panel):
+                formatter.write_dl([(name, command.get_short_help_str(LINE_OF_HELP)) for name, command in commands])
+
+
 app = typer.Typer(
     name="percuss",
+    cls=Commands,
     help="A bench on which explicit contact-impact methods are compared.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (run, check, compare, study, recommend, stability, waves, report, verify, plugins, new, schema):
+for command in (command for commands in PANELS.values() for command in commands):
     app.command()(command)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"percuss {__version__}, contract {CONTRACT}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
 
 
 def main() -> None:

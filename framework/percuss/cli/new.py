@@ -26,7 +26,10 @@ def new(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where to write; else here.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
-    """Write the first files of a method: a package with its test, case and README, which runs as it is."""
+    """Write the first files of a method of your own.
+
+    They are a package with a test, a case and a README, and run as they are.
+    """
     with reporting(as_json):
         from percuss.cli.scaffold import scaffold
 

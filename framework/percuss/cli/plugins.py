@@ -15,7 +15,7 @@ def plugins(
     plugin: Plugins = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the registered components and where they come from, or describe one."""
+    """List the methods that percuss knows, or describe one."""
     with reporting(as_json):
         from percuss.methods.registry import Registry
         from percuss.reporting import component

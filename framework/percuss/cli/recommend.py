@@ -52,7 +52,10 @@ def recommend(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Search the cheapest methods, options, mesh and step that meet bounds; the same command goes on with a search."""
+    """Search the cheapest methods, mesh and step within bounds.
+
+    The same command given again continues the search.
+    """
     with reporting(as_json):
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search

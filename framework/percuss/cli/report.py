@@ -23,7 +23,7 @@ def report(
         Path | None, typer.Option("--figures", metavar="DIR", help="Pictures as svg and pdf; no page unless -o.")
     ] = None,
 ) -> None:
-    """Write a study as one HTML page that needs no other file, or as figures for print."""
+    """Write a study as one HTML page, or as figures for print."""
     with reporting(as_json=False):
         _expect_html(out)
         from percuss.studies.study_table import open_study

@@ -53,7 +53,7 @@ def run(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a case, and print, save and draw its result."""
+    """Run a case; print, save and draw its result."""
     with reporting(as_json):
         _expect_netcdf(out)
         if plot is not None:

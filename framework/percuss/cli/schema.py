@@ -13,7 +13,7 @@ def schema(
     plugin: Plugins = None,
     study: Annotated[bool, typer.Option("--study", help="That of a study file.")] = False,
 ) -> None:
-    """Print the JSON schema of a case, with every registered component; editors complete cases with it."""
+    """Print the JSON schema of a case or a study, for editors."""
     with reporting(as_json=False):
         from percuss.case.json_schema import case_schema
         from percuss.methods.registry import Registry

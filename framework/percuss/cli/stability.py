@@ -43,7 +43,7 @@ def stability(
     whole: Annotated[bool, typer.Option("--all", help="Print every combination, however many there are.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Print the critical Courant number of a case, over varied parameters."""
+    """Print the critical Courant number over varied parameters."""
     with reporting(as_json):
         from percuss.certificate import maps
         from percuss.studies.parameters import varied

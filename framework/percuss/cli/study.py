@@ -32,7 +32,7 @@ def study(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make the runs of a study; the same command given again continues where the study ended."""
+    """Make the runs of a study; given again, continue it."""
     with reporting(as_json):
         from percuss.studies.study import study as make_study
         from percuss.studies.study_table import exportable

@@ -38,7 +38,11 @@ def verify(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Verify cases against their expectations, results by running them again, or methods with the conformance kit."""
+    """Verify cases, saved results or methods.
+
+    A case is compared with what it expects, a result with a second run of its case, and a method is tried by the
+    conformance kit.
+    """
     with reporting(as_json):
         if files and method:
             raise InputError([Problem("percuss verify", "", "expected cases or --method, found both", "Give one.")])

@@ -29,7 +29,10 @@ def waves(
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw them over frequency.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print the transmission and reflection of waves by a closed contact, measured from the time step itself."""
+    """Measure how a closed contact transmits and reflects waves.
+
+    The amplitudes are measured from the time step itself, over frequency.
+    """
     with reporting(as_json):
         from percuss.certificate.verdict import settled
         from percuss.certificate.waves import waves as measure
