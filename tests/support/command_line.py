@@ -13,17 +13,19 @@ import typer
 from percuss.cli.main import app
 
 COMMAND = typer.main.get_command(app)  # made once: that takes longer than many a command
-WIDTH = {"COLUMNS": "120", "NO_COLOR": "1"}
+WIDTH = {"COLUMNS": "", "NO_COLOR": "1"}
 
 
-def percuss_command(*words, cwd=None, plain=False):
+def percuss_command(*words, cwd=None, plain=False, columns=120, together=False):
     """Run ``percuss WORDS...`` in a folder; return `returncode`, `stdout` and `stderr`, as of a process.
 
-    With `plain` nothing is compiled: of a case of some elements and steps that would take longer.
+    With `plain` nothing is compiled: of a case of some elements and steps that would take longer. With `together`
+    both streams are in `stdout`, as a terminal shows them.
     """
-    out, err = io.StringIO(), io.StringIO()
+    out = io.StringIO()
+    err = out if together else io.StringIO()
     folder, width = Path.cwd(), {name: os.environ.get(name) for name in WIDTH}
-    os.environ.update(WIDTH)
+    os.environ.update(WIDTH | {"COLUMNS": str(columns)})
     os.chdir(cwd or folder)
     code, jit = 0, numba.config.DISABLE_JIT
     numba.config.DISABLE_JIT = 1 if plain else jit

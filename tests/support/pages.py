@@ -1,9 +1,17 @@
-"""The tables of the pages that say what the code says: ``python tests/support/pages.py`` writes them anew."""
+"""The parts of the pages that percuss itself makes: ``python tests/support/pages.py`` writes them anew.
+
+They are the tables of what the code declares, and the output of every command in a ``console`` block. With the paths of
+pages as arguments the program writes the output on these alone.
+"""
 
 from __future__ import annotations
 
+import math
 import re
+import shlex
+import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +20,7 @@ import typer
 import yaml
 
 import places
+from command_line import percuss_command
 from held_against import facts
 from percuss.case.json_schema import case_schema
 from percuss.cli.main import app
@@ -62,6 +71,19 @@ def section(heading: str) -> str:
     """Return what stands below the one heading of this text."""
     page = page_with(f"\n{heading}\n").read_text(encoding="utf-8")
     return page.partition(f"\n{heading}\n")[2].partition("\n## ")[0]
+
+
+def saved_files() -> list[tuple[str, str]]:
+    """Return name and text of every file that the pages ask their reader to save."""
+    pattern = r"[Ss]ave (?:this|it) as `([\w-]+\.(?:py|yaml))`:\n\n```(?:python|yaml)\n(.*?)^```$"
+    return [found for page in texts().values() for found in re.findall(pattern, page, re.MULTILINE | re.DOTALL)]
+
+
+def fill(folder: Path) -> None:
+    """Fill a folder with the cases and the files of the pages, as a reader has them."""
+    shutil.copytree(places.CASES, folder / "cases")
+    for name, text in saved_files():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def marks(name: str) -> tuple[str, str]:
@@ -221,6 +243,74 @@ def shipped_cases(_: Registry) -> str:
     return table(("case", "what happens", "source", "held against"), iter(lines))
 
 
+# ---------------------------------------------------------------------------------------------- output
+
+# A block of one command and its output. A comment above it says how many of the lines are shown, if not all.
+SESSION = re.compile(
+    r"^(?:<!-- first (\d+), last (\d+) lines -->\n)?```console\n\$ ([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL
+)
+COLUMNS = 100  # of the terminal whose output the pages show
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def output(command: str, folder: Path) -> str:
+    """Return what a terminal shows of a command."""
+    name, *words = shlex.split(command)
+    assert name == "percuss", command
+    return "".join(
+        f"{line.rstrip()}\n"
+        for line in percuss_command(*words, cwd=folder, columns=COLUMNS, together=True).stdout.splitlines()
+    )
+
+
+def shortened(text: str, first: str, last: str) -> str:
+    """Return the first and the last lines of a text, as many as a page shows."""
+    lines = text.splitlines(keepends=True)
+    if not first or len(lines) <= int(first) + int(last) + 1:
+        return text
+    return "".join([*lines[: int(first)], "...\n", *lines[len(lines) - int(last) :]])
+
+
+def masked(text: str) -> str:
+    """Return a text without what another machine changes: times, and the widths of tables that depend on them."""
+    text = re.sub(r"[\d.e-]+ (s|ms|min|kB|MB)\b", r"# \1", text)
+    lines, timed = [], False
+    for line in text.splitlines():
+        if not line.startswith("|"):
+            timed = False
+        timed = timed or bool(re.search(r"\| +(s|seconds) +\|$", line))
+        lines.append(re.sub(r"\|[^|]*\|$", "|#|", line) if timed else line)
+    return re.sub(r"-{2,}", "--", re.sub(r" +", " ", "\n".join(line.strip() for line in lines)))
+
+
+def alike(one: str, other: str) -> bool:
+    """Return whether two outputs say the same: the same words, and numbers that agree to 1 per mille."""
+    one, other = masked(one), masked(other)
+    numbers = ([float(number) for number in NUMBER.findall(text)] for text in (one, other))
+    return NUMBER.sub("#", one) == NUMBER.sub("#", other) and all(
+        math.isclose(a, b, rel_tol=1e-3, abs_tol=1e-12) for a, b in zip(*numbers, strict=True)
+    )
+
+
+def sessions(page: str, folder: Path) -> Iterator[tuple[str, str, str]]:
+    """Run the commands of a page one after the other; yield each with the output shown and the one made."""
+    for first, last, command, there in SESSION.findall(page):
+        yield command, there, shortened(output(command, folder), first, last)
+
+
+def write_output(name: str, page: str) -> None:
+    """Write the output of the commands of a page anew where it says something else."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        fill(folder)
+        for command, there, made in sessions(page, folder):
+            if not alike(there, made):
+                block = f"$ {command}\n"
+                page = page.replace(f"{block}{there}```", f"{block}{made}```")
+                sys.stdout.write(f"{name}: {command}\n")
+    (places.ROOT / name).write_text(page, encoding="utf-8")
+
+
 TABLES = {
     "keys of a case": case_keys,
     "keys of a study": study_keys,
@@ -232,10 +322,13 @@ TABLES = {
 
 
 def main() -> None:
-    """Write every table into its page."""
+    """Write every table into its page, and the output of every command."""
     registry = Registry.load()
     for name, make in TABLES.items():
         write(name, make(registry))
+    for name, page in texts().items():
+        if "```console" in page and name in (sys.argv[1:] or [name]):
+            write_output(name, page)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 import os
 import re
 import shlex
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ ROOT = places.ROOT
 PAGES = pages.texts()
 README = PAGES["README.md"]
 LONGEST = 120  # lines of the first page
-CHECKED = {"sh", "python", "yaml"}  # kinds of blocks that the tests below execute or load
+CHECKED = {"sh", "python", "yaml", "console"}  # kinds of blocks that the tests below execute or load
 FREE = {"text", "bibtex"}  # and those that they do not
 
 
@@ -33,15 +32,7 @@ def all_blocks(kind: str) -> list[str]:
 SHELL = pages.blocks(README, "sh")
 PYTHON = all_blocks("python")
 YAML = all_blocks("yaml")
-SAVED = [
-    saved
-    for page in PAGES.values()
-    for saved in re.findall(
-        r"[Ss]ave (?:this|it) as `([\w-]+\.(?:py|yaml))`:\n\n```(?:python|yaml)\n(.*?)^```$",
-        page,
-        re.MULTILINE | re.DOTALL,
-    )
-]
+SAVED = pages.saved_files()
 COMMANDS = list(
     dict.fromkeys(line for text in all_blocks("sh") if text not in SHELL[:2] for line in text.strip().splitlines())
 )
@@ -56,9 +47,7 @@ def beginning(text: str) -> str:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the cases and the plug-ins of the pages, as a reader would have it."""
     here = tmp_path_factory.mktemp("readme")
-    shutil.copytree(ROOT / "cases", here / "cases")
-    for name, text in SAVED:
-        (here / name).write_text(text, encoding="utf-8")
+    pages.fill(here)
     return here
 
 
@@ -70,7 +59,8 @@ def test_every_block_is_of_a_kind_that_is_checked() -> None:
     for name, page in PAGES.items():
         fences = re.findall(r"^ *```(.*)$", page, re.MULTILINE)
         assert len(fences) % 2 == 0, name
-        assert set(fences[::2]) <= CHECKED | FREE, name
+        kinds = {kind for kind in fences[::2] if not (kind.startswith("{") and name.startswith("framework/docs/"))}
+        assert kinds <= CHECKED | FREE, name
         assert set(fences[1::2]) <= {""}, name
         for text in (text for kind in FREE for text in pages.blocks(page, kind)):
             assert not re.search(r"^(\$ )?percuss ", text, re.MULTILINE), f"{name}: a command that no test runs"
@@ -118,6 +108,18 @@ def test_a_command_runs(command: str, folder: Path) -> None:
     done = percuss_command(*words[1:], cwd=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if "```console" in page])
+def test_a_command_shows_what_the_page_says(name: str, tmp_path: Path) -> None:
+    """`python tests/support/pages.py` writes the output anew."""
+    if "--plot" in PAGES[name]:
+        pytest.importorskip("matplotlib")
+    pages.fill(tmp_path)
+    assert len(pages.SESSION.findall(PAGES[name])) == PAGES[name].count("```console")
+    for command, shown, made in pages.sessions(PAGES[name], tmp_path):
+        assert pages.alike(shown, made), f"{command}\n{made}"
 
 
 @pytest.mark.parametrize("text", PYTHON, ids=beginning)

@@ -1,0 +1,123 @@
+"""The pictures of the pages: ``python tests/support/gallery.py`` draws them anew, with names as arguments these alone.
+
+Each one is what a command of percuss draws, made small. What was drawn, lines and texts, is kept beside the pictures
+in ``drawn.json``: a test draws again and compares that, since pixels depend on the machine.
+"""
+
+import contextlib
+import hashlib
+import itertools
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image, PngImagePlugin
+
+import pages
+import places
+from command_line import percuss_command
+
+FOLDER = places.CASES / "gallery"
+DRAWN = FOLDER / "drawn.json"
+SHIPPED = sorted(path.stem for path in places.CASES.glob("*.yaml"))
+COMMANDS = {name: f"run cases/{name}.yaml --plot {name}.png" for name in SHIPPED} | {
+    "laws": "compare cases/hunek.yaml --plugin spring.py --contact spring,bipenalty,lagrange --plot laws.png",
+    "two-bars": "run two-bars.yaml --plot two-bars.png",
+    "compared": "compare two-bars.yaml --plugin spring.py --contact spring,penalty,lagrange --plot compared.png",
+}
+ROUND_OFF = {"fifty-impacts"}  # late forces depend on round-off: of this picture the texts are compared
+WIDTHS, COLOURS, LARGEST = (1080, 960, 840), (96, 64, 32), 60_000  # pixels, colours, bytes of a file at most
+POINTS = 9  # of each line that are kept
+
+
+@contextlib.contextmanager
+def figures_caught():
+    """Catch each figure that is saved, as a list, and draw no file."""
+    caught, save = [], Figure.savefig
+
+    def catch(figure, file, **options):
+        caught.append(figure)
+        return save(figure, file, **options)
+
+    Figure.savefig = catch
+    try:
+        yield caught
+    finally:
+        Figure.savefig = save
+
+
+def figure_of(command, folder):
+    """Return the figure that a command draws."""
+    with figures_caught() as caught:
+        done = percuss_command(*pages.shlex.split(command), cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (figure,) = caught
+    return figure
+
+
+def rounded(values):
+    """Return some numbers with five digits, spread evenly over an array."""
+    values = np.asarray(values, dtype=float).ravel()
+    chosen = values[np.round(np.linspace(0, len(values) - 1, min(POINTS, len(values)))).astype(int)]
+    return [None if np.isnan(value) else float(f"{value:.5g}") for value in chosen]
+
+
+def words(texts):
+    """Return the words of some texts of a figure."""
+    return [text.get_text().strip() for text in texts]
+
+
+def drawn(figure):
+    """Return what a figure shows: its texts, and of each panel the texts, the limits, the lines and the fields."""
+    panels = []
+    for axes in figure.axes:
+        legend = axes.get_legend()
+        panels.append({
+            "words": [axes.get_title(), axes.get_xlabel(), axes.get_ylabel(), *words(axes.texts)],
+            "legend": words(legend.get_texts()) if legend else [],
+            "limits": rounded([*axes.get_xlim(), *axes.get_ylim()]),
+            "lines": [{"x": rounded(line.get_xdata()), "y": rounded(line.get_ydata())} for line in axes.lines],
+            "fields": [rounded(part.get_array()) for part in axes.collections if part.get_array() is not None],
+        })  # fmt: skip
+    return {"words": words(figure.texts), "panels": panels}
+
+
+def digest(shown):
+    """Return a digest of what a figure shows, which its picture carries."""
+    return hashlib.sha256(json.dumps(shown, sort_keys=True).encode()).hexdigest()
+
+
+def write_picture(large, shown, path):
+    """Write a picture small, with the digest of what it shows: as wide and colourful as the largest file allows."""
+    picture = Image.open(large).convert("RGB")
+    text = PngImagePlugin.PngInfo()
+    text.add_text("drawn", digest(shown))
+    for width, colours in itertools.product(WIDTHS, COLOURS):
+        small = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
+        small.quantize(colours, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+            path, optimize=True, pnginfo=text
+        )
+        if path.stat().st_size <= LARGEST:
+            return
+    raise AssertionError(f"{path.name} has {path.stat().st_size} bytes")
+
+
+def main():
+    """Draw the pictures, all or those that are named."""
+    kept = json.loads(DRAWN.read_text(encoding="utf-8")) if DRAWN.is_file() else {}
+    with tempfile.TemporaryDirectory() as place:
+        pages.fill(Path(place))
+        for name in sys.argv[1:] or COMMANDS:
+            figure = figure_of(COMMANDS[name], place)
+            kept[name] = drawn(figure)
+            write_picture(Path(place) / f"{name}.png", kept[name], FOLDER / f"{name}.png")
+            sys.stdout.write(f"{name}: {(FOLDER / name).with_suffix('.png').stat().st_size} bytes\n")
+    lines = (f"{json.dumps(name)}: {json.dumps(kept[name], ensure_ascii=False)}" for name in COMMANDS if name in kept)
+    DRAWN.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
