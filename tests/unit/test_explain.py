@@ -14,7 +14,7 @@ from percuss.case.source import Source
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, settled
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.registry import Registry
-from percuss.reporting.component import component_data, component_text
+from percuss.reporting.component import component_data, component_text, registry_text
 from percuss.reporting.explanation import explanation
 from strategies import hunek, is_refused
 
@@ -137,13 +137,24 @@ def test_a_component_is_described_in_full(family, name):
     parts += [one.doc for one in options_of(component).values()] + list(component.expected_failures.values())
     parts += [*getattr(component, "measured", {}).values(), data["distribution"], data["version"]]
     for part in parts:
-        assert part in text
-    places = [text.index(part) for part in (component.summary, "\nFormula", "\nOptions", "\nFrom ")]
+        assert " ".join(part.split()) in " ".join(text.split())
+    assert all(len(line) <= 80 for line in text.partition("\nIn a case\n")[0].splitlines() if data["file"] not in line)
+    places = [text.index(part) for part in (f"{name} ({family}): ", "\nFormula", "\nOptions", "\nFrom ")]
     assert places == sorted(places)
     assert data["formula"], "say the formula in a paragraph that begins with `Formula:`"
     assert all(one["what"] for one in data["options"])
     assert set(data["facts"]) >= {one for one in FAMILIES[family].__annotations__ if hasattr(component, one)}
     json.dumps(data, allow_nan=False)
+
+
+def test_the_list_of_components_fits_a_terminal(monkeypatch):
+    for width in (80, 100):
+        monkeypatch.setenv("COLUMNS", str(width))
+        lines = registry_text(REGISTRY).splitlines()
+        assert max(map(len, lines)) in range(width - 5, width + 1)
+        assert [line for line in lines if line in FAMILIES] == list(FAMILIES)
+        named = [line.split()[0] for line in lines if re.match("  [a-z]", line)]
+        assert named == [name for family in FAMILIES for name in REGISTRY.names(family)]
 
 
 def parsed(text):

@@ -7,7 +7,6 @@ import pytest
 from rich.console import Console
 
 from percuss.cli.common import FIRST_LINE, progress_bar
-from percuss.methods.registry import Registry
 from percuss.reporting import tell_study, terminal
 from percuss.reporting.tables import Column, print_table
 from percuss.studies.perform import Run
@@ -81,7 +80,6 @@ TABLES = {
     "run": contacts,
     "stability": stability,
     "waves": lambda _: terminal.tell_waves("A case", Waves()),
-    "plugins": lambda _: terminal.tell_registry(Registry.load()),
     "study of one case": lambda _: tell_study.tell_study(Study(["hunek"])),
     "study of cases": lambda _: tell_study.tell_study(Study(["hunek", "a-case-with-a-long-name"])),
     "orders": lambda _: terminal.tell_orders(
@@ -123,7 +121,7 @@ def test_no_number_is_cut_on_a_narrow_terminal(name, told):
             assert all(cell in whole for cell in cells if NUMBER.fullmatch(cell)), line
 
 
-@pytest.mark.parametrize("name", ["compare", "study of one case", "plugins"])
+@pytest.mark.parametrize("name", ["compare", "study of one case"])
 def test_the_columns_left_out_are_named(name, told):
     wide, narrow = told(name, 0), told(name, 80)
     left_out = re.search(r"not shown, for lack of width: ([^;]*); --json has all", narrow.replace("\n", " "))

@@ -30,6 +30,4 @@ def plugins(
         elif as_json:
             print_json(component.registry_data(registry))
         else:
-            from percuss.reporting.terminal import tell_registry
-
-            tell_registry(registry)
+            print(printable(component.registry_text(registry)))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import re
+import shutil
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,15 +16,17 @@ from percuss.case.options import Option, options_of
 from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion
-from percuss.methods.admission import OLDEST
+from percuss.methods.admission import OLDEST, OLDEST_OF
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
-__all__ = ["Docs", "component_data", "component_text", "components_named", "docs", "registry_data"]
+__all__ = ["Docs", "component_data", "component_text", "components_named", "docs", "registry_data", "registry_text"]
 
 FORMULA = "Formula:"
+NAMES = 30  # characters before the summaries in the list of components
+MOST = 100  # characters in a line on a wide terminal
 # These facts have entries of their own in the description.
 ELSEWHERE = (
     "family",
@@ -42,8 +47,12 @@ class Docs(NamedTuple):
 
 
 def docs(component: type[Component]) -> Docs:
-    """Return the parts of a component's docstring, without the double backquotes around code."""
-    first, *others = inspect.cleandoc(component.__doc__ or "").replace("``", "").split("\n\n")
+    """Return the parts of a component's docstring, without the double backquotes around code and each line break.
+
+    Lines that are indented or begin with a dash or an asterisk stay lines of their own.
+    """
+    text = re.sub(r"(?<!\n)\n(?![\s*-])", " ", inspect.cleandoc(component.__doc__ or ""))
+    first, *others = text.replace("``", "").split("\n\n")
     formula = next((paragraph for paragraph in others if paragraph.startswith(FORMULA)), "")
     rest = "\n\n".join(paragraph for paragraph in others if paragraph is not formula)
     return Docs(first, formula.removeprefix(FORMULA).strip(), rest)
@@ -146,11 +155,19 @@ def component_text(registry: Registry, family: str, name: str) -> str:
         else:
             lines.append(f"  {key}: {', '.join(map(str, value)) if isinstance(value, list) else value}")
     lines += ["", "References", *(f"  {reference}" for reference in data["references"])] if data["references"] else []
+    lines = [piece for line in "\n".join(lines).splitlines() for piece in _folded(line)]
     lines += ["", _USE_HEADINGS.get(family, "In a case"), *_indented_lines(data["snippet"])]
     origin = f"{data['distribution']} {data['version']}" if data["distribution"] else f"a file, {data['version']}"
     origin += f", written for contract {component.contract_version}" if component.contract_version else ""
-    lines += ["", f"From {origin}, module {data['module']}, {data['file']}"]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *_folded(f"From {origin}, module {data['module']}, {data['file']}")])
+
+
+def _folded(line: str, indent: str = "") -> list[str]:
+    """Return a line in pieces that fit the terminal; those after the first are indented by two more, or by `indent`."""
+    width = min(shutil.get_terminal_size().columns, MOST)
+    own = line[: len(line) - len(line.lstrip())]
+    after = indent or (f"{own}  " if own else "")
+    return textwrap.wrap(line, width, subsequent_indent=after, break_long_words=False, break_on_hyphens=False) or [""]
 
 
 def _indented_lines(text: str) -> list[str]:
@@ -186,7 +203,7 @@ def snippet(component: type[Component], file: str) -> list[str]:
         "measures": ["measure:", f"  - {component.name}"],
         "solutions": [
             "percuss run CASE --exact-only",
-            "# and every run of a case that it covers is told its true error, unasked",
+            "# percuss computes the true error of every run of a case that it covers",
         ],
     }
     lines = families[component.family]
@@ -220,3 +237,27 @@ def registry_data(registry: Registry) -> dict[str, Any]:
         ],
         "broken": [{"source": plugin.source, "error": plugin.error, "file": plugin.file} for plugin in registry.broken],
     }
+
+
+def registry_text(registry: Registry) -> str:
+    """Return the list of components by family, each with its summary, and the plug-ins that are not usable."""
+    lines = []
+    for family in FAMILIES:
+        lines += [family] if registry.names(family) else []
+        for name in registry.names(family):
+            component, source = registry.get(family, name), registry.sources[family, name]
+            facts = [f"{source.distribution} {source.version}" if source.distribution else source.file]
+            facts += [f"contract {component.contract_version}"] if component.contract_version else []
+            origin = "" if source.distribution == "percuss" else f" (from {', '.join(facts)})"
+            head = f"  {name}"
+            if len(head) > NAMES - 2:
+                lines.append(head)
+                head = ""
+            lines += _folded(head.ljust(NAMES) + component.summary + origin, " " * NAMES)
+        lines.append("")
+    for broken in registry.broken:
+        lines += _folded(f"not usable: {broken.source}{f' ({broken.file})' if broken.file else ''}: {broken.error}")
+    later = "".join(f", {family} {oldest}" for family, oldest in OLDEST_OF.items() if oldest > OLDEST)
+    contracts = f"contract {version.CONTRACT}; the oldest that still works: {OLDEST}{later}"
+    lines += _folded(f"percuss {version.__version__}, {contracts}")
+    return "\n".join([*lines, "`percuss plugins NAME` describes one; --json gives the file of each."])

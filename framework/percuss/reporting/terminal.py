@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from percuss import version
 from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
-from percuss.methods.admission import OLDEST, OLDEST_OF
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
@@ -18,7 +16,6 @@ from percuss.studies.comparison import Run, metrics
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
-    from percuss.methods.registry import Registry
     from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
     from percuss.results.summary import Summary
@@ -285,27 +282,3 @@ def tell_checks(cases: list[dict[str, Any]]) -> None:
             )
     passed = sum(case["passed"] for case in cases)
     console.print(f"{passed} of {len(cases)} cases passed")
-
-
-def tell_registry(registry: Registry) -> None:
-    """Print every registered component with its origin, and the plug-ins that are not usable with the reason."""
-    console = console_of_output()
-    columns = [Column(head, is_number=False) for head in ("family", "name", "what it is", "from", "file")]
-    columns[4].drop, columns[3].drop = 2, 1
-    columns[2].least, columns[4].least = 30, LONGEST_PATH
-    for (family, name), component in registry.components.items():
-        source = registry.sources[family, name]
-        origin = f"{source.distribution} {source.version}".strip() if source.distribution else f"file {source.version}"
-        origin += f", contract {component.contract_version}" if component.contract_version else ""
-        for column, cell in zip(columns, (family, name, component.summary, origin, source.file), strict=True):
-            column.cells.append(cell)
-    print_table(console, columns)
-    later = "".join(f", of {family} from {oldest} on" for family, oldest in OLDEST_OF.items() if oldest > OLDEST)
-    console.print(
-        f"percuss {version.__version__}, contract {version.CONTRACT}; keeps contracts from {OLDEST} on{later}"
-    )
-    for broken in registry.broken:
-        where = f" ({broken.file})" if broken.file else ""
-        console.print(
-            f"[red]not usable[/red] {plain_text(broken.source)}{plain_text(where)}: {plain_text(broken.error)}"
-        )
