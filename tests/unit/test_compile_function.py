@@ -10,7 +10,7 @@ import types
 import pytest
 
 from percuss.filelock import in_turn
-from percuss.solver.compiled.marks import apart, called
+from percuss.solver.compiled.marks import called
 from percuss.solver.compiler import compile_function
 from percuss.solver.compiler.specialise import Specialiser
 
@@ -99,15 +99,14 @@ def _added(x):
     return _doubled(x) + 1.0
 
 
-@pytest.mark.parametrize("mark", [called, apart])
-def test_a_function_that_is_marked_so_stays_out_of_its_callers(tmp_path, monkeypatch, mark):
+def test_a_called_function_is_linked_into_its_entry(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # what is restored from there does not tell its parts
-    monkeypatch.setitem(globals(), "_doubled", mark(types.FunctionType(_doubled.__code__, globals(), "_doubled")))
+    monkeypatch.setitem(globals(), "_doubled", called(types.FunctionType(_doubled.__code__, globals(), "_doubled")))
     kernel = Specialiser().bind(_added, entry=True)
     assert kernel(3.0) == 7.0
     (compiled,) = kernel.overloads.values()
     defined = [each.name for each in compiled.library._final_module.functions if not each.is_declaration]
-    assert any("_doubled" in name for name in defined) == (mark is apart)
+    assert not any("_doubled" in name for name in defined)
 
 
 TOGETHER = """

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.solver.compiled.leapfrog_loop import LoadAmplitudes
-from percuss.solver.compiled.uniform_bars import LINE
 from percuss.solver.loads import amplitude
 from percuss.solver.starting_state import starting_velocity
 
@@ -35,8 +34,8 @@ class LeapFrogStepper:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.v: Floats = _zeros_from_line(model.n_nodes * model.dim)
-        self.u: Floats = _zeros_from_line(model.n_nodes * model.dim)
+        self.v: Floats = np.zeros(model.n_nodes * model.dim)
+        self.u: Floats = np.zeros(model.n_nodes * model.dim)
         self.v[:] = starting_velocity(model).ravel()
         self.loop: Loop
         self._no_loads = self._zeros(0)
@@ -134,10 +133,3 @@ class LeapFrogStepper:
         for follower, record in zip(model.followers, self.loop.boundary.followers, strict=True):
             impulse += record.impulse * follower.direction
         return impulse
-
-
-def _zeros_from_line(count: int) -> Floats:
-    """Return zeros, (count,), that begin with a line of the cache: advancing them takes less time."""
-    memory = np.zeros(count + LINE)
-    start = -memory.ctypes.data // memory.itemsize % LINE
-    return memory[start : start + count]

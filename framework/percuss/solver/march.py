@@ -597,7 +597,7 @@ class March:
         seconds = 1.2e-9  # of a step, for each degree of freedom
         if not self.kernels.compiled:
             seconds = 2e-6
-        elif self.uniform.bars.size > 0:
+        elif self.uniform.size > 0:
             seconds = 0.4e-9 + 0.8e-9 / self.record.every  # a record sums up the energies
         cost = seconds * (self.u.size + 150)
         width = len(self.model.case.loads) + len(self.model.bodies) * self.dim + 1

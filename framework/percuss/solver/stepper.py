@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from percuss.solver.build import Kernels
     from percuss.solver.compiled.bulk import Bulk
     from percuss.solver.compiled.leapfrog_loop import Boundary, Record
-    from percuss.solver.compiled.uniform_bars import UniformBars
 
 
 class Loop(NamedTuple):
@@ -20,7 +19,7 @@ class Loop(NamedTuple):
     boundary: Boundary
     laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
     loads: Any  # loads that follow the motion, as returned by `percuss.solver.compiled.following_loads.nest`
-    uniform: UniformBars
+    uniform: Any  # percuss.solver.compiled.uniform_bars.UNIFORM_BAR
     midpoint: float  # time within the first step of the stretch
 
 

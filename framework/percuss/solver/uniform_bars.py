@@ -1,16 +1,16 @@
-"""The bars of equal elements of a model, which the time loop advances itself, by several steps at a time."""
+"""The bars of equal elements of a model, which the time loop advances itself."""
 
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.methods.blame import is_third_party
 from percuss.methods.interfaces import BodyMesh, Mesh
 from percuss.solver.bodies import ElementProbe
-from percuss.solver.compiled.uniform_bars import UNIFORM_BAR, UniformBars
+from percuss.solver.compiled.uniform_bars import UNIFORM_BAR
 from percuss.solver.record_arrays import record_array
 
 if TYPE_CHECKING:
@@ -20,14 +20,11 @@ if TYPE_CHECKING:
     from percuss.solver.entities import Body
     from percuss.solver.model import Model
 
-STEPS = 32  # steps at a time of long bars
-TILE = 1536  # nodes, whose displacements and velocities stay in the first-level cache
-SHORT_BAR = 1000  # nodes below which a bar stays in the cache from step to step: many steps at a time save nothing
 SAME_FORCE = 1e-12  # largest relative difference between the force of an element and that of a spring
 
 
-def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
-    """Return the bodies of a model as uniform bars; no bars if there is a body of another kind.
+def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> Any:
+    """Return the bodies of a model as records `UNIFORM_BAR`; none if there is a body of another kind.
 
     Parameters
     ----------
@@ -40,7 +37,6 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
     ends = {node for body in bodies for node in (body.start, body.stop - 1)}
     kinds = {(type(body.spec.element), type(body.spec.material)): body for body in bodies}
     bars = []
-    steps = 1
     if (
         model.dim == 1
         and not model.multistage
@@ -58,16 +54,7 @@ def uniform_bars(model: Model, boundary_nodes: Sequence[int]) -> UniformBars:
             rate = model.dt * body.stiffness[0] / inner
             shares = inner / mass[0] - 1.0, inner / mass[-1] - 1.0
             bars.append((body.start, body.stop, rate, *shares, inner, mass[0], mass[-1], body.stiffness[0]))
-        if min(body.mass.size for body in bodies) >= SHORT_BAR:
-            steps = STEPS
-    return UniformBars(
-        record_array(bars, UNIFORM_BAR),
-        steps,
-        TILE,
-        np.zeros((len(bars), steps)),
-        np.zeros((len(bars), steps)),
-        np.zeros(steps),
-    )
+    return record_array(bars, UNIFORM_BAR)
 
 
 def _is_uniform(body: Body) -> bool:

@@ -36,15 +36,13 @@ from percuss.solver.compiled.ends_without_mass import (
     recall_multipliers,
 )
 from percuss.solver.compiled.marks import called
-from percuss.solver.compiled.uniform_bars import UniformBars, advance_ends, advance_inside, advance_whole, energies
+from percuss.solver.compiled.uniform_bars import advance_whole, energies
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
 # Work below this fraction of the largest energy that a single force could add in one step counts as round-off.
 NOISE = 1e-8
-
-NOT_AHEAD = -1  # the inside of the bars is no step ahead of their ends
 
 SWEEPS_BETWEEN_LAWS = 1000
 TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
@@ -236,7 +234,7 @@ def advance(
     boundary: Boundary,
     laws: Any,
     loads: Any,
-    uniform: UniformBars,
+    uniform: Any,
     amplitudes: LoadAmplitudes,
     record: Record,
     u: Floats,
@@ -248,44 +246,28 @@ def advance(
 ) -> int:
     """Make `count` steps from step `first`; return `count`, or the number of steps before the first that failed.
 
-    A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan. After a
-    failure the state is of no use, as the inside of uniform bars may be some steps ahead.
+    A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan.
     """
-    s = 0
-    while s < count:
+    for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, boundary, u, v, dt, n)
         if n == 0:
             add_initial_strain_energy(groups, boundary.totals[0], u, v, dim, dt)
-        # A record needs the state after its step, a snapshot that before its step: bars are not ahead of the ends then.
-        stop = min(count, s + steps_to_record(record, n))
-        sound = True
-        while sound and s < stop:
-            steps = min(uniform.steps, stop - s)
-            if steps > 1:
-                advance_inside(uniform, u, v, steps, dt)
-            k = 0
-            while sound and k < steps:
-                inside = k if steps > 1 else NOT_AHEAD
-                sound = make_step(
-                    groups, masses, boundary, laws, loads, uniform, amplitudes, u, v, dim, dt, first, s, inside
-                )
-                s += 1
-                k += 1
-        if s == stop and is_recorded(record, first + s - 1):
-            if uniform.bars.size > 0:
+        sound = make_step(groups, masses, boundary, laws, loads, uniform, amplitudes, u, v, dim, dt, first, s)
+        if is_recorded(record, n):
+            if uniform.size > 0:
                 kinetic_energy, strain_energy = energies(uniform, u, v, dt)
             else:
                 kinetic_energy = kinetic_of(masses, v)
                 add_shifts_to_velocity(boundary, v, dt)
-                advance_to_next_action(boundary, u, v, first + s, dt)
+                advance_to_next_action(boundary, u, v, n + 1, dt)
                 strain_energy = elastic(groups, u, v, dim, dt)
                 return_from_next_action(boundary, u)
                 take_shifts_from_velocity(boundary, v)
-            write_record(kinetic_energy, strain_energy, boundary, record, u, dt, first + s - 1)
+            write_record(kinetic_energy, strain_energy, boundary, record, u, dt, n)
         if not sound:
-            return s - 1
+            return s
     return count
 
 
@@ -294,16 +276,6 @@ def kinetic_of(masses: Bulk, v: Floats) -> float:
     if masses.factor.size > 0:
         return coupled_kinetic(masses, v, masses.correction)
     return kinetic(masses.mass, v)
-
-
-def steps_to_record(record: Record, n: int) -> int:
-    """Return the number of steps from step n on, up to a step with a record or before one with a snapshot."""
-    steps = record.every - (n - 1) % record.every
-    if n <= record.last:
-        steps = min(steps, record.last - n + 1)
-    if record.field_every > 0:
-        steps = min(steps, record.field_every - n % record.field_every)
-    return steps
 
 
 def is_recorded(record: Record, n: int) -> bool:
@@ -317,7 +289,7 @@ def make_step(
     boundary: Boundary,
     laws: Any,
     loads: Any,
-    uniform: UniformBars,
+    uniform: Any,
     amplitudes: LoadAmplitudes,
     u: Floats,
     v: Floats,
@@ -325,18 +297,12 @@ def make_step(
     dt: float,
     first: int,
     s: int,
-    inside: int,
 ) -> bool:
-    """Make step ``first + s``; return whether it is sound.
-
-    `inside` is the number of steps made since the inside of the bars was advanced, or NOT_AHEAD if it was not.
-    """
+    """Make step ``first + s``; return whether it is sound."""
     boundary_dofs, points = boundary.boundary_dofs, boundary.points
     # Bulk update: internal forces and body forces advance all nodes as if nothing else acted.
     save_state(boundary_dofs, u, v)
-    if inside != NOT_AHEAD:
-        advance_ends(uniform, u, v, inside, dt)
-    elif uniform.bars.size > 0:
+    if uniform.size > 0:
         advance_whole(uniform, u, v, dt)
     else:
         for i in range(boundary.momentum.size):

@@ -13,12 +13,6 @@ def called(function: Function) -> Function:
     return function
 
 
-def apart(function: Function) -> Function:
-    """Mark a function that stays out of its callers: its own registers hold all that its inner loops need."""
-    function.called = function.apart = True
-    return function
-
-
 def fused(function: Function) -> Function:
     """Mark a function in which products are added without being rounded first, if the processor can do so.
 

@@ -239,7 +239,7 @@ class LinkedLoop:
         self, groups: Any, masses: Any, boundary: Any, laws: Any, loads: Any, uniform: Any, *others: Any
     ) -> int:
         """Make steps; arguments and result are those of `percuss.solver.compiled.leapfrog_loop.advance`."""
-        link_bodies = self._uniform_bodies if uniform.bars.size > 0 else self._bodies
+        link_bodies = self._uniform_bodies if uniform.size > 0 else self._bodies
         bodies, contacts = self._once("bodies", groups, link_bodies), self._once("laws", laws, self._laws)
         following = self._once("loads", loads, self._loads)
         return self._call(

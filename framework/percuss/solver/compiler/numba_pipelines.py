@@ -14,7 +14,6 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.environment import lookup_environment
-from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing import signature as typing_signature
 
@@ -60,22 +59,11 @@ def _unreachable_from_python(library: CalleeLibrary, fndesc: Any, environment: A
     return _dynfunc.make_function(fndesc.lookup_module(), name, "compiled callee", 0, environment, (library,))
 
 
-class CalleeLower(Lower):  # type: ignore[misc]
-    """What translates a callee, and keeps it out of its callers if it is marked so."""
-
-    def setup_function(self, fndesc: Any) -> None:
-        """Begin the function."""
-        super().setup_function(fndesc)
-        if getattr(self.func_ir.func_id.func, "apart", False):
-            self.function.attributes.add("noinline")
-
-
 @register_pass(mutates_CFG=True, analysis_only=False)
 class CalleeLowering(NativeLowering):  # type: ignore[misc]
     """The translation of a typed callee into intermediate code."""
 
     _name = "callee_lowering"
-    lowering_class = CalleeLower
 
     def run_pass(self, state: Any) -> bool:
         """Translate the function, and let other compiled functions find it."""

@@ -213,8 +213,7 @@ class Specialiser:
         tag = self._tag(source, names, bound, closure, {**options, "entry": entry, "linked": linked})
         if linked:
             options["no_cpython_wrapper"] = True
-        copy: Any = _copy(source, bound, closure, tag)
-        copy.apart = getattr(function, "apart", False)
+        copy = _copy(source, bound, closure, tag)
         kernel: Kernel = copy
         if self.jit and not self.digested_alone:
             kernel = self._compiled(copy, options, tag, entry)
@@ -302,8 +301,6 @@ class Specialiser:
         # set.
         if self.inline and not called:
             options["forceinline"] = True
-        elif getattr(function, "apart", False):
-            options["forceinline"] = False
         if reduction or getattr(function, "reduction", False):
             options["fastmath"] = ("nsz", "reassoc")
         elif getattr(function, "fused", False):
