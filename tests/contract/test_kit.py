@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -18,7 +19,9 @@ from percuss.certificate import verdict
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 from percuss.testing import CheckFailed, StrictSystem, conformance
-from percuss.testing.kit import Report, checks_of, known_checks, perform
+from percuss.testing.draws import bar_chains, for_all
+from percuss.testing.kit import checks_of, known_checks, perform
+from percuss.testing.report import Outcome, Report
 from percuss.testing.subject import Subject, named
 
 REGISTRY = Registry.load()
@@ -71,7 +74,7 @@ def test_more_than_a_dozen_mistakes_are_planted_and_most_checks_see_one():
 
 
 def test_without_pytest_one_call_runs_all_and_raises_with_the_report():
-    with pytest.raises(AssertionError, match=r"DOES NOT CONFORM(.|\n)*failed  kinks\n +the amplitude has a kink"):
+    with pytest.raises(AssertionError, match=r"kinks: the amplitude has a kink(.|\n)*DOES NOT CONFORM"):
         conformance(planted.SmoothClaimed)
     report = conformance(planted.SmoothClaimed, strict=False)
     assert not report.passed
@@ -85,7 +88,52 @@ def test_a_declared_failure_that_does_not_occur_is_an_error():
     outcome = perform(units, subject)
     assert outcome.status == "passes unexpectedly"
     assert not outcome.good
-    assert "declared to fail (it was so once), and does not: take the entry out" in str(outcome)
+    assert "declared to fail (it was so once), but it passes: delete the entry" in str(outcome)
+
+
+def outcomes_of(name, *messages, partner="p{}", status="failed"):
+    """Outcomes of one check with several partners, without running it."""
+    named_so = named_check(name)
+    return [Outcome(named_so, partner.format(k), status, text, case="a: 1\n") for k, text in enumerate(messages)]
+
+
+def test_equal_failures_are_told_once_and_a_single_mistake_on_one_screen():
+    """Failures differ in numbers, options and partners, and are still one kind."""
+    impact = outcomes_of("exact-impact", *(f"with p{k} and {{'a': {k}}} it is off by 1.{k}e-3 %" for k in range(12)))
+    growth = outcomes_of("energy-never-grows", "energy grows by 2 %") + outcomes_of(
+        "energy-never-grows", "", status="passed"
+    )
+    report = Report(planted.WrongSign, (*impact, *growth), unmade=3)
+    assert [len(group) for group in report.groups()] == [12, 1]
+    lines = str(report).splitlines()
+    told = " ".join(str(report).split())
+    assert told.count("it is off by") == 1
+    assert "12 checks (exact-impact with p0, p1, p2 and 9 more): with p0 and" in told
+    assert "12 of 12 failed" in told
+    assert "so 3 checks were not made" in told
+    # a check that fails in all pairs is declared by its name alone
+    assert 'expected_failures = { "exact-impact": "why", "energy-never-grows with p0": "why", }' in told
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 80
+
+
+def test_the_smallest_failing_case_is_sought():
+    """What fails with two bars and a push fails with elements that are one for each bar, and in few steps."""
+
+    def fails(case):
+        subject.loaded[:] = [case]
+        if len(case["bodies"]) == 2 and case["loads"]:
+            raise CheckFailed("two bars are pushed")
+
+    found = {}
+    for shrinks in (False, True):
+        subject = dataclasses.replace(Subject.of(planted.Spring, REGISTRY, draws=60), shrinks=shrinks)
+        with pytest.raises(CheckFailed, match="two bars are pushed"):
+            for_all(subject, bar_chains(push=True), fails)
+        found[shrinks] = subject.loaded[0]
+    assert [body["bar"]["elements"] for body in found[True]["bodies"].values()] == [1, 1]
+    assert [body["bar"]["elements"] for body in found[False]["bodies"].values()] != [1, 1]
+    assert found[True]["time"]["steps"] <= found[False]["time"]["steps"]
 
 
 def test_a_declared_failure_that_occurs_is_told_with_its_reason():
@@ -241,7 +289,7 @@ def test_a_single_file_is_verified_without_pytest(verified, tmp_path):
     assert done.returncode == 0, done.stdout
     assert "mine (loads) conforms: " in done.stdout
     assert [one.name for one in tmp_path.iterdir() if one.suffix != ".py"] == []  # nothing is left in the folder
-    assert "expected failure  kinks (it does not know its own end)" in done.stdout
+    assert "expected failure  kinks (it does not know its own end)" in verified(FILE, "--verbose").stdout
     wrong = verified(FILE.replace("Formula:", "So:"), "--json")
     assert wrong.returncode == 1
     told = json.loads(wrong.stdout)
@@ -258,6 +306,37 @@ def test_a_registered_method_is_verified_by_its_name(verified):
     unknown = verified(FILE, "--method", "riple")
     assert unknown.returncode == 2
     assert "Did you mean 'ripple'?" in unknown.stderr
+
+
+LAW = '''
+from dataclasses import dataclass
+from percuss import ContactLaw, LinearLaw
+
+
+@dataclass(frozen=True)
+class Mine(ContactLaw):
+    """A spring."""
+
+    name = "mine"
+    summary = "A spring"
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=4.0 / points.stifness)
+'''
+
+
+def test_a_law_that_cannot_run_is_told_on_one_screen_and_its_case_written(verified, tmp_path):
+    done = verified(LAW, "--cases", "failed")
+    assert done.returncode == 1
+    told = " ".join(done.stdout.split())
+    assert "starts: mine.py:14: AttributeError: 'ContactPoints' object has no attribute 'stifness'" in told
+    assert "did you mean 'stiffness'?" in told
+    assert re.search(r"It cannot run, so \d\d checks were not made", told)
+    assert len(done.stdout.splitlines()) <= 40
+    assert max(len(line) for line in done.stdout.splitlines() if str(tmp_path) not in line) <= 80
+    (case,) = (tmp_path / "failed").iterdir()
+    assert case.name == "mine-starts.yaml"
+    assert "has no attribute 'stifness'" in percuss_command("run", case, cwd=tmp_path).stderr
 
 
 def test_there_must_be_something_to_verify(tmp_path):
@@ -326,8 +405,8 @@ if sys.argv[1:]:
     import constants
 from percuss.testing.draws import bar_chains, for_all, number
 drawn = []
-for_all(SimpleNamespace(draws=60), bar_chains(), lambda case: drawn.append(case))
-for_all(SimpleNamespace(draws=200), number(10, 90), drawn.append)
+for_all(SimpleNamespace(draws=60, shrinks=False), bar_chains(), lambda case: drawn.append(case))
+for_all(SimpleNamespace(draws=200, shrinks=False), number(10, 90), drawn.append)
 print(drawn)
 """
 

@@ -86,6 +86,38 @@ class Spring(ContactLaw):
         return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stiffness))
 
 
+@caught_by("starts")
+@dataclass(frozen=True)
+class Misspelled(ContactLaw):
+    """Asks the contact points for an attribute that they do not have."""
+
+    name = "misspelled"
+    summary = law.summary
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return LinearLaw(at="explicit", sigma=1.0 / (self.beta_s * points.stifness))
+
+
+@caught_by("starts")
+@dataclass(frozen=True)
+class InPlainPythonAlone(ContactLaw):
+    """Has a kernel that numba cannot compile."""
+
+    name = "in-plain-python-alone"
+    summary = law.summary
+    beta_s: Stiffness = 0.25
+
+    def bind(self, points, dt):
+        return Stiff(self.beta_s * points.stiffness)
+
+    @staticmethod
+    def multipliers(bound, trial, multiplier):
+        table = {"k": bound.stiffness, "what": "text"}
+        for p in range(multiplier.size):
+            multiplier[p] = table["k"][p] * max(-trial.gap[p], 0.0)
+
+
 @caught_by("pushes-apart")
 @dataclass(frozen=True)
 class WrongSign(ContactLaw):

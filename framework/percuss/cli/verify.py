@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
-from collections.abc import Callable
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +15,6 @@ from percuss.errors import InputError, PercussError, PluginError, Problem
 from percuss.files import is_file
 
 if TYPE_CHECKING:
-    from percuss.methods.registry import Registry
     from percuss.results.rerun import Rerun
     from percuss.testing import Report
 
@@ -36,6 +36,12 @@ def verify(
     method: Annotated[
         list[str] | None, typer.Option("--method", metavar="NAME", help="A registered method to verify; repeatable.")
     ] = None,
+    cases: Annotated[
+        Path | None, typer.Option("--cases", metavar="FOLDER", help="Write the case of each failed check of a method.")
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Give every check of a method, its demand and its case.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Verify cases, saved results or methods.
@@ -49,7 +55,10 @@ def verify(
         if files:
             passed, data = _verify_files(files, plugin or [], quiet=as_json)
         else:
-            reports = _run_kit(plugin or [], method or [], quiet=as_json)
+            reports = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
+            written = sum(report.write_cases(cases) for report in reports) if cases else 0
+            if cases and not as_json:
+                print(f"{written} cases are in {cases}")
             passed = all(report.passed for report in reports)
             data = {"methods": [report.as_dict() for report in reports]}
         if as_json:
@@ -118,11 +127,12 @@ def _verify_case(path: Path, plugins: list[Path]) -> dict[str, Any]:
     return {"case": str(path), "title": case.title, "passed": passed, "error": error, "checks": checks}
 
 
-def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report]:
+def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool) -> list[Report]:
     """Run the conformance kit on the named methods, or else on those of the files; print outcomes unless `quiet`."""
     from percuss.methods.registry import Registry
     from percuss.reporting.component import components_named
-    from percuss.testing.kit import OTHERS, Outcome, Report, checks_of, perform
+    from percuss.testing.kit import examine
+    from percuss.testing.report import MARKS, Outcome, here
     from percuss.testing.subject import Subject
 
     try:
@@ -132,32 +142,29 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool) -> list[Report
     # Hypothesis would otherwise keep what it computes in the user's current folder.
     set_hypothesis_home_dir(os.devnull)
     registry = Registry.load(files)
-    keys = [key for name in names for key in components_named(registry, name, f"--method {name}")] or _keys_of_files(
-        registry
-    )
+    keys = [key for name in names for key in components_named(registry, name, f"--method {name}")]
+    # without a name, every component that is registered by a single file
+    keys = keys or [key for key, source in registry.sources.items() if not source.distribution]
     if not keys:
         advice = "Give a single-file plug-in (--plugin FILE), a method (--method NAME) or a case."
         raise InputError([Problem("percuss verify", "", "nothing to verify", advice)])
-    say: Callable[[str], None] = (lambda _: None) if quiet else print
     reports = []
     for key in keys:
         subject = Subject.of(registry.components[key], registry)
-        say(f"{subject.name} ({subject.family}), {registry.sources[key]}")
-        outcomes: list[Outcome] = []
-        planned = list(checks_of(subject))
+        if not quiet:
+            print(here(f"{subject.name} ({subject.family}), {registry.sources[key]}"), flush=True)
         with progress_bar(f"checks of {subject.name}") as progress:
-            for check, partner in planned:
-                outcomes.append(perform(check, subject, partner))
-                if [outcome.counts for outcome in outcomes[-2:]] == [True, False]:
-                    say(OTHERS)
-                say(str(outcomes[-1]))
-                if quiet:  # else each line tells of the progress
-                    progress(len(outcomes), len(planned))
-        reports.append(Report(subject.component, tuple(outcomes)))
-        say(f"{reports[-1].verdict}\n")
+            made = itertools.count(1)
+
+            def tell(outcome: Outcome, planned: int, progress: Any = progress, made: Any = made) -> None:
+                if quiet or (sys.stdout.isatty() and not verbose):
+                    progress(next(made), planned)
+                elif verbose:
+                    print(outcome, flush=True)
+                else:
+                    print(MARKS[outcome.status], end="", flush=True)
+
+            reports.append(examine(subject, tell))
+        if not quiet:
+            print(reports[-1].verdict if verbose else f"\n{reports[-1]}")
     return reports
-
-
-def _keys_of_files(registry: Registry) -> list[tuple[str, str]]:
-    """Return the (family, name) of every component that is registered by a single file."""
-    return [key for key, source in registry.sources.items() if not source.distribution]

@@ -11,7 +11,8 @@ contract and nothing else.
 
 from __future__ import annotations
 
-from percuss.testing.kit import Outcome, Report, checks_of, conformance, conformance_test
+from percuss.testing.kit import checks_of, conformance, conformance_test
+from percuss.testing.report import Outcome, Report
 from percuss.testing.strict import StrictSystem
 from percuss.testing.subject import Check, CheckFailed, NotApplicable, Subject
 

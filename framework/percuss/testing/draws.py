@@ -15,7 +15,7 @@ from unittest import mock
 import numpy as np
 
 from percuss.case.quantities import COMPARED_BY_KIT
-from percuss.errors import PercussError
+from percuss.errors import InputError, PercussError, RefusedPair, RunError
 from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subject
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run estimates that of round-off
 TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
 SAFETY_FACTOR = 10.0  # round-off may change a run by this multiple of the effect of the perturbations tried
+SEED = 1
+MOST_SHRINKS = 40  # calls after which a smaller case is no longer sought
 FLOOR = 1e-11  # smallest allowed difference, relative to the peak
 
 # the dimension of each word of a unit, as powers of length, mass and time
@@ -42,37 +44,46 @@ OTHER_UNITS = (1000.0, 1e-3, 1e6)
 # ----------------------------------------------------------------------------------------------------- drawing
 
 
+class _EnoughError(BaseException):
+    """Ends the search for a smaller case; Hypothesis lets it pass, as it does KeyboardInterrupt."""
+
+
 def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any], None], draws: int = 0) -> None:
     """Call `body` with drawn values, which are the same in every run of the kit with one version of Hypothesis.
 
-    A value for which `body` raises `NotApplicable` is skipped; if all values are skipped, the first of these exceptions
-    is raised. A failure reports the value.
+    A value for which `body` raises `NotApplicable`, or for which a run is refused or stopped, is skipped; if all values
+    are skipped, `NotApplicable` is raised with the first reason. Of the values that fail, the one with the shortest
+    case is reported: the first one, unless `Subject.shrinks`.
     """
-    from hypothesis import HealthCheck, Phase, given, settings
+    from hypothesis import HealthCheck, Phase, given, seed, settings
     from hypothesis.errors import Flaky
 
-    # The source text of `each` is the seed of the draws (`derandomize`), so that renaming a variable in it would draw
-    # other cases. `told` holds the exceptions of the skipped values.
-    told: list[NotApplicable] = []
+    skipped: list[Exception] = []
     applied: list[bool] = []
+    failures: list[tuple[int, str, list[Any]]] = []  # length of the case, message, case
+    calls = itertools.count()
 
+    @seed(SEED)  # else the source text of `each` is the seed
     @settings(
         max_examples=draws or subject.draws,
         deadline=None,
         derandomize=True,
         database=None,
-        phases=(Phase.generate,),
+        phases=(Phase.generate, Phase.shrink) if subject.shrinks else (Phase.generate,),
         suppress_health_check=list(HealthCheck),
         report_multiple_bugs=False,
     )
     @given(strategy)
     def each(value: Any) -> None:
+        if failures and next(calls) > MOST_SHRINKS:
+            raise _EnoughError
         try:
             body(value)
-        except NotApplicable as why:
-            told.append(why)
+        except (NotApplicable, InputError, RefusedPair, RunError) as why:
+            skipped.append(why)
         except (AssertionError, PercussError, ArithmeticError, ValueError, TypeError) as error:
-            raise CheckFailed(f"{error}\nwith {_shown(value)}") from error
+            failures.append((len(subject.last_case()), str(error), subject.loaded[:]))
+            raise CheckFailed(str(error)) from error
         else:
             applied.append(True)
 
@@ -81,8 +92,11 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
             each()
     except Flaky as error:
         raise CheckFailed(f"the same input gives another answer the second time: {error}") from None
-    if told and not applied:
-        raise told[0]
+    except (_EnoughError, CheckFailed):
+        _, message, subject.loaded[:] = min(failures, key=lambda failure: failure[0])
+        raise CheckFailed(message) from None
+    if skipped and not applied:
+        raise NotApplicable(str(skipped[0]))
 
 
 @contextlib.contextmanager
@@ -99,17 +113,6 @@ def without_constants_of_modules() -> Iterator[None]:
         return
     with mock.patch.object(HypothesisProvider, "_maybe_draw_constant", create=True, return_value=None):
         yield
-
-
-def _shown(value: Any) -> str:
-    """Return a drawn value as the text that stands for it in a case file."""
-    from percuss.case.yaml_text import flow
-
-    if isinstance(value, Mapping):
-        return "\n".join(f"{key}: {_shown(item)}" for key, item in value.items()) if "bodies" in value else flow(value)
-    if isinstance(value, tuple):
-        return ("\n" if any(isinstance(item, Mapping) for item in value) else ", ").join(map(_shown, value))
-    return flow(value) if isinstance(value, int | float | str | bool) else repr(value)
 
 
 def number(low: float, high: float) -> SearchStrategy[float]:
@@ -270,18 +273,6 @@ def rotated(case: Mapping[str, Any], direction: tuple[float, ...]) -> dict[str, 
     return out
 
 
-def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the mirror image of a case, with x replaced by -x."""
-    out = copy.deepcopy(dict(case))
-    for body in out["bodies"].values():
-        body["at"] *= -1.0
-        body["bar"]["direction"] = [-1.0]
-    for contact in out["contacts"].values():
-        if "wall" in contact:
-            contact["wall"] *= -1.0
-    return out
-
-
 def shifted(case: Mapping[str, Any], shift: float) -> dict[str, Any]:
     """Return a case translated along x by `shift`."""
     out = copy.deepcopy(dict(case))
@@ -373,7 +364,7 @@ def round_off(subject: Subject, case: Mapping[str, Any], base: Any) -> float | N
 
     It is None for a run that is decided by round-off and cannot be compared with another.
     """
-    worst = FLOOR
+    worst, subject = FLOOR, dataclasses.replace(subject, loaded=[])
     for sign in (1.0, -1.0):
         other = copy.deepcopy(dict(case))
         for index, body in enumerate(other["bodies"].values()):
@@ -401,7 +392,7 @@ def largest_difference(result: Any, other: Any, factors: Mapping[str, float] | N
         if name == "displacement" and history.ndim == 3:
             history, compared = np.linalg.norm(history, axis=2), np.linalg.norm(compared, axis=2)
         if history.shape != compared.shape:
-            raise CheckFailed(f"{name} has shape {compared.shape} in place of {history.shape}")
+            raise CheckFailed(f"{name} has shape {compared.shape} instead of {history.shape}")
         if sizes[name] > 0.0 and history.size:
             worst = max(worst, float(np.abs(history - compared).max()) / sizes[name])
     return worst
@@ -413,23 +404,26 @@ def must_agree(
     other: Mapping[str, Any],
     change: str,
     factors: Mapping[str, float] | None = None,
+    *,
+    compiled: bool = True,
 ) -> None:
     """Run two equivalent cases, and raise `CheckFailed` unless their results differ by no more than round-off explains.
 
-    `change` names the difference between the cases in the message; for `factors` see `largest_difference`.
+    `change` names the difference between the cases in the message; for `factors` see `largest_difference`. Where the
+    second run is not `compiled`, that is the difference, or part of it.
     """
     base = subject.run(case)
     allowed = round_off(subject, case, base)
     if allowed is None:
-        raise NotApplicable("every drawn case hangs on round-off")
+        raise NotApplicable("every drawn case depends on round-off")
     try:
-        changed = subject.run(other)
+        changed = subject.run(other, compiled=compiled)
     except PercussError as error:
         raise CheckFailed(f"{change} stops the run: {error}") from None
     difference = largest_difference(base, changed, factors)
     if not difference <= allowed:
         raise CheckFailed(
-            f"{change} changes the answer by {difference:.2g} of its peak; round-off explains {allowed:.1g}"
+            f"{change} changes the result by {per_cent(difference)} of its peak; round-off explains {per_cent(allowed)}"
         )
 
 
@@ -455,10 +449,9 @@ def replaced(case: Mapping[str, Any], **parts: Any) -> dict[str, Any]:
     return {**copy.deepcopy(dict(case)), **parts}
 
 
-def is_frozen_dataclass(component: type) -> bool:
-    """Return whether a class itself, and not only a base class of it, is a frozen dataclass."""
-    parameters = vars(component).get("__dataclass_params__")
-    return dataclasses.is_dataclass(component) and bool(parameters and parameters.frozen)
+def per_cent(fraction: float) -> str:
+    """Return a fraction in per cent, with three digits."""
+    return f"{100.0 * fraction:.3g} %"
 
 
 STEEL = {"young": 100.0, "density": 0.01}

@@ -13,13 +13,13 @@ from __future__ import annotations
 import dataclasses
 import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin
 from percuss.methods.interfaces import Component, LeapFrog
 from percuss.methods.registry import Registry
+from percuss.testing.report import OTHERS, Outcome, Report
 from percuss.testing.subject import (
     CHECKS,
     DRAWS,
@@ -27,120 +27,13 @@ from percuss.testing.subject import (
     Check,
     CheckFailed,
     NotApplicable,
-    Status,
     Subject,
-    check,
+    did_you_mean,
     named,
     registered_checks,
 )
 
-# heading of the outcomes that are no part of the verdict
-OTHERS = "with methods of other plug-ins, which the verdict does not count:"
-
-__all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "check", "checks_of", "conformance"]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The outcome of one check of a component.
-
-    Attributes
-    ----------
-    check
-        Check that was run.
-    partner
-        Name of the partner, empty for a check that is not run in pairs.
-    status
-        ``passed``, ``failed``, ``expected failure``, ``passes unexpectedly`` or ``not applicable``.
-    message
-        Deviation from the demand, or the reason why the check does not apply.
-    reason
-        Reason why a failure is expected.
-    case
-        Text of the case that the check read last before it failed, as a case file that can be saved and run; empty if
-        the check read no case.
-    counts
-        Whether the outcome is part of the verdict; with a partner of somebody else's plug-in it is not.
-    """
-
-    check: Check
-    partner: str
-    status: Status
-    message: str = ""
-    reason: str = ""
-    case: str = ""
-    counts: bool = True
-
-    @property
-    def name(self) -> str:
-        """Name of the check, followed by the name of the partner if there is one."""
-        return named(self.check, self.partner)
-
-    @property
-    def good(self) -> bool:
-        """Whether the component meets the demand, fails as declared, or the outcome is no part of the verdict."""
-        return not self.counts or self.status not in {"failed", "passes unexpectedly"}
-
-    def __str__(self) -> str:
-        title = f"{self.status:>20}  {self.name}"
-        if self.status == "failed":
-            demand = _filled(f"demanded: {self.check.demand}")
-            parts = [self.message, demand]
-            parts += [f"the case of {self.name}, to be saved and run:\n{self.case}"] if self.case else []
-            return "\n".join([title, *map(_indented, parts)])
-        if self.status == "passes unexpectedly":
-            return f"{title}\n{_indented(f'declared to fail ({self.reason}), and does not: take the entry out')}"
-        remark = self.reason or self.message
-        return f"{title}{f' ({remark})' if remark else ''}"
-
-
-@dataclass(frozen=True)
-class Report:
-    """The outcomes of all checks of a component."""
-
-    component: type[Component]
-    outcomes: tuple[Outcome, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether no check failed and every declared failure occurred."""
-        return all(outcome.good for outcome in self.outcomes)
-
-    def count(self, status: str) -> int:
-        """Return the number of outcomes with a status that are part of the verdict."""
-        return sum(outcome.status == status for outcome in self.outcomes if outcome.counts)
-
-    def __str__(self) -> str:
-        counted, others = ([str(o) for o in self.outcomes if o.counts is counts] for counts in (True, False))
-        return "\n".join([self.verdict, *counted, *([OTHERS, *others] if others else [])])
-
-    @property
-    def verdict(self) -> str:
-        """One line that states whether the component conforms, and the number of outcomes of each status."""
-        counts = {outcome.status: self.count(outcome.status) for outcome in self.outcomes if outcome.counts}
-        counted = ", ".join(f"{number} {status}" for status, number in counts.items())
-        word = "conforms" if self.passed else "DOES NOT CONFORM"
-        return f"{self.component.name} ({self.component.family}) {word}: {counted}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as a dictionary that can be written as JSON."""
-        return {
-            "name": self.component.name,
-            "family": self.component.family,
-            "passed": self.passed,
-            "checks": [
-                {
-                    "name": outcome.name,
-                    "status": outcome.status,
-                    "message": outcome.message,
-                    "reason": outcome.reason,
-                    "demand": outcome.check.demand,
-                    "case": outcome.case,
-                    "counts": outcome.counts,
-                }
-                for outcome in self.outcomes
-            ],
-        }
+__all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "checks_of", "conformance"]
 
 
 def known_checks() -> list[Check]:
@@ -235,6 +128,26 @@ def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
     return Outcome(kit_check, partner, "passed")
 
 
+def examine(subject: Subject, tell: Callable[[Outcome, int], None] = lambda *_: None) -> Report:
+    """Run every check of the kit on a subject, tell each outcome and the number of checks, and return the report.
+
+    If the first check fails, the component cannot run, and no other check is made. Of the failure with the smallest
+    case, a smaller case still is sought.
+    """
+    planned = list(checks_of(subject))
+    outcomes = []
+    for kit_check, partner in planned:
+        outcomes.append(perform(kit_check, subject, partner))
+        tell(outcomes[-1], len(planned))
+        if kit_check.first and not outcomes[-1].good:
+            break
+    report = Report(subject.component, tuple(outcomes), len(planned) - len(outcomes))
+    if found := report.smallest:
+        smaller = perform(found.check, dataclasses.replace(subject, shrinks=True), found.partner)
+        report = report.replaced(found, smaller) if smaller.status == "failed" else report
+    return report
+
+
 def conformance(
     component: type[Component], *, registry: Registry | None = None, draws: int = DRAWS, strict: bool = True
 ) -> Report:
@@ -261,8 +174,7 @@ def conformance(
     AssertionError
         If `strict` and a check failed or a declared failure did not occur; the message is the report.
     """
-    subject = Subject.of(component, registry, draws)
-    report = Report(component, tuple(perform(kit_check, subject, partner) for kit_check, partner in checks_of(subject)))
+    report = examine(Subject.of(component, registry, draws))
     if strict and not report.passed:
         raise AssertionError(str(report))
     return report
@@ -291,21 +203,12 @@ def conformance_test(component: type[Component], *, draws: int = DRAWS) -> Calla
 
 
 def _error_with_line(error: BaseException, subject: Subject) -> str:
-    """Return the text of an error with its notes and the last line of the plug-in in its traceback."""
+    """Return the text of an error, after the last line of the plug-in in its traceback."""
     file = subject.registry.sources[subject.family, subject.name].file
-    lines = [f"{f.filename}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-    notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
-    place = f" [{lines[-1]}]" if lines else ""
-    return f"{described(error)}{place}{notes}"
-
-
-def _filled(text: str) -> str:
-    """Return a text wrapped to lines of at most 96 characters."""
-    import textwrap
-
-    return textwrap.fill(text, 96, break_long_words=False, break_on_hyphens=False)
-
-
-def _indented(text: str) -> str:
-    """Return a text with every line indented below the names of the checks."""
-    return "\n".join(f"{'':22}{line}" for line in text.splitlines())
+    lines = [f"{f.filename}:{f.lineno}: " for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
+    if isinstance(error, PercussError):  # it names the line itself
+        return str(error)
+    advice = ""
+    if isinstance(error, AttributeError) and error.name and error.obj is not None:
+        advice = did_you_mean(error.name, [name for name in dir(error.obj) if name[0] != "_"])
+    return f"{lines[-1] if lines else ''}{described(error)}{advice}"

@@ -58,6 +58,8 @@ class Subject:
         Name of the running check.
     loaded
         Case that the running check read last, as a list of one entry; a failure reports it.
+    shrinks
+        Whether a check that draws cases looks for a small one that fails.
     """
 
     component: type[Component]
@@ -65,6 +67,7 @@ class Subject:
     draws: int = DRAWS
     check: str = ""
     loaded: list[Mapping[str, Any]] = field(default_factory=list, compare=False, repr=False)
+    shrinks: bool = False
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
@@ -185,8 +188,22 @@ class Subject:
         single = source is not None and not source.distribution and Path(source.file).suffix == ".py"
         plugins = {"plugins": [str(Path(source.file).resolve())]} if source is not None and single else {}
         case = {"percuss": 1, "title": f"{self.check} of {self.name}", **plugins, **plain(self.loaded[-1])}
-        text: str = yaml.safe_dump(case, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
-        return text
+
+        def flow(part: Any) -> str:
+            text: str = yaml.safe_dump(part, sort_keys=False, default_flow_style=True, width=56, allow_unicode=True)
+            return text.removesuffix("...\n")
+
+        lines = []
+        for key, value in case.items():
+            if isinstance(value, dict) and key in {"bodies", "contacts", "loads", "method"}:  # a line for each entry
+                lines += (
+                    [f"{key}:\n", *(f"  {flow({name: entry})[1:-2]}\n" for name, entry in value.items())]
+                    if value
+                    else []
+                )
+            else:
+                lines.append(flow({key: value})[1:-2] + "\n")
+        return "".join(lines)
 
     def run(self, case: Mapping[str, Any], *, compiled: bool = True, with_critical_step: bool = False) -> Any:
         """Run a case given as a mapping.
@@ -217,31 +234,40 @@ class Check:
         Name by which a component declares the check as an expected failure.
     families
         Families of the components to which the check applies.
+    holds
+        What holds if the demand is met, in at most 40 characters: the first line of the docstring of the function.
     demand
-        Demand and its reason: the docstring of the function.
+        Demand and its reason: the rest of the docstring.
     function
         Function called with the `Subject`, and with the name of a partner where the check is run in pairs.
     in_pairs
-        Whether the check is run once with each possible partner.
+        Whether the check is made once with each possible partner.
+    first
+        Whether the check is made before all others, which are not made if it fails.
     """
 
     name: str
     families: tuple[str, ...]
+    holds: str
     demand: str
     function: Callable[..., None]
     in_pairs: bool
+    first: bool
 
 
 CHECKS: list[Check] = []
 
 
-def check(*families: str, in_pairs: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def check(
+    *families: str, in_pairs: bool = False, first: bool = False
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function ``check_energy_drift`` as the check ``energy-drift`` of some families, by default of all."""
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         name = function.__name__.removeprefix("check_").replace("_", "-")
-        demand = " ".join(inspect.cleandoc(function.__doc__ or "").split())
-        CHECKS.append(Check(name, families or tuple(FAMILIES), demand, function, in_pairs))
+        holds, _, demand = inspect.cleandoc(function.__doc__ or "").partition(".\n\n")
+        demand = " ".join(demand.split())
+        CHECKS.append(Check(name, families or tuple(FAMILIES), holds, demand, function, in_pairs, first))
         return function
 
     return register
@@ -253,11 +279,11 @@ def named(kit_check: Check, partner: str) -> str:
 
 
 def registered_checks(subject: Subject) -> Iterator[tuple[Check, str]]:
-    """Yield each check of a subject with an empty partner, or once with each partner if the check is run in pairs.
+    """Yield each check of a subject with an empty partner, or once with each partner if the check is made in pairs.
 
-    Pairs with partners that do not judge the subject come last.
+    The check whether the subject runs at all comes first. Pairs with partners that do not judge the subject come last.
     """
-    checks = [kit_check for kit_check in CHECKS if subject.family in kit_check.families]
+    checks = sorted((one for one in CHECKS if subject.family in one.families), key=lambda one: not one.first)
     for kit_check in checks:
         yield from ((kit_check, partner) for partner in (subject.partners if kit_check.in_pairs else [""]))
     others = subject.registry.names(PARTNERS[subject.family]) if subject.family in PARTNERS else []

@@ -51,10 +51,11 @@ def exact_end_displacement(elements: int, time: Any) -> Any:
 
 @check("integrators")
 def check_order(subject: Subject) -> None:
-    """Without contact, halving the step divides the error of the motion by two to the power of the declared `order`.
+    """The declared order is the measured one.
 
-    The order is measured on a vibrating bar of four elements against its exact modes, from errors above round-off and
-    at steps below the limit of the scheme; it may deviate by 0.15.
+    Without contact, halving the step divides the error of the motion by two to the power of the declared `order`.
+    The order is measured on a vibrating bar of four elements against its exact modes, from errors above round-off
+    and at steps below the limit of the scheme. It may deviate by 0.15.
     """
     declared = getattr(subject.component, "order", None)
     if not isinstance(declared, int) or declared < 1:
@@ -82,10 +83,11 @@ def check_order(subject: Subject) -> None:
 
 @check("integrators")
 def check_conserves(subject: Subject) -> None:
-    """An integrator conserves the quantities that it declares in `conserves` to round-off, without contact.
+    """It conserves what it declares.
 
-    Energy is taken from the energy ledger of a run over a thousand steps of a vibrating bar, momentum from a bar in
-    free flight. The Courant numbers are 0.3 and 0.9, or 0.9 of the limit of the scheme where that is less.
+    Without contact an integrator conserves the quantities in `conserves` to round-off. Energy is measured over a
+    thousand steps of a vibrating bar, momentum on a bar in free flight. The Courant numbers are 0.3 and 0.9, or 0.9
+    of the limit of the scheme if that is less.
     """
     for fact in subject.component.conserves:  # type: ignore[attr-defined]
         if fact not in CONSERVED:
@@ -112,10 +114,11 @@ def check_conserves(subject: Subject) -> None:
 
 @check("integrators")
 def check_critical_courant(subject: Subject) -> None:
-    """Without contact the scheme is stable exactly up to the Courant number declared as `critical_courant`.
+    """It is stable up to `critical_courant`.
 
-    The energy of uniform bars, in free flight and fixed at one end, must stay bounded one per cent below that number
-    and grow without bound one per cent above it.
+    Without contact the scheme is stable exactly up to the Courant number declared as `critical_courant`. The energy
+    of uniform bars, in free flight and fixed at one end, stays bounded one per cent below that number and grows
+    without bound one per cent above it.
     """
     declared = subject.component.critical_courant  # type: ignore[attr-defined]
     if declared is None:
@@ -146,9 +149,10 @@ def _energy_ratio(subject: Subject, case: Mapping[str, Any]) -> float:
 
 @check("integrators")
 def check_first_step(subject: Subject) -> None:
-    """The first record is the initial state, and the first step continues with the initial velocity.
+    """It starts from the initial state.
 
-    A scheme that starts from rest loses the impact before it begins.
+    The first record is the initial state, and the first step continues with the initial velocity. A scheme that
+    starts from rest loses the impact before it begins.
     """
     for options in subject.examples:
         case = fixed_bar(5, below_limit(subject, subject.placed(fixed_bar(5, 0.5, 1), options), 0.5), 10)
@@ -168,15 +172,17 @@ def check_first_step(subject: Subject) -> None:
 
 @check("integrators")
 def check_stages(subject: Subject) -> None:
-    """In a multi-stage scheme `times` gives the time of each stage, and `end` the displacement of the next stage.
+    """`times` and `end` describe the stages.
 
-    Two steps are made with random data. In free flight at velocity v, a stage at time c asks for accelerations at the
-    displacement u + c dt v; with another c the loads would be taken at another instant. Where `end` is (r_v, r_a, s_a),
-    the next stage asks for accelerations at u + r_v v + r_a a, for any u, v and a of this stage, and s_a = r_a / r_v;
-    otherwise a law evaluated at the end of the step is evaluated at another state. The first stage is held against
-    `start` in the same way if it lies after t = 0, v the velocity there and a the acceleration that is kept; without
-    `start` against the end of the last stage, unless laws without penetration are refused. Where `velocity` is c, a
-    stage at time t asks under a constant acceleration a for accelerations at a velocity v with v + c a = v_n + t dt a.
+    In a multi-stage scheme `times` gives the time of each stage, and `end` the displacement of the next stage. The
+    check makes two steps with random data. In free flight at velocity v, a stage at time c asks for accelerations
+    at the displacement u + c dt v; with another c the loads would act at another time. If `end` is (r_v, r_a, s_a),
+    the next stage asks for accelerations at u + r_v v + r_a a, for any u, v and a of this stage, and s_a = r_a /
+    r_v; otherwise a law of the end of the step is evaluated at another state. The first stage is compared with
+    `start` in the same way if it lies after t = 0, where v is the velocity there and a the acceleration that is
+    kept. Without `start` it is compared with the end of the last stage, unless laws without penetration are
+    refused. If `velocity` is c, a stage at time t asks under a constant acceleration a for accelerations at a
+    velocity v with v + c a = v_n + t dt a.
     """
     for options in subject.examples:
         integrator, dt = subject.make(options), 0.37

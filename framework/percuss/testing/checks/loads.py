@@ -13,9 +13,10 @@ TOLERANCE = 1e-12
 
 @check("loads")
 def check_amplitude(subject: Subject) -> None:
-    """An amplitude is a finite number for each time of an array, whatever the length of the array and its other times.
+    """Each time has one finite amplitude.
 
-    Amplitudes are computed in chunks of steps, so that one that uses neighbouring times depends on where chunks end.
+    An amplitude is a finite number for each time of an array, whatever the length of the array and its other times.
+    Amplitudes are computed in chunks of steps: one that uses neighbouring times depends on where chunks end.
     """
     if issubclass(subject.component, FollowingLoad):
         raise NotApplicable("it follows the motion of an end, and is not given in time")
@@ -41,9 +42,10 @@ def check_amplitude(subject: Subject) -> None:
 
 @check("loads")
 def check_kinks(subject: Subject) -> None:
-    """The amplitude is smooth between the times that `kinks` returns, because an exact solution relies on it.
+    """`kinks` names every kink.
 
-    Of any four neighbouring points, the fourth must lie near the parabola through the other three.
+    The amplitude is smooth between the times that `kinks` returns, because an exact solution relies on it. Of any
+    four neighbouring points, the fourth lies near the parabola through the other three.
     """
     declares_kinks = False
     for options in subject.examples:
@@ -68,8 +70,9 @@ def check_kinks(subject: Subject) -> None:
 
 @check("loads")
 def check_facts_of_loads(subject: Subject) -> None:
-    """`acts_as` is force, acceleration or velocity, `everywhere` is a bool, and `vector` returns a direction or None.
+    """Its class facts have the right values.
 
+    `acts_as` is force, acceleration or velocity, `everywhere` is a bool, and `vector` returns a direction or None.
     A direction has one to three finite components, which are not all zero.
     """
     cls = subject.component
@@ -85,10 +88,11 @@ def check_facts_of_loads(subject: Subject) -> None:
 
 @check("loads")
 def check_runs_in_a_case(subject: Subject) -> None:
-    """In a run the impulse of a load is that of its amplitude, and momentum and energy are balanced to round-off.
+    """Its impulse is that of its amplitude.
 
-    The load acts on a free bar: at its end or everywhere, or as the velocity of the driven end. Of a load that follows
-    the motion of an end, which has no impulse of its own, the accounts are checked.
+    In a run the impulse of a load is that of its amplitude, and momentum and energy are balanced to round-off. The
+    load acts on a free bar: at its end or everywhere, or as the velocity of the driven end. A load that follows the
+    motion of an end has no impulse of its own; only the balances are checked.
     """
     follows = issubclass(subject.component, FollowingLoad)
     for options in subject.examples:

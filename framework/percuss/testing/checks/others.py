@@ -41,8 +41,9 @@ def _solved(subject: Subject, engine: Any, case: dict[str, Any]) -> tuple[Any, f
 
 @check("solutions")
 def check_signorini(subject: Subject) -> None:
-    """An exact contact force never pulls, the bodies never overlap, and the contact presses only while they touch.
+    """No exact contact pulls or overlaps.
 
+    An exact contact force never pulls, the bodies never overlap, and the contact presses only while they touch.
     Every method is compared with this solution.
     """
 
@@ -65,8 +66,9 @@ def check_signorini(subject: Subject) -> None:
 
 @check("solutions")
 def check_impulse_and_balances(subject: Subject) -> None:
-    """The contact impulse is the integral of the force; momentum changes by the external impulse, energy by the work.
+    """Impulse, momentum and energy agree.
 
+    The contact impulse is the integral of the force. Momentum changes by the external impulse, energy by the work.
     No impact loses energy: bars in one dimension collide elastically.
     """
 
@@ -95,9 +97,10 @@ def check_impulse_and_balances(subject: Subject) -> None:
 
 @check("solutions")
 def check_largest_values(subject: Subject) -> None:
-    """No sample of a contact force or of the energy exceeds the stated largest value.
+    """The stated largest values are right.
 
-    Where no work is done, the energy reaches its stated largest value.
+    No sample of a contact force or of the energy exceeds the stated largest value. If no work is done, the energy
+    reaches its stated largest value.
     """
 
     def check_bounds(case: dict[str, Any]) -> None:
@@ -123,7 +126,10 @@ def check_largest_values(subject: Subject) -> None:
 
 @check("solutions")
 def check_methods_tend_to_it(subject: Subject) -> None:
-    """In a case that the solution covers, the displacements of a run tend to the exact ones as the mesh is refined."""
+    """Runs tend to it as the mesh is refined.
+
+    In a case that the solution covers, the displacements of a run tend to the exact ones as the mesh is refined.
+    """
     from percuss.testing.subject import Subject as SubjectClass
 
     for options in subject.examples:
@@ -157,8 +163,9 @@ def _without_other_solutions(subject: Subject) -> Any:
 
 @check("measures")
 def check_measure(subject: Subject) -> None:
-    """A measure returns a finite number or None, the same each time for a result, and does not change the result.
+    """It measures the same number each time.
 
+    A measure returns a finite number or None, the same each time for a result, and does not change the result.
     `what` states quantity, norm and averaging, because a column without them cannot be interpreted.
     """
     what = getattr(subject.component, "what", "")
