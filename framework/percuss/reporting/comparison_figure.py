@@ -12,6 +12,7 @@ from percuss.reporting.figures import (
     COLOURS,
     DASHES,
     INK,
+    MOST_PANELS,
     OVERLAY,
     drawing,
     fix_layout,
@@ -26,7 +27,7 @@ from percuss.reporting.figures import (
     write,
     write_reason,
 )
-from percuss.reporting.run_figure import colours, draw_references
+from percuss.reporting.run_figure import contacts_left_out, draw_references
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,16 +65,16 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     ]
     names = runs[0][1].coordinates["contact"] if runs else []
     apart = len(runs) > OVERLAY
-    down = -(-len(runs) // 3) if apart else min(max(len(names), 1), OVERLAY)
-    note = f"{QUANTITIES['contact_force'].label} in {len(runs)} of {len(rows)} runs"
-    if len(names) > OVERLAY and not apart:
-        note += f"; the first {OVERLAY} of {len(names)} contacts"
+    down = -(-len(runs) // 3) if apart else min(max(len(names), 1), MOST_PANELS)
+    notes = [f"{QUANTITIES['contact_force'].label} in {len(runs)} of {len(rows)} runs"]
+    if not apart:
+        notes += contacts_left_out(names)
     with drawing():
         from matplotlib.figure import Figure
 
         height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)
         figure = Figure(figsize=(12.8, height), facecolor="white")
-        header(figure, runs[0][1].title if runs else "", [note], [], lost)
+        header(figure, runs[0][1].title if runs else "", notes, [], lost)
         panels = figure.subplots(down, 3 if apart else 1, sharex=True, sharey=apart, squeeze=False).flat
         if not runs:
             write_reason(panels[0], "None of the runs has a result.")
@@ -157,7 +158,8 @@ def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) ->
             for force in other.arrays["contact_force"].T:
                 axes.plot(*thinned(other.arrays["time"], force), color="#d9d9d9", linewidth=0.8, zorder=1)
         names = result.coordinates["contact"]
-        for force, colour in zip(result.arrays["contact_force"].T, colours(len(names)), strict=True):
+        for number_of_contact, force in enumerate(result.arrays["contact_force"].T):
+            colour = COLOURS[number_of_contact % len(COLOURS)]
             axes.plot(*thinned(result.arrays["time"], force), color=colour, linewidth=1.3)
         entries |= draw_references(axes, _run_with_exact(runs), names)
         _mark_stop(axes, result)

@@ -33,6 +33,7 @@ GREEK = {"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "
 RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 SMALL = {"s": "ₛ", "m": "ₘ", "n": "ₙ", "p": "ₚ"}
 OVERLAY = 6  # More lines than this cannot be distinguished in one panel.
+MOST_PANELS = 6  # of contacts in one figure
 
 
 def one_line(text: object) -> str:

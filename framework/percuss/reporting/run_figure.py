@@ -11,10 +11,9 @@ import numpy as np
 from percuss.case.quantities import QUANTITIES
 from percuss.reporting.figures import (
     COLOURS,
-    DASHES,
     FAINT,
     INK,
-    OVERLAY,
+    MOST_PANELS,
     PAPER,
     SOFT,
     axis_end,
@@ -83,17 +82,19 @@ def history_figure(result: Drawn, until: float, small: Sequence[str], loud: Sequ
     with drawing():
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(12.8, 7.4), facecolor="white")
-        header(figure, result.title, small, loud)
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0 if result.field_arrays else 0.4))
-        force = figure.add_subplot(grid[0, 0])
-        energy = figure.add_subplot(grid[1, 0])
-        forces(force, result)
-        force.set_xlabel("")
-        _energies(energy, result, closure)
-        for axes, word in ((force, True), (energy, False)):
-            axes.set_xlim(0, until)
-            hatch_after_stop(axes, result, until, word=word)
+        count = _panel_count(result)
+        figure = Figure(figsize=(12.8, 6.2 + 1.2 * count), facecolor="white")
+        header(figure, result.title, [*small, *contacts_left_out(result.coordinates["contact"])], loud)
+        widths, heights = (1.15, 1.0 if result.field_arrays else 0.4), [1.0] * count + [1.0 if count == 1 else 1.4]
+        grid = figure.add_gridspec(count + 1, 2, width_ratios=widths, height_ratios=heights)
+        panels = [figure.add_subplot(grid[0, 0])]
+        panels += [figure.add_subplot(grid[k, 0], sharex=panels[0]) for k in range(1, count + 1)]
+        forces(panels[:-1], result)
+        _energies(panels[-1], result, closure)
+        panels[0].set_xlim(0, until)
+        for k, axes in enumerate(panels):
+            axes.tick_params(labelbottom=k == count)
+            hatch_after_stop(axes, result, until, word=k == 0)
         space_time(figure.add_subplot(grid[:, 1]), result, until)
         return fix_layout(figure)
 
@@ -103,55 +104,41 @@ def force_figure(result: Drawn, until: float) -> Figure:
     with drawing():
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(7.6, 3.0), facecolor="white", layout="constrained")
-        axes = figure.add_subplot()
-        forces(axes, result)
-        axes.set_xlim(0, until)
-        hatch_after_stop(axes, result, until)
+        count = _panel_count(result)
+        figure = Figure(figsize=(7.6, 1.6 + 1.4 * count), facecolor="white", layout="constrained")
+        panels = list(figure.subplots(count, 1, sharex=True, squeeze=False).flat)
+        forces(panels, result)
+        panels[-1].set_xlabel("\n".join(["time", *contacts_left_out(result.coordinates["contact"])]))
+        panels[-1].set_xlim(0, until)
+        for k, axes in enumerate(panels):
+            hatch_after_stop(axes, result, until, word=k == 0)
         return fix_layout(figure)
 
 
-def forces(axes: Axes, result: Drawn) -> None:
-    """Draw the force of every contact with the values that the case expects and the exact histories."""
+def _panel_count(result: Drawn) -> int:
+    return min(max(len(result.coordinates["contact"]), 1), MOST_PANELS)
+
+
+def contacts_left_out(names: Sequence[str]) -> list[str]:
+    """Return a note on the contacts that have no panel, or nothing."""
+    return [f"the first {MOST_PANELS} of {len(names)} contacts are shown"] if len(names) > MOST_PANELS else []
+
+
+def forces(panels: Sequence[Axes], result: Drawn) -> None:
+    """Draw the force of each contact in a panel with the values that the case expects and the exact history."""
     names, time = result.coordinates["contact"], result.arrays["time"]
-    axes.set(xlabel="time", ylabel=QUANTITIES["contact_force"].label)
     if not names:
-        write_reason(axes, "This case has no contact.")
+        write_reason(panels[0], "This case has no contact.")
         return
-    handles = {}
-    for k, (name, colour) in enumerate(zip(names, colours(len(names)), strict=True)):
-        dash = DASHES[k] if len(names) <= OVERLAY else "-"
-        force = result.arrays["contact_force"][:, k]
-        (handles[name],) = axes.plot(*thinned(time, force), color=colour, linestyle=dash)
-    if len(names) > OVERLAY:
-        _contact_scale(axes, names)
-        handles = {}
-    powers(axes)
-    handles |= draw_references(axes, result, names)
-    if handles:
-        legend(axes, handles)
-
-
-def colours(count: int) -> list[Any]:
-    """Return a colour for each of `count` lines: distinct colours for a few lines, a colour scale for many."""
-    if count <= OVERLAY:
-        return list(COLOURS[:count])
-    import matplotlib as mpl
-
-    # The light end of the scale would not be visible on white paper.
-    return list(mpl.colormaps["viridis"](np.linspace(0.0, 0.9, count)))
-
-
-def _contact_scale(axes: Axes, names: Sequence[str]) -> None:
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    count = len(names)
-    scale = ScalarMappable(BoundaryNorm(np.arange(count + 1) - 0.5, count), ListedColormap(colours(count)))
-    shown = range(0, count, -(-count // 12))
-    bar = axes.figure.colorbar(scale, ax=axes, ticks=list(shown), pad=0.01, aspect=30, label="contact")
-    bar.ax.minorticks_off()
-    bar.ax.set_yticklabels([one_line(names[k])[:24] for k in shown], parse_math=False, size=9)
+    label = "computed" if "resolved" in result.provenance else "exact"
+    entries: dict[str, Any] = {}
+    for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
+        (entries[label],) = axes.plot(*thinned(time, result.arrays["contact_force"][:, k]), color=COLOURS[0])
+        axes.set_ylabel(QUANTITIES["contact_force"].label)
+        axes.set_title(one_line(name), loc="right", size=10, parse_math=False)
+        powers(axes)
+        entries |= draw_references(axes, result, [name])
+    legend(panels[0], entries, room=max(30, 74 - len(names[0])))
 
 
 def draw_references(axes: Axes, result: Drawn, names: Sequence[str]) -> dict[str, Any]:
