@@ -1,9 +1,10 @@
-"""The tables of the whole family, from the shipped study: ``python tests/support/family.py`` writes them anew.
+"""The results of the whole family, from the shipped study: ``python tests/support/family.py`` writes them anew.
 
-The study takes hours. The findings are made from the tables as the page shows them, digits and all, so that whoever
-has the page can make them again.
+With the file of rows of the study as an argument no run is made. The results are files of data; what the pages say is
+made from these files, digits and all, so that whoever has them can make it again.
 """
 
+import csv
 import math
 import statistics
 import sys
@@ -15,6 +16,7 @@ import percuss
 import places
 
 STUDY = places.ROOT / "cases" / "studies" / "family.yaml"
+RESULTS = STUDY.parent / "results"  # errors.csv, medians.csv and masses.csv
 COURANT, MESHES = 0.5, (1, 4)
 PRESSED = ("preloaded", "smooth-pulse")  # the bodies stay pressed together
 MANY = "fifty-impacts"  # late impacts come at another time than the exact ones: its energy is judged, not its force
@@ -90,7 +92,10 @@ def summary(table):
     cases = cases_of(table)
     coarse, fine, wide = Point(table, 1, COURANT), Point(table, MESHES[1], COURANT), Point(table, 1, 0.9)
     lines = [
-        ["law", "integrator", "error", "order", "C .9", "kept", "of fifty", "noise", "overlap", "critical C", "cost"]
+        [
+            *("law", "integrator", "error", "order", "C .9", "least kept", "most kept", "of fifty", "noise", "overlap"),
+            *("critical C", "cost"),
+        ]
     ]
     first = {case: seconds_of_a_node(table, case, *reversed(FIRST)) for case in cases}
     for pair in pairs_of(table):
@@ -111,7 +116,7 @@ def summary(table):
             short(100.0 * median(values["force_error_l1"])),
             short(median(orders)),
             short(median([one / other for one, other in zip(larger, values["force_error_l1"], strict=True)])),
-            kept_in_words(kept),
+            *least_and_most(kept),
             f"{100.0 * fifty['energy_kept']:.0f}" if fifty["status"] == "done" else fifty["status"],
             short(median(values["noise"])),
             short(median([one / other for one, other in zip(values["penetration"], reference, strict=True)])),
@@ -134,16 +139,17 @@ def kept_where_bodies_part(point, cases, pair):
     return [100.0 * value for case, value in values if case not in PRESSED and math.isfinite(value)]
 
 
-def kept_in_words(kept):
-    """Return the least and the most of the energies kept."""
-    return f"{short(min(kept), 4)} to {short(max(kept), 4)}" if kept else "-"
+def least_and_most(kept):
+    """Return the least and the most of the energies kept, as cells."""
+    return (short(min(kept), 4), short(max(kept), 4)) if kept else ("-", "-")
 
 
 def masses(table):
     """Return the table of the other masses: a row a mass and pair, its errors beside those with the usual mass."""
     cases = cases_of(table)
     usual = Point(table, 1, COURANT)
-    lines = [["mass", "law", "integrator", "error", "over lumped", "kept", "noise", "lumped noise", "critical C"]]
+    head = ["mass", "law", "integrator", "error", "over lumped", "least kept", "most kept", "noise", "lumped noise"]
+    lines = [[*head, "critical C"]]
     for mass in dict.fromkeys(table["method.mass"]):
         point = Point(table, 1, COURANT, mass)
         for pair in pairs_of(table) if mass != USUAL else ():
@@ -166,7 +172,7 @@ def masses(table):
                 *pair,
                 short(100.0 * median(error.values())),
                 short(median([error[case] / before[case] for case in both])),
-                kept_in_words(kept_where_bodies_part(point, cases, pair)),
+                *least_and_most(kept_where_bodies_part(point, cases, pair)),
                 short(median([noise[case] for case in both])),
                 short(median([noise_before[case] for case in both])),
                 short(min(limits), 3) if limits else "-",
@@ -185,18 +191,19 @@ def refusals(table):
     return {key: sorted(set(pairs)) for key, pairs in reasons.items()}
 
 
-def markdown(lines):
-    """Return lines of cells, the head first, as a table in Markdown."""
-    return pages.table(lines[0], lines[1:])
+# ------------------------------------------------------------------------------------------------- the results, read
 
 
-# ------------------------------------------------------------------------------------------------- the page, read
+def read(name):
+    """Return the lines of a file of results as lists of cells, the head first."""
+    with (RESULTS / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))
 
 
-def read(text):
-    """Return the lines of a table in Markdown as lists of cells, without the line below the head."""
-    lines = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in text.strip().splitlines()]
-    return [lines[0], *lines[2:]]
+def write(name, lines):
+    """Write the lines of a file of results."""
+    with (RESULTS / f"{name}.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(lines)
 
 
 def number(cell):
@@ -208,31 +215,32 @@ def number(cell):
 
 
 class Tables:
-    """The tables of the page as numbers by (law, integrator), that of the masses by (mass, law, integrator)."""
+    """The files of results as numbers by (law, integrator), those of the masses by (mass, law, integrator)."""
 
-    def __init__(self, errors_text, summary_text, masses_text):
-        head, *lines = read(masses_text)
+    def __init__(self):
+        head, *lines = read("masses")
         self.masses = {tuple(line[:3]): dict(zip(head[3:], map(number, line[3:]), strict=True)) for line in lines}
-        head, *lines = read(errors_text)
+        head, *lines = read("errors")
         self.cases = head[2:]
         self.errors = {(law, integrator): [number(cell) for cell in cells] for law, integrator, *cells in lines}
-        head, *lines = read(summary_text)
+        head, *lines = read("medians")
         self.columns = {
-            name: {(line[0], line[1]): line[k] for line in lines} for k, name in enumerate(head) if k > 1
+            name: {(line[0], line[1]): number(line[k]) for line in lines} for k, name in enumerate(head) if k > 1
         }  # fmt: skip
+        self.cells = {(name, *line[:2]): line[k] for line in lines for k, name in enumerate(head) if k > 1}
 
     def of(self, name, law=None, integrator=None):
         """Return one column of the medians as numbers, of all pairs or those of a law or an integrator."""
         return {
-            pair: number(cell)
-            for pair, cell in self.columns[name].items()
+            pair: value
+            for pair, value in self.columns[name].items()
             if law in (None, pair[0]) and integrator in (None, pair[1])
         }
 
     def kept(self):
         """Return the least and the most energy kept [%] by pair."""
-        parts = {pair: cell.partition(" to ")[::2] for pair, cell in self.columns["kept"].items()}
-        return {pair: (number(low), number(high)) for pair, (low, high) in parts.items()}
+        most = self.columns["most kept"]
+        return {pair: (least, most[pair]) for pair, least in self.columns["least kept"].items()}
 
 
 def span(values, digits=2):
@@ -308,116 +316,160 @@ def findings(tables):
     ringing = consistent["lagrange", cd]
     assert all(line["noise"] < line["lumped noise"] < ringing["noise"] for line in exact_without_mass)
     lines = [
-        "**Damping in the scheme silences a penalty, moving the contact to the predicted state is better still, and "
-        f"both cost energy.** With central difference the penalty errs {short(error['penalty', cd])} % "
-        f"and rings {short(noise['penalty', cd])} times the exact force; the schemes that damp high frequencies err "
-        f"{span([error[pair] for pair in damped])} % and ring {span([noise[pair] for pair in damped])} times, and lose "
-        f"up to {span(lost_by_damping)} % of the energy where bodies part. Wu's predictor-corrector errs "
-        f"{short(error['penalty', wu])} % and loses up to {short(lost_by_wu)} %.",
-        f"**Laws that allow no overlap, or nearly none, err least, with every scheme.** They err "
-        f"{span(exact.values())} %; the least, {short(best)} %, by "
-        f"{', '.join(dict.fromkeys(law for law, _ in winners))}.",
-        f"**The order of the scheme does not show in the contact force.** Where mesh and step are refined fourfold, "
-        f"the error falls with an observed order of {span([order[pair] for pair in sharp])} (median over the cases), "
-        "for schemes of first and of second order alike.",
-        "**Energy kept exactly is no accuracy, and small losses add up.** With central difference "
+        "**A penalty rings with central difference. Damping in the scheme reduces the noise, and Wu's "
+        "predictor-corrector reduces it most; both cost energy.** With central difference the penalty errs by "
+        f"{short(error['penalty', cd])} %, and the total variation of its force is {short(noise['penalty', cd])} times "
+        "the exact one. With the schemes that damp high frequencies it errs by "
+        f"{span([error[pair] for pair in damped])} %, with {span([noise[pair] for pair in damped])} times the exact "
+        f"variation, and loses up to {span(lost_by_damping)} % of the energy where bodies part. With Wu's "
+        f"predictor-corrector it errs by {short(error['penalty', wu])} % and loses up to {short(lost_by_wu)} %.",
+        "**Laws with no overlap, or nearly none, err least, with every scheme.** They err by "
+        f"{span(exact.values())} %. The least error, {short(best)} %, belongs to "
+        f"{', '.join(f'`{law}`' for law in dict.fromkeys(law for law, _ in winners))}.",
+        "**The order of the scheme does not show in the contact force.** With a mesh and a step four times finer the "
+        f"error falls with an observed order of {span([order[pair] for pair in sharp])} (median over the cases), for "
+        "schemes of first and of second order.",
+        "**A method that keeps the energy exactly is not therefore accurate.** With central difference "
         "`energy-conserving-penalty` keeps the energy to 0.01 % and errs "
         f"{short(error[conserving] / error['lagrange', cd])} times as much as `lagrange`, which loses up to "
-        f"{short(100.0 - kept['lagrange', cd][0])} %. When the exact bar of `{MANY}` has struck fifty times, "
-        f"this pair has kept its energy to {MOST_SPENT} %, as a penalty has; `lagrange` has lost more than half "
-        "of it, and "
-        "a penalty with a scheme that damps, or with Wu's predictor-corrector, more than a tenth. How much depends on "
-        "round-off there. "
-        f"`nitsche` with a scheme that does not damp adds {span(gains.values())} %, more than any other law "
-        f"({short(max(others, 0.0))} % at most).",
-        f"**The largest step is the best one, unless the scheme damps.** From a Courant number of {COURANT} to 0.9 the "
-        f"error of exact contact with central difference falls to {span(undamped)} of what it was, as the mesh "
-        "disperses less, and a run costs less. With the schemes that damp in one stage the error of a penalty changes "
-        f"by a factor of {span(one_step)}.",
-        f"**Many names, fewer methods.** Of {len(tables.errors)} pairs {len(tables.errors) - len(groups)} repeat the "
-        "errors of another to every digit shown: `paoli-schatzman` without restitution is `lagrange`, "
-        "`regularised-lagrange` is a matched `bipenalty` with Wu's predictor-corrector, laws with a kernel see the "
-        "same with either leap-frog scheme, `velocity-verlet` is central difference read at other times and "
-        "`explicit-newmark` without damping is `velocity-verlet`.",
-        f"**A multi-stage scheme costs {span(stages)} times central difference a node and a step here**, for errors "
-        "that are not smaller. Part of that is percuss, whose loop for leap-frog schemes on uniform bars is the faster "
-        "one.",
-        "**An end without mass calms a penalty, and costs exact contact accuracy; a consistent mass makes both "
-        "worse.** With central difference mass redistribution takes the noise of the penalty from "
-        f"{short(noise['penalty', cd])} to {short(calmed['noise'])} and its error to {short(calmed['over lumped'])} of "
-        f"what it was; exact contact rings {span([line['noise'] for line in exact_without_mass])} in the place of "
+        f"{short(100.0 - kept['lagrange', cd][0])} %.",
+        f"**Small losses add up.** In `{MANY}` the exact bar strikes fifty times and loses nothing. The same pair and "
+        f"the penalty with central difference keep the energy to {MOST_SPENT} %. `lagrange` loses more than half of "
+        "it. A penalty loses more than a tenth with a scheme that damps, or with Wu's predictor-corrector. These "
+        "numbers depend on round-off.",
+        f"**`nitsche` adds energy.** With a scheme that does not damp it adds {span(gains.values())} %. Every other "
+        f"law adds {short(max(others, 0.0))} % at most.",
+        f"**The largest step is the best, unless the scheme damps.** From a Courant number of {COURANT} to 0.9 the "
+        f"error of exact contact with central difference falls to {span(undamped)} of its value, because the mesh "
+        "disperses less, and the run costs less. With the schemes of one stage that damp, the error of a penalty "
+        f"changes by a factor of {span(one_step)}.",
+        f"**Some names are the same method.** Of {len(tables.errors)} pairs {len(tables.errors) - len(groups)} repeat "
+        "the errors of another pair to every digit shown. `paoli-schatzman` without restitution is `lagrange`. "
+        "`regularised-lagrange` is a matched `bipenalty` with Wu's predictor-corrector. Laws with a kernel give the "
+        "same with either leap-frog scheme. `velocity-verlet` is central difference with velocities at other times, "
+        "and `explicit-newmark` without damping is `velocity-verlet`.",
+        f"**A multi-stage scheme costs {span(stages)} times as much as central difference for each node and step**, "
+        "and its errors are not smaller. A part of this cost is percuss: its loop for leap-frog schemes on uniform "
+        "bars is the faster one.",
+        "**An end without mass calms a penalty and makes exact contact less accurate.** With central difference, mass "
+        f"redistribution reduces the noise of the penalty from {short(noise['penalty', cd])} to "
+        f"{short(calmed['noise'])} and its error to {short(calmed['over lumped'])} of its value. Exact contact has a "
+        f"noise of {span([line['noise'] for line in exact_without_mass])} instead of "
         f"{span([line['lumped noise'] for line in exact_without_mass])}, and errs "
-        f"{span([line['over lumped'] for line in exact_without_mass])} times as much. With the inverse of the "
-        f"consistent mass (`reciprocal` at its default) `lagrange` rings {short(ringing['noise'])} and errs "
-        f"{short(ringing['over lumped'])} times as much, at a critical Courant number of "
-        f"{short(ringing['critical C'], 3)}.",
+        f"{span([line['over lumped'] for line in exact_without_mass])} times as much.",
+        "**A consistent mass makes both worse.** With its inverse (`reciprocal` at its default) `lagrange` has a noise "
+        f"of {short(ringing['noise'])} and errs {short(ringing['over lumped'])} times as much. The critical Courant "
+        f"number is {short(ringing['critical C'], 3)}.",
     ]  # fmt: skip
     return "".join(f"- {line}\n" for line in lines)
 
 
-def shown_pairs(pairs):
-    """Return pairs in words, by law."""
-    by_law = {}
-    for law, integrator in pairs:
-        by_law.setdefault(law, []).append(integrator)
-    return "; ".join(f"`{law}` with {', '.join(schemes)}" for law, schemes in by_law.items())
-
-
 def advice(tables):
-    """Return which method suits which wish, as a table in Markdown, by rules that stand in its second column."""
-    error, noise, overlap = (tables.of(name) for name in ("error", "noise", "overlap"))
-    fifty = tables.of("of fifty")
+    """Return which method suits which wish, as sentences in Markdown.
+
+    Raises
+    ------
+    AssertionError
+        If a sentence is no longer true, whatever its numbers.
+    """
+    error, noise, overlap, fifty = (tables.of(name) for name in ("error", "noise", "overlap", "of fifty"))
+    kept, (cd, wu, _) = tables.kept(), LEAP_FROG
+    first, smooth, calm = ("lagrange", cd), ("penalty", wu), ("uzawa", "tchamwa-wielgosz")
+    lasting = [("energy-conserving-penalty", cd), ("penalty", cd)]
+
+    def largest(pair, pressed):
+        """Return the largest error of a pair in the cases whose bodies stay pressed, or in the others."""
+        values = zip(tables.cases, tables.errors[pair], strict=True)
+        return max(value for case, value in values if (case in PRESSED) == pressed)
+
+    pairs = [pair for pair in error if math.isfinite(error[pair]) and all(map(math.isfinite, tables.errors[pair]))]
     best = min(error.values())
-
-    finite = [pair for pair in error if math.isfinite(error[pair])]
-    calm = [pair for pair in finite if error[pair] <= 2.0 * best]
-    largest = {}
-    for name in ("pressed", "hit"):
-        columns = [k for k, case in enumerate(tables.cases) if (case in PRESSED) == (name == "pressed")]
-        worst = {pair: max((values[k] for k in columns), default=math.nan) for pair, values in tables.errors.items()}
-        largest[name] = {pair: value for pair, value in worst.items() if math.isfinite(value)}
-    wishes = [
-        ("force history over all cases", "least median error", error, finite, " %"),
-        ("no bad surprise where bodies hit", "least largest error over these cases", largest["hit"], None, " %"),
-        (
-            "bodies that stay pressed together",
-            f"least largest error on {' and '.join(PRESSED)}",
-            largest["pressed"],
-            None,
-            " %",
-        ),
-        (
-            "a smooth force",
-            "total variation nearest to the exact one, among errors up to twice the least",
-            {pair: abs(noise[pair] - 1.0) for pair in calm},
-            None,
-            "",
-        ),
-        (
-            "energy over many impacts",
-            f"all energy kept to {MOST_SPENT} % in {MANY}, whatever takes it: contacts, scheme or material",
-            {pair: max(abs(value - 100.0), MOST_SPENT) for pair, value in fifty.items() if math.isfinite(value)},
-            None,
-            " %",
-        ),
-        (
-            "no overlap at all",
-            "least error of those whose median overlap is below 1e-12 of a penalty's",
-            error,
-            [pair for pair in finite if overlap[pair] < 1e-12],
-            " %",
-        ),
+    assert error[first] == best
+    assert overlap[first] < 1e-12
+    assert largest(first, True) == min(largest(pair, True) for pair in pairs)
+    rings_less = {pair: abs(noise[pair] - 1.0) for pair in pairs if error[pair] <= 2.0 * best}
+    assert rings_less[smooth] == min(rings_less.values())
+    assert noise[smooth] < noise[first]
+    assert largest(calm, False) == min(largest(pair, False) for pair in pairs)
+    assert all(abs(fifty[pair] - 100.0) <= MOST_SPENT for pair in lasting)
+    assert not any(abs(fifty[pair] - 100.0) <= MOST_SPENT and error[pair] < error[lasting[0]] for pair in pairs)
+    assert fifty[first] < 50.0
+    lines = [
+        f"**Start with `lagrange` and `{cd}`.** No pair has a smaller error of the contact force: {short(best)} %, the "
+        f"median over {len(tables.cases)} cases. The bodies do not overlap, and there is no stiffness to choose.",
+        f"**Bodies that stay pressed together: the same pair.** It errs by {short(largest(first, True))} % at most on "
+        f"{' and '.join(PRESSED)}. A penalty with Wu's predictor-corrector errs by "
+        f"{short(largest(smooth, True))} % there.",
+        f"**A smooth force: take `penalty` with `{wu}`.** The total variation of its force is {short(noise[smooth])} "
+        f"times the exact one, and {short(noise[first])} times with the first pair. It errs by "
+        f"{short(error[smooth])} % and loses up to {short(100.0 - kept[smooth][0])} % of the energy in an impact.",
+        f"**No large error in any impact: take `{calm[0]}` with `{calm[1]}`.** It errs by "
+        f"{short(largest(calm, False))} % at most where bodies hit. The first pair errs by "
+        f"{short(largest(first, False))} % there.",
+        f"**Energy over many impacts: take `{lasting[0][0]}` or `penalty` with `{cd}`.** They keep the energy of fifty "
+        f"impacts to {MOST_SPENT} %. The first pair loses more than half of it.",
+        "**A stiffness, a restitution or a bond that is a property of your contact: take the law that has it**, "
+        "whatever its error against rigid contact.",
     ]
-    lines = [["wish", "rule", "value", "pairs"]]
-    for wish, rule, values, among, unit in wishes:
-        pairs = list(values) if among is None else among
-        value = min(values[pair] for pair in pairs)
-        text = short(value) + unit if unit else f"{short(value)} from 1"
-        lines.append([wish, rule, text, shown_pairs([pair for pair in pairs if values[pair] == value])])
-    return markdown(lines)
+    return "".join(f"- {line}\n" for line in lines)
 
 
-PARTS = ("errors", "medians", "masses", "refusals", "what the family shows", "which method when")
+def matrix(tables, name):
+    """Return one column of the medians as a table in Markdown: a row a law, a column a scheme."""
+    values = tables.of(name)
+    laws, schemes = (list(dict.fromkeys(pair[place] for pair in values)) for place in (0, 1))
+    schemes.sort(key=lambda scheme: (scheme not in LEAP_FROG[:2], scheme))
+    lines = ((f"`{law}`", *(tables.cells.get((name, law, scheme), "-") for scheme in schemes)) for law in laws)
+    return pages.table(("law", *schemes), lines)
+
+
+def figure(tables):
+    """Return a figure of the medians: a row a law, a mark a scheme."""
+    from matplotlib.figure import Figure
+
+    classes = {
+        "central difference": ("o", "#0072B2", {LEAP_FROG[0]}),
+        "Wu's predictor-corrector": ("s", "#D55E00", {LEAP_FROG[1]}),
+        "schemes that damp": ("^", "#009E73", set(DAMPING)),
+        "other schemes": ("x", "#5f5f5f", {"explicit-newmark", "velocity-verlet"}),
+    }
+    panels = {
+        "error": ("median error of the contact force [%]", "log"),
+        "noise": ("noise: total variation over the exact one", "log"),
+        "of fifty": ("energy left after fifty impacts [%]", "linear"),
+    }
+    drawn = Figure(figsize=(12.8, 5.2), facecolor="white", layout="constrained")
+    places = drawn.subplots(1, len(panels), sharey=True)
+    error = tables.of("error")
+    laws = sorted({law for law, _ in error}, key=lambda law: (-min(tables.of("error", law).values()), law))
+    for axes, (name, (title, scale)) in zip(places, panels.items(), strict=True):
+        values = tables.of(name)
+        for place, (words, (marker, colour, schemes)) in enumerate(classes.items()):
+            points = {pair: value for pair, value in values.items() if pair[1] in schemes}
+            heights = [laws.index(law) + 0.27 - 0.18 * place for law, _ in points]  # so that no mark hides another
+            axes.plot(list(points.values()), heights, marker, color=colour, label=words, alpha=0.8, markersize=5)
+        axes.set(xlabel=title, xscale=scale, yticks=range(len(laws)), yticklabels=laws)
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
+        axes.grid(color="#dddddd")
+    places[0].set_xticks([1, 2, 3, 5, 8, 12])
+    places[1].set_xticks([0.5, 1, 2, 4, 8])
+    places[2].axvline(100.0, color="#1a1a1a", linewidth=1.0)
+    places[2].set_xlim(0.0, 130.0)
+    beyond = {value for value in tables.of("of fifty").values() if value > 130.0}
+    assert beyond == set(tables.of("of fifty", "nitsche").values()) & beyond
+    words = f"up to {short(max(beyond), 3)} → "
+    places[2].text(130.0, laws.index("nitsche"), words, ha="right", va="center", color="#5f5f5f")
+    drawn.legend(*places[0].get_legend_handles_labels(), loc="outside upper left", ncols=len(classes), frameon=False)
+    return drawn
+
+
+PARTS = {
+    "what the family shows": findings,
+    "which method when": advice,
+    "median errors": lambda tables: matrix(tables, "error"),
+    "energy after fifty impacts": lambda tables: matrix(tables, "of fifty"),
+}
 
 
 def refused(table):
@@ -434,16 +486,21 @@ def refused(table):
 
 
 def main():
-    """Write the tables, and what they show, into the page."""
+    """Write the results, and what they show, into their files and pages."""
     given = sys.argv[1:]
     with tempfile.TemporaryDirectory() as folder:
         table = percuss.open_study(given[0]).table if given else rows(Path(folder) / "family.sqlite")
-    made = {"errors": markdown(errors(table)), "medians": markdown(summary(table)), "masses": markdown(masses(table))}
-    made["refusals"] = refused(table)
-    tables = Tables(made["errors"], made["medians"], made["masses"])
-    made |= {"what the family shows": findings(tables), "which method when": advice(tables)}
-    for name in PARTS:
-        pages.write(name, made[name])
+    for name, make in (("errors", errors), ("medians", summary), ("masses", masses)):
+        write(name, make(table))
+    pages.write("refusals", refused(table))
+    write_parts()
+
+
+def write_parts():
+    """Write what the files of results show into the pages."""
+    tables = Tables()
+    for name, make in PARTS.items():
+        pages.write(name, make(tables))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image, PngImagePlugin
 
+import family
 import pages
 import places
 from command_line import percuss_command
@@ -28,6 +29,8 @@ COMMANDS = {name: f"run cases/{name}.yaml --plot {name}.png" for name in SHIPPED
     "two-bars": "run two-bars.yaml --plot two-bars.png",
     "compared": "compare two-bars.yaml --plugin spring.py --contact spring,penalty,lagrange --plot compared.png",
 }
+FROM_DATA = {"family": lambda: family.figure(family.Tables())}  # pictures of the results of a study
+ALL = [*COMMANDS, *FROM_DATA]
 ROUND_OFF = {"fifty-impacts"}  # late forces depend on round-off: of this picture the texts are compared
 WIDTHS, COLOURS, LARGEST = (1080, 960, 840), (96, 64, 32), 60_000  # pixels, colours, bytes of a file at most
 POINTS = 9  # of each line that are kept
@@ -49,10 +52,14 @@ def figures_caught():
         Figure.savefig = save
 
 
-def figure_of(command, folder):
-    """Return the figure that a command draws."""
+def figure_of(name, folder):
+    """Return the figure of a picture, and draw it as a large one into a folder."""
+    if name in FROM_DATA:
+        figure = FROM_DATA[name]()
+        figure.savefig(Path(folder) / f"{name}.png", dpi=180)
+        return figure
     with figures_caught() as caught:
-        done = percuss_command(*pages.shlex.split(command), cwd=folder)
+        done = percuss_command(*pages.shlex.split(COMMANDS[name]), cwd=folder)
     assert done.returncode == 0, done.stderr
     (figure,) = caught
     return figure
@@ -110,12 +117,12 @@ def main():
     kept = json.loads(DRAWN.read_text(encoding="utf-8")) if DRAWN.is_file() else {}
     with tempfile.TemporaryDirectory() as place:
         pages.fill(Path(place))
-        for name in sys.argv[1:] or COMMANDS:
-            figure = figure_of(COMMANDS[name], place)
+        for name in sys.argv[1:] or ALL:
+            figure = figure_of(name, place)
             kept[name] = drawn(figure)
             write_picture(Path(place) / f"{name}.png", kept[name], FOLDER / f"{name}.png")
             sys.stdout.write(f"{name}: {(FOLDER / name).with_suffix('.png').stat().st_size} bytes\n")
-    lines = (f"{json.dumps(name)}: {json.dumps(kept[name], ensure_ascii=False)}" for name in COMMANDS if name in kept)
+    lines = (f"{json.dumps(name)}: {json.dumps(kept[name], ensure_ascii=False)}" for name in ALL if name in kept)
     DRAWN.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 

@@ -13,7 +13,7 @@ import gallery
 import pages
 
 DRAWN = json.loads(gallery.DRAWN.read_text(encoding="utf-8"))
-ALWAYS = {"hunek", "two-bars", "compared"}  # the pictures of the first pages; each takes some seconds
+ALWAYS = {"hunek", "two-bars", "compared", "family"}  # the pictures of the first pages; each takes some seconds
 
 
 def agree(one, other, within):
@@ -33,17 +33,17 @@ def agree(one, other, within):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [name if name in ALWAYS else pytest.param(name, marks=pytest.mark.deep) for name in gallery.COMMANDS]
+    "name", [name if name in ALWAYS else pytest.param(name, marks=pytest.mark.deep) for name in gallery.ALL]
 )
 def test_a_picture_shows_what_is_drawn_today(name, tmp_path):
     """`python tests/support/gallery.py` draws the pictures anew."""
     pages.fill(tmp_path)
-    made = json.loads(json.dumps(gallery.drawn(gallery.figure_of(gallery.COMMANDS[name], tmp_path))))
+    made = json.loads(json.dumps(gallery.drawn(gallery.figure_of(name, tmp_path))))
     within = math.inf if name in gallery.ROUND_OFF else 1e-2
     assert agree(DRAWN[name], made, within), made
 
 
-@pytest.mark.parametrize("name", gallery.COMMANDS)
+@pytest.mark.parametrize("name", gallery.ALL)
 def test_a_picture_is_small_and_of_the_kept_data(name):
     path = gallery.FOLDER / f"{name}.png"
     assert path.stat().st_size <= gallery.LARGEST
