@@ -1,7 +1,7 @@
 """The pictures of the pages: ``python tests/support/gallery.py`` draws them anew, with names as arguments these alone.
 
-Each one is what a command of percuss draws, made small. What was drawn, lines and texts, is kept beside the pictures
-in ``drawn.json``: a test draws again and compares that, since pixels depend on the machine.
+Each one is what a command of percuss draws, made small. What was drawn, lines and texts, is kept in a file beside the
+picture: a test draws again and compares that, since pixels depend on the machine.
 """
 
 import contextlib
@@ -22,7 +22,6 @@ import places
 from command_line import percuss_command
 
 FOLDER = places.CASES / "gallery"
-DRAWN = FOLDER / "drawn.json"
 SHIPPED = sorted(path.stem for path in places.CASES.glob("*.yaml"))
 COMMANDS = {name: f"run cases/{name}.yaml --plot {name}.png" for name in SHIPPED} | {
     "laws": "compare cases/hunek.yaml --plugin spring.py --contact spring,bipenalty,lagrange --plot laws.png",
@@ -112,18 +111,20 @@ def write_picture(large, shown, path):
     raise AssertionError(f"{path.name} has {path.stat().st_size} bytes")
 
 
+def kept(name):
+    """Return what the kept picture of a name shows."""
+    return json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+
+
 def main():
     """Draw the pictures, all or those that are named."""
-    kept = json.loads(DRAWN.read_text(encoding="utf-8")) if DRAWN.is_file() else {}
     with tempfile.TemporaryDirectory() as place:
         pages.fill(Path(place))
         for name in sys.argv[1:] or ALL:
-            figure = figure_of(name, place)
-            kept[name] = drawn(figure)
-            write_picture(Path(place) / f"{name}.png", kept[name], FOLDER / f"{name}.png")
-            sys.stdout.write(f"{name}: {(FOLDER / name).with_suffix('.png').stat().st_size} bytes\n")
-    lines = (f"{json.dumps(name)}: {json.dumps(kept[name], ensure_ascii=False)}" for name in ALL if name in kept)
-    DRAWN.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+            shown, path = drawn(figure_of(name, place)), FOLDER / f"{name}.png"
+            write_picture(Path(place) / f"{name}.png", shown, path)
+            path.with_suffix(".json").write_text(json.dumps(shown, indent=1, ensure_ascii=False), encoding="utf-8")
+            sys.stdout.write(f"{name}: {path.stat().st_size} bytes\n")
 
 
 if __name__ == "__main__":
