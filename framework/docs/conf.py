@@ -47,7 +47,17 @@ templates_path = ["templates"]
 PYTHON = ["run", "contact_laws", "integrators", "loads", "bodies", "solutions", "options", "errors", "testing"]
 MENU = {
     "Use percuss": ["cases/README", "cases/studies/README"],
-    "Add a method": ["plugins/README"],
+    "Add a method": [
+        "plugins/README",
+        "plugins/CHOOSE",
+        "plugins/CONTACT_LAW",
+        "plugins/INTEGRATOR",
+        "plugins/LOAD",
+        "plugins/BODY",
+        "plugins/MEASURE",
+        "plugins/PACKAGE",
+        "plugins/REFERENCE",
+    ],
     "Inside": [
         "framework/README",
         "framework/THEORY",

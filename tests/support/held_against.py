@@ -1,9 +1,7 @@
-"""What each method is held against, and the test that does it: a table of the page of methods."""
+"""The truth that each method is held against, and the test that does it: tables of the reference of methods."""
 
 from __future__ import annotations
 
-import ast
-import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -173,37 +171,20 @@ HELD: dict[str, dict[str, tuple[str, str]]] = {
 }
 
 
-def lines_of_code(cls: type) -> int:
-    """Return the number of lines of the file of a class that hold neither docstrings nor comments nor nothing."""
-    text = Path(inspect.getsourcefile(cls) or "").read_text(encoding="utf-8")
-    documented = (ast.Module, ast.ClassDef, ast.FunctionDef)
-    without = {
-        line
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, documented) and ast.get_docstring(node) is not None
-        for line in range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1)
-    }
-    return sum(
-        bool(line.strip()) and not line.lstrip().startswith("#") and number not in without
-        for number, line in enumerate(text.splitlines(), 1)
-    )
-
-
-def facts(registry: Registry) -> Iterator[tuple[str, ...]]:
-    """Yield name, order, limit, what is guaranteed, lines of code and what is held against what, of each method."""
-    for family, held in HELD.items():
-        for name in registry.names(family):
-            cls: Any = registry.get(family, name)
-            against, test = held[name]
-            file, _, function = test.partition("::")
-            yield (
-                f"`{name}`",
-                str(cls.order) if family == "integrators" else "",
-                f"{cls.critical_courant:.3g}" if getattr(cls, "critical_courant", None) else "",
-                ", ".join([*getattr(cls, "conserves", ()), *getattr(cls, "guarantees", ())]),
-                str(lines_of_code(cls)),
-                f"{against}: [`{function}`](../tests/truth/{file})",
-            )
+def facts(family: str, registry: Registry) -> Iterator[tuple[str, ...]]:
+    """Yield name, order and limit (of an integrator), declared properties, truth and test of each method."""
+    for name in registry.names(family):
+        against, test = HELD[family][name]
+        cls: Any = registry.get(family, name)
+        limit = f"{cls.critical_courant:.3g}" if getattr(cls, "critical_courant", None) else ""
+        kept = ", ".join([*getattr(cls, "conserves", ()), *getattr(cls, "guarantees", ())])
+        file, _, function = test.partition("::")
+        yield (
+            f"`{name}`",
+            *((str(cls.order), limit) if family == "integrators" else ()),
+            kept,
+            f"{against}: [`{function}`](../tests/truth/{file})",
+        )
 
 
 def tests_named() -> Iterator[tuple[Path, str]]:

@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,23 +22,13 @@ import yaml
 
 import places
 from command_line import percuss_command
-from held_against import facts
+from held_against import HELD, facts
 from percuss.case.json_schema import case_schema
 from percuss.cli.main import app
 from percuss.methods.registry import Registry
 from percuss.studies.json_schema import study_schema
 
-FAMILIES = {  # families whose components stand in a case under their own names
-    "integrators": "an integrator",
-    "contacts": "a contact law",
-    "masses": "a mass",
-    "materials": "a material",
-    "elements": "an element",
-    "shapes": "a shape",
-    "loads": "a load",
-    "solutions": "an exact solution",
-    "measures": "a measure of a study",
-}
+FAMILIES = ("integrators", "contacts", "masses", "materials", "elements", "shapes", "loads", "solutions", "measures")
 
 
 MOST_SHOWN = 10  # values that a table lists; of more it says what they are
@@ -221,23 +212,22 @@ def keys_of(name: str) -> Callable[[Registry], str]:
 # ---------------------------------------------------------------------------------------------- the rest
 
 
-def components(registry: Registry) -> str:
-    """Return the table of every component with its options."""
+def components(family: str, registry: Registry) -> str:
+    """Return the table of every component of a family."""
     from percuss.case.options import options_of
 
     lines = (
-        (f"`{name}`", kind, cls.summary, ", ".join(f"`{key}`" for key in options_of(cls)))
-        for family, kind in FAMILIES.items()
+        (f"`{name}`", cls.summary, ", ".join(f"`{key}`" for key in options_of(cls)))
         for name in registry.names(family)
         for cls in [registry.get(family, name)]
     )
-    return table(("name", "is", "what it does", "options"), lines)
+    return table(("name", "what it does", "options"), lines)
 
 
-def held_against(registry: Registry) -> str:
-    """Return the table of what each method declares and of what it is held against."""
-    head = ("name", "order", "limit", "keeps", "lines", "held against")
-    return table(head, facts(registry))
+def held_against(family: str, registry: Registry) -> str:
+    """Return the table of what each method of a family declares and of what it is held against."""
+    head = ("name", *(("order", "limit") if family == "integrators" else ()), "keeps", "held against")
+    return table(head, facts(family, registry))
 
 
 def commands(_: Registry) -> str:
@@ -334,8 +324,8 @@ TABLES = {
     **{name: keys_of(name) for name in (*REST, *KEYS)},
     "commands": commands,
     "shipped cases": shipped_cases,
-    "components": components,
-    "held against": held_against,
+    **{f"{family} with options": partial(components, family) for family in FAMILIES},
+    **{f"{family} held against": partial(held_against, family) for family in HELD},
 }
 
 

@@ -17,7 +17,7 @@ from percuss.cli.main import PANELS
 
 ROOT = places.ROOT
 HUNEK = str(ROOT / "cases" / "hunek.yaml")
-PLUGINS = (ROOT / "plugins" / "README.md").read_text(encoding="utf-8")
+PLUGINS = (ROOT / "plugins" / "CONTACT_LAW.md").read_text(encoding="utf-8")
 
 
 def test_help_names_every_command() -> None:

@@ -14,7 +14,7 @@ from percuss.solver.march import March
 from percuss.solver.model import Model
 from strategies import hunek
 
-PAGE = (places.ROOT / "plugins" / "README.md").read_text(encoding="utf-8")
+PAGE = (places.ROOT / "plugins" / "INTEGRATOR.md").read_text(encoding="utf-8")
 
 # Keeps the accelerations of a step, and the internal forces of the displacement at which they were asked for.
 KEEPER = """
