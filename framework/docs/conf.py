@@ -46,25 +46,16 @@ templates_path = ["templates"]
 # The pages in the order of the site's menu; a page that is missing here is a warning of Sphinx.
 PYTHON = ["run", "contact_laws", "integrators", "loads", "bodies", "solutions", "options", "errors", "testing"]
 MENU = {
-    "Use percuss": ["cases/README", "cases/studies/README"],
-    "Add a method": [
-        "plugins/README",
-        "plugins/CHOOSE",
-        "plugins/CONTACT_LAW",
-        "plugins/INTEGRATOR",
-        "plugins/LOAD",
-        "plugins/BODY",
-        "plugins/MEASURE",
-        "plugins/PACKAGE",
-        "plugins/REFERENCE",
+    "Use percuss": [
+        *("cases/TEN_MINUTES", "cases/README", "cases/GALLERY", "cases/RUNS", "cases/STUDIES"),
+        *("cases/studies/README", "cases/studies/RESULTS", "cases/REFERENCE"),
     ],
-    "Inside": [
-        "framework/README",
-        "framework/THEORY",
-        "framework/INSIDE",
-        "framework/GLOSSARY",
-        "framework/CONTRIBUTING",
-        "framework/CHANGES",
+    "Methods": [f"plugins/{name}" for name in ("README", "CHOOSE", "REFERENCE")],
+    "Write a method": [
+        f"plugins/{name}" for name in ("CONTACT_LAW", "INTEGRATOR", "LOAD", "BODY", "MEASURE", "PACKAGE")
+    ],
+    "Inside percuss": [
+        *(f"framework/{name}" for name in ("README", "THEORY", "INSIDE", "GLOSSARY", "CONTRIBUTING", "CHANGES")),
         "tests/README",
     ],
     "Python": [f"framework/docs/api/{name}" for name in PYTHON],
