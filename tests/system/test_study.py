@@ -623,7 +623,7 @@ WRONG = {
         "cases: [hunek.yaml]\n",
         "study.yaml:1:1: percuss-study: expected version 1 of the format, found null",
     ),
-    "a case": ("percuss: 1\n", "This is a case: run it with `percuss run`."),
+    "a case": ("percuss: 1\n", "study.yaml:1:1: percuss: is a case, not a study"),
     "unknown key": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvari: {refine: [1]}\n",
         "study.yaml:3:1: vari: unknown key 'vari' of the study",

@@ -9,8 +9,11 @@ import yaml
 from percuss.case import source
 from percuss.case.case import load
 from percuss.case.source import Source
+from percuss.cli.main import expect_no_space_in_lists
 from percuss.errors import InputError
 from percuss.methods.registry import Registry
+from percuss.solver.model import Model
+from percuss.studies.study_table import open_study
 
 TABLE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))
 
@@ -75,17 +78,63 @@ def test_not_utf8(folder):
 
 @pytest.mark.parametrize("more", [0, source.MAX_BYTES])
 @pytest.mark.parametrize(
-    ("beginning", "kind", "command"),
+    ("beginning", "kind", "advice"),
     [
-        (b"\x89HDF\r\n\x1a\n\0\0", "a NetCDF file, as `percuss run -o` writes", "percuss verify case.yaml"),
-        (b"SQLite format 3\0\x10\0", "a SQLite database, as `percuss study` makes", "percuss report case.yaml"),
+        (
+            b"\x89HDF\r\n\x1a\n\0\0",
+            "a NetCDF file, as `percuss run -o` writes",
+            "Read it with `percuss verify case.yaml`.",
+        ),
+        (
+            b"SQLite format 3\0\x10\0",
+            "a SQLite database, as `percuss study` makes",
+            "Read it with `percuss report case.yaml`.",
+        ),
+        (b"\x89PNG\r\n\x1a\n\0\0", "a picture", "Name the case, or the result (.nc), that it shows."),
     ],
 )
-def test_a_file_that_percuss_makes_is_told_from_a_case(folder, beginning, kind, command, more):
+def test_a_file_that_percuss_makes_is_told_from_a_case(folder, beginning, kind, advice, more):
     Path("case.yaml").write_bytes(beginning + b"\0" * more)
     with pytest.raises(InputError) as caught:
         load("case.yaml")
-    assert str(caught.value) == f"case.yaml: expected a YAML file, found {kind}\n  Read it with `{command}`."
+    assert str(caught.value).startswith(f"case.yaml: expected a YAML file, found {kind}\n  {advice}")
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "advice"),
+    [
+        ("# mine\npercuss: 1\n", "a case", "Run it with `percuss run case.yaml`."),
+        ("percuss-study: 1\n", "a study that was not run", "First run it: `percuss study case.yaml`."),
+    ],
+)
+def test_a_case_is_no_study_that_was_run(folder, text, kind, advice):
+    Path("case.yaml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        open_study("case.yaml")
+    assert str(caught.value) == f"case.yaml: expected the file of a study, found {kind}\n  {advice}"
+
+
+@pytest.mark.parametrize(
+    ("ends", "advice"),
+    [
+        ("[short.left, long.right]", "Did you mean the ends [short.right, long.left]?"),
+        ("[short.right, long.left]", "Move them apart by 0.3, or drop the contact."),
+    ],
+)
+def test_bars_that_overlap_may_have_swapped_ends(folder, ends, advice):
+    Path("case.yaml").write_text(TABLE["base"].replace("at: 10", "at: 9.7" if "0.3" in advice else "at: 10"))
+    with pytest.raises(InputError) as caught:
+        Model(load("case.yaml", {"contacts.tip.between": ends}))
+    assert advice in str(caught.value)
+
+
+def test_a_space_in_a_list_is_told(capsys):
+    expect_no_space_in_lists(["compare", "case.yaml", "--contact", "penalty,", "--json"])
+    with pytest.raises(SystemExit) as ended:
+        expect_no_space_in_lists(["compare", "case.yaml", "--contact", "penalty,", "lagrange"])
+    assert ended.value.code == 2
+    expected = "percuss: expected a list without spaces, found 'penalty, lagrange'\n  Write penalty,lagrange\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_a_mapping_has_paths_for_places():

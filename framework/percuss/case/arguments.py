@@ -6,7 +6,8 @@ import os
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from percuss.errors import InputError, Problem, suggestion
+from percuss.case.hints import name_advice
+from percuss.errors import InputError, Problem
 from percuss.methods.blame import SINGULAR
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def expect_methods(registry: Registry, integrators: Iterable[str], contacts: Ite
     """Raise InputError unless all names of integrators and of contact laws are registered."""
     options = (("integrator", "integrators", integrators), ("contact", "contacts", contacts))
     problems = [
-        Problem(f"--{option}", "", f"unknown {SINGULAR[family]} '{name}'", suggestion(name, registry.names(family)))
+        Problem(f"--{option}", "", f"unknown {SINGULAR[family]} '{name}'", name_advice(name, family, registry))
         for option, family, names in options
         for name in names
         if name not in registry.names(family)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.hints import file_advice
 from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, NotPlainError, compose, dotted, flow
 from percuss.errors import InputError, Problem, shortened
 from percuss.files import found_instead, is_folder
@@ -22,11 +23,6 @@ __all__ = ["KeyPath", "Mark", "Source", "dotted", "flow", "override_label"]
 
 EXCERPT_WIDTH = 120
 MAX_BYTES = 10_000_000  # of a file
-# First bytes of what percuss writes itself: what it is, and the command that reads it.
-OWN_FILES = {
-    b"\x89HDF\r\n\x1a\n": ("a NetCDF file, as `percuss run -o` writes", "percuss verify"),
-    b"SQLite format 3\0": ("a SQLite database, as `percuss study` makes", "percuss report"),
-}
 LONGEST_LABEL = 200  # letters of the path and of the value of an override
 
 
@@ -62,14 +58,6 @@ def _plain(value: Any, path: KeyPath, marks: dict[KeyPath, Mark]) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         return tuple(_plain(item, (*path, i), marks) for i, item in enumerate(value))
     return value
-
-
-def _expect_no_own_file(name: str, content: bytes) -> None:
-    """Raise InputError for the content of a result or of the rows of a study."""
-    for beginning, (kind, command) in OWN_FILES.items():
-        if content.startswith(beginning):
-            message = f"expected a YAML file, found {kind}"
-            raise InputError([Problem(name, "", message, f"Read it with `{command} {name}`.")])
 
 
 def _put(data: Any, path: KeyPath, value: Any) -> Any:
@@ -131,7 +119,8 @@ class Source:
         try:
             with file.open("rb") as stream:
                 content = stream.read(MAX_BYTES + 1)
-            _expect_no_own_file(name, content)
+            if other_kind := file_advice(name, content):
+                raise InputError([Problem(name, "", f"expected a YAML file, found {other_kind[0]}", other_kind[1])])
             text = content.decode("utf-8-sig") if len(content) <= MAX_BYTES else None
         except FileNotFoundError:
             beside = [entry.name for entry in file.parent.glob("*.y*ml")] if file.parent.is_dir() else []

@@ -176,13 +176,16 @@ class TimeSpec(Section):
     ] = "stop"
 
     def __post_init__(self) -> None:
-        wrong = []
+        wrong, both = [], []
         for group in self.exactly_one:
             given = [key for key in group if getattr(self, key) is not None]
+            both += given[:1] if len(given) > 1 else []
             if len(given) != 1:
                 wrong.append(f"{'both' if given else 'neither'} of `{group[0]}` and `{group[1]}`")
         if wrong:
-            raise ValueError(f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}")
+            message = f"has {', and '.join(wrong)}: give exactly one{' of each' if len(wrong) > 1 else ''}"
+            advice = f"Remove one, or unset it on the command line: `--set time.{both[0]}=null`." if both else ""
+            raise failure(Mistake((), message, advice, key=True))
 
     @property
     def known_end(self) -> float | None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
+from percuss.case.hints import number_advice
 from percuss.case.yaml_text import flow
 from percuss.errors import nearest
 from percuss.methods.interfaces import DataFile, Ge, Unit
@@ -109,12 +110,19 @@ def found(value: Any) -> str:
     """Return a value as the input has it, short enough for a message."""
     if isinstance(value, str):
         return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
-    text = flow(value)
+    text = flow(_rounded(value))
     if len(text) <= 40:
         return text
     if isinstance(value, Mapping):
         return f"a mapping of {len(value)} entries"
     return f"a list of {len(value)} items" if isinstance(value, tuple) else f"{text[:37]}..."
+
+
+def _rounded(value: Any) -> Any:
+    """Return a value whose numbers have twelve digits at most."""
+    if isinstance(value, float):
+        return float(f"{value:.12g}")
+    return tuple(map(_rounded, value)) if isinstance(value, tuple) else value
 
 
 def advice_for(annotation: Any, value: Any) -> str:
@@ -127,12 +135,17 @@ def advice_for(annotation: Any, value: Any) -> str:
         close = nearest(value, [word for literal in literals for word in get_args(literal) if isinstance(word, str)])
         if close is not None:
             return f"Did you mean '{close}'?"
-    if isinstance(value, float):
-        if math.isnan(value):
-            return "nan is never a value."
-        if math.isinf(value) and {int, float} & set(branches(annotation)):
-            return "Give a finite number."
-        least = fact(annotation, Ge)
-        if value.is_integer() and int in branches(annotation) and (least is None or value >= least.ge):  # type: ignore[operator]
-            return f"Write {int(value)}."
+        return number_advice(value) if {int, float} & set(branches(annotation)) else ""
+    return _float_advice(annotation, value) if isinstance(value, float) else ""
+
+
+def _float_advice(annotation: Any, value: float) -> str:
+    """Return advice for a number that is infinite, not a number, or whole but not written so; else nothing."""
+    if math.isnan(value):
+        return "nan is never a value."
+    if math.isinf(value) and {int, float} & set(branches(annotation)):
+        return "Give a finite number."
+    least = fact(annotation, Ge)
+    if value.is_integer() and int in branches(annotation) and (least is None or value >= least.ge):  # type: ignore[operator]
+        return f"Write {int(value)}."
     return ""

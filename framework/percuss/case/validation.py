@@ -18,6 +18,7 @@ import pydantic
 from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError, core_schema
 
 from percuss.case.csv_file import read_text, table_in
+from percuss.case.hints import name_advice
 from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS, Option, options_of
 from percuss.case.type_words import Expects, advice_for, describe, fact, found, item_type
 from percuss.case.yaml_text import KeyPath
@@ -268,6 +269,8 @@ def _mapping_schema(cls: Any, handler: Any) -> core_schema.CoreSchema:
         try:
             with process_as_before() if is_third_party(cls.__module__) else nullcontext():
                 made = cls(**{options[key].field: item for key, item in values.items()})
+        except pydantic.ValidationError:
+            raise
         except OptionError as error:
             raise failure(Mistake(error.path, str(error))) from None
         except ValueError as error:
@@ -380,7 +383,7 @@ class Named:
             cls: type[Component] = info.context.registry.get(self.family, name if isinstance(name, str) else "")
         except KeyError:
             kind, text = SINGULAR[self.family], name if isinstance(name, str) else ""
-            advice = " ".join([suggestion(text, info.context.registry.names(self.family)), *info.context.left_out])
+            advice = " ".join([name_advice(text, self.family, info.context.registry), *info.context.left_out])
             message = f"unknown {kind} '{name}'" if text else f"expected the name of a {kind}, found {found(name)}"
             raise failure(Mistake(at, message, advice)) from None
         except PluginError as error:

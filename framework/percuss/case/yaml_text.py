@@ -254,8 +254,13 @@ class _Document:
             if key in data:
                 message = f"the key '{key}' stands twice: here and in line {lines[key]}"
                 self.mistakes.append(Mistake(position, (*path, key), message, "Keep one of them."))
+            before = next(reversed(data.values()), None)
             lines[key] = position[0]
             data[key] = self.read(value_node, (*path, key), position)
+            wrong = self.mistakes[-1] if self.mistakes else None
+            split = key.isdigit() and data[key] is None and isinstance(before, int)
+            if split and wrong is not None and wrong.position == position:
+                self.mistakes[-1] = wrong._replace(advice=f"Write {before}.{key}: the decimal mark is a point.")
         return data
 
     def key(self, node: yaml.Node, path: KeyPath, position: tuple[int, int]) -> str:

@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Annotated, Any
 
 import typer
@@ -78,6 +79,15 @@ def options(
     """Take the options that belong to no command."""
 
 
+def expect_no_space_in_lists(arguments: list[str]) -> None:
+    """End the command if a space stands after a comma: the shell made two arguments of one list."""
+    for before, after in pairwise(arguments):
+        if before.endswith(",") and not after.startswith("-"):
+            print(f"percuss: expected a list without spaces, found '{before} {after}'", file=sys.stderr)
+            print(f"  Write {before}{after}", file=sys.stderr)
+            sys.exit(2)
+
+
 def main() -> None:
     """Run the command line: exit code 0 for done, 1 for a run or expectation that failed, 2 for bad input.
 
@@ -91,6 +101,7 @@ def main() -> None:
     # Importing makes many objects that stay: to look for garbage among them every time takes a tenth of a short run.
     gc.set_threshold(GARBAGE_THRESHOLD)
     try:
+        expect_no_space_in_lists(sys.argv[1:])
         try:
             app(standalone_mode=True)
         finally:

@@ -10,7 +10,7 @@ import numpy as np
 from percuss.solver.entities import ROUND_OFF, ContactPair
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from percuss.case.case import Case, ContactSpec
     from percuss.errors import Problem
@@ -59,11 +59,10 @@ def contact_pair_of(
     elements = [body.end_element(node) for body, node in zip(sides, nodes, strict=True)]
     size = min(float(body.mesh.lengths[element]) for body, element in zip(sides, elements, strict=True))
     if gap < -TOUCHING * size:
-        add_problem(
-            path,
-            f"expected bodies apart or touching, found an overlap of {-gap:.6g}",
-            f"Move them apart by {-gap:.17g}, or drop the contact.",
-        )
+        advice = f"Move them apart by {-gap:.12g}, or drop the contact."
+        facing = _facing_ends(sides, spec)
+        message = f"expected bodies apart or touching, found an overlap of {-gap:.6g}"
+        add_problem(path, message, f"Did you mean the ends [{', '.join(facing)}]?" if facing else advice)
         return None
     stiffness = [body.end_stiffness(node) for body, node in zip(sides, nodes, strict=True)]
     frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
@@ -81,6 +80,20 @@ def contact_pair_of(
         mass=min(2.0 * stiffness[k] / frequency[k] ** 2 for k in alike),
         equal_sides=len(alike) == len(sides) and bool(np.ptp(frequency) <= ROUND_OFF * max(frequency)),
     )
+
+
+def _facing_ends(sides: Sequence[Body], spec: ContactSpec) -> list[str]:
+    """Return the other ends of two bars that overlap, if these are apart or touch, else nothing."""
+    ends = [
+        (f"{side.body}.{name}", body.mesh.nodes[region.nodes[0]], region.outward)
+        for body, side in zip(sides, spec.sides, strict=True)
+        for name, region in body.mesh.regions.items()
+        if name != side.region
+    ]
+    if len(ends) != 2:
+        return []
+    (first, start, outward), (second, end, _) = ends
+    return [first, second] if float(outward @ (end - start)) >= -TOUCHING * float(np.abs(end).max()) else []
 
 
 def _wall_gap(spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 
 from percuss.case.case import Case, load
 from percuss.case.expectations import after_the_end
+from percuss.case.hints import name_advice
 from percuss.case.quantities import METRICS
 from percuss.case.reader import Reader
 from percuss.case.source import Source
@@ -120,12 +121,11 @@ class _StudyReader:
         reader, data = self.reader, self.source.data
         if not isinstance(data, Mapping):
             reader.wrong((), f"expected a study, found {found(data)}", "Begin with `percuss-study: 1`.")
+        elif "percuss" in data and "percuss-study" not in data:
+            reader.wrong(("percuss",), "is a case, not a study", "Run it with `percuss run`.", key=True)
         elif data.get("percuss-study") != 1 or isinstance(data.get("percuss-study"), bool | float):
             message = f"expected version 1 of the format, found {found(data.get('percuss-study'))}"
-            advice = (
-                "This is a case: run it with `percuss run`." if "percuss" in data else "Begin with `percuss-study: 1`."
-            )
-            reader.wrong(("percuss-study",), message, advice)
+            reader.wrong(("percuss-study",), message, "Begin with `percuss-study: 1`.")
         reader.finish()
         section = reader.read(StudySection)
         names = data.get("cases")
@@ -234,7 +234,7 @@ class _StudyReader:
                 message = f"expected the name of a {kind}, found {found(method)}"
                 self.reader.wrong((*path, i), message, suggestion("", known_names))
             elif names[i] not in known_names:
-                self.reader.wrong(at, f"unknown {kind} '{names[i]}'", suggestion(names[i], known_names))
+                self.reader.wrong(at, f"unknown {kind} '{names[i]}'", name_advice(names[i], family, *registries))
             else:
                 label = names[i] if names.count(names[i]) == 1 else flow(method)
                 if label in out:

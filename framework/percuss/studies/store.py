@@ -20,6 +20,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from percuss.case.hints import file_advice
 from percuss.errors import InputError, Problem, UnwrittenError, shortened
 from percuss.files import is_file, is_folder, place_whole
 from percuss.methods.source_digest import content_digest
@@ -103,6 +104,9 @@ class Store:
         except sqlite3.DatabaseError as error:
             code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF  # without its finer distinctions
             if code == sqlite3.SQLITE_NOTADB:
+                other = file_advice(str(self.path), self.path.read_bytes(), texts=True)
+                if other is not None:
+                    raise self._error(f"expected the file of a study, found {other[0]}", other[1]) from error
                 raise self._unusable(f"expected the file of a study, found something else ({error})") from error
             if code in OF_THE_MACHINE and write:
                 message = f"cannot be written to: {error}; all rows stored before are kept"

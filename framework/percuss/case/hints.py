@@ -1,0 +1,66 @@
+"""Hints for the slips that people make most often: what they probably meant, and what to write instead."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from percuss.errors import suggestion
+from percuss.methods.blame import SINGULAR
+
+if TYPE_CHECKING:
+    from percuss.methods.registry import Registry
+
+__all__ = ["file_advice", "name_advice", "number_advice"]
+
+COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
+WITH_UNIT = re.compile(r"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
+PREFIXED = re.compile(r"([kMGmµun])(Pa|m|s|N|g|J)")
+POWERS = {"k": 3, "M": 6, "G": 9, "m": -3, "µ": -6, "u": -6, "n": -9}
+# First bytes of a file: what it is, and what to do with it. The texts are read as YAML where a command expects YAML.
+BINARY = (
+    (b"\x89HDF\r\n\x1a\n", "a NetCDF file, as `percuss run -o` writes", "Read it with `percuss verify {}`."),
+    (b"SQLite format 3\0", "a SQLite database, as `percuss study` makes", "Read it with `percuss report {}`."),
+    (b"\x89PNG\r\n\x1a\n", "a picture", "Name the case, or the result (.nc), that it shows."),
+    (b"%PDF-", "a PDF file", "Name the case, or the result (.nc), that it shows."),
+)
+TEXTS = (
+    (re.compile(rb"^percuss:", re.MULTILINE), "a case", "Run it with `percuss run {}`."),
+    (re.compile(rb"^percuss-study:", re.MULTILINE), "a study that was not run", "First run it: `percuss study {}`."),
+)
+
+
+def number_advice(text: str) -> str:
+    """Return advice for a text in the place of a number: a decimal comma or a unit; else nothing."""
+    if COMMA.fullmatch(text):
+        return f"Write {text.replace(',', '.')}: the decimal mark is a point."
+    given = WITH_UNIT.fullmatch(text)
+    if given is None:
+        return ""
+    number, unit = given.groups()
+    prefixed = PREFIXED.fullmatch(unit)
+    if prefixed is None:
+        return f"Write {number} alone, without a unit: all numbers of a case are in units that fit together."
+    return f"Write the number alone: {number}e{POWERS[prefixed[1]]} if your unit is {prefixed[2]}, {number} if {unit}."
+
+
+def name_advice(word: str, family: str, *registries: Registry) -> str:
+    """Return advice for an unknown name in a family of components: the family that has it, or the nearest name."""
+    for other in (other for registry in registries for other in registry.families if word in registry.names(other)):
+        kind = SINGULAR[other]
+        return f"'{word}' is {'an' if kind[0] in 'aeiou' else 'a'} {kind}: name it as the {kind}."
+    return suggestion(word, {name for registry in registries for name in registry.names(family)})
+
+
+def file_advice(name: str, content: bytes, *, texts: bool = False) -> tuple[str, str] | None:
+    """Return what a file of another kind is, and advice; None if that is not known.
+
+    With `texts` cases and studies are recognised too.
+    """
+    for beginning, kind, advice in BINARY:
+        if content.startswith(beginning):
+            return kind, advice.format(name)
+    for pattern, kind, advice in TEXTS if texts else ():
+        if pattern.search(content):
+            return kind, advice.format(name)
+    return None
