@@ -3,6 +3,13 @@
 from percuss.case.case import Case as Case
 from percuss.case.case import load as load
 from percuss.certificate.maps import stability as stability
+from percuss.cli.verbs import check as check
+from percuss.cli.verbs import new as new
+from percuss.cli.verbs import plugins as plugins
+from percuss.cli.verbs import report as report
+from percuss.cli.verbs import schema as schema
+from percuss.cli.verbs import verify as verify
+from percuss.cli.verbs import waves as waves
 from percuss.errors import InputError as InputError
 from percuss.errors import PercussError as PercussError
 from percuss.errors import PluginError as PluginError

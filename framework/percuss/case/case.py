@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Case(CaseSection):
     """A checked case: its sections, whose parts are by name in the order of the file, and its origin.
 
@@ -72,6 +72,22 @@ class Case(CaseSection):
     origin: Source = field(repr=False)
     files: tuple[Path, ...]
     data_files: Mapping[str, str] = field(repr=False)
+
+    def __repr__(self) -> str:
+        time = {name: value for name, value in vars(self.time).items() if isinstance(value, float | int)}
+        lines = {
+            "bodies": ", ".join(self.bodies),
+            "contacts": ", ".join(f"{name} ({contact.law.name})" for name, contact in self.contacts.items()),
+            "loads": ", ".join(self.loads),
+            "integrator": self.method.integrator.name,
+            "time": ", ".join(f"{name} {value:g}" for name, value in time.items()),
+        }
+        shown = [f"  {name}: {words}" for name, words in lines.items() if words]
+        return "\n".join([f"<percuss.Case {self.title!r}", *shown]) + ">"
+
+    def __dir__(self) -> list[str]:
+        """Return the public names."""
+        return [name for name in super().__dir__() if not name.startswith("_")]
 
     def problem(self, path: KeyPath, message: str, advice: str = "", *, any_inside: bool = False) -> Problem:
         """Return the problem at a path such as ``("bodies", "short", "area")``, with its place in the file.

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from percuss.cli.common import AsJson, Plugins, print_json, reporting
-from percuss.errors import printable
 
 
 def plugins(
@@ -17,17 +16,10 @@ def plugins(
 ) -> None:
     """List the methods that percuss knows, or describe one."""
     with reporting(as_json):
-        from percuss.methods.registry import Registry
-        from percuss.reporting import component
+        from percuss.cli import verbs
 
-        registry = Registry.load(plugin or [])
-        if name:
-            keys = component.components_named(registry, name, "percuss plugins")
-            if as_json:
-                print_json({"components": [component.component_data(registry, *key) for key in keys]})
-            else:
-                print(printable("\n\n".join(component.component_text(registry, *key) for key in keys)))
-        elif as_json:
-            print_json(component.registry_data(registry))
+        told = verbs.plugins(name, plugin or [])
+        if as_json:
+            print_json(told.data)
         else:
-            print(printable(component.registry_text(registry)))
+            print(told)

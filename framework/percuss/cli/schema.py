@@ -15,9 +15,6 @@ def schema(
 ) -> None:
     """Print the JSON schema of a case or a study, for editors."""
     with reporting(as_json=False):
-        from percuss.case.json_schema import case_schema
-        from percuss.methods.registry import Registry
-        from percuss.studies.json_schema import study_schema
+        from percuss.cli import verbs
 
-        registry = Registry.load(plugin or [])
-        print_json(study_schema(registry) if study else case_schema(registry))
+        print_json(verbs.schema(study=study, files=plugin or []))

@@ -34,12 +34,11 @@ def waves(
     The amplitudes are measured from the time step itself, over frequency.
     """
     with reporting(as_json):
-        from percuss.certificate.verdict import settled
-        from percuss.certificate.waves import waves as measure
+        from percuss.cli import verbs
 
         loaded = load_to_write(case, set_, plugin, plot)
         print_notes(loaded)
-        wave_data = measure(settled(loaded).model, contact)
+        wave_data = verbs.waves(loaded, contact)
         outputs = Outputs()
         if plot is not None:
             from percuss.reporting.stability_figure import plot_waves

@@ -7,6 +7,7 @@ import re
 import shutil
 import textwrap
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,14 +16,23 @@ from percuss.case.json_schema import schema_of
 from percuss.case.options import Option, options_of
 from percuss.case.type_words import describe, fact
 from percuss.case.yaml_text import flow
-from percuss.errors import InputError, Problem, suggestion
+from percuss.errors import InputError, Problem, printable, suggestion
 from percuss.methods.admission import OLDEST, OLDEST_OF
 from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
-__all__ = ["Docs", "component_data", "component_text", "components_named", "docs", "registry_data", "registry_text"]
+__all__ = [
+    "Docs",
+    "Explanation",
+    "component_data",
+    "component_text",
+    "components_named",
+    "docs",
+    "registry_data",
+    "registry_text",
+]
 
 FORMULA = "Formula:"
 NAMES = 30  # characters before the summaries in the list of components
@@ -36,6 +46,17 @@ ELSEWHERE = (
     "examples",
     "contract_version",
 )
+
+
+@dataclass(frozen=True, repr=False)
+class Explanation:
+    """The text that explains a case, a component or a registry, and the same as plain data; it shows as its text."""
+
+    text: str
+    data: dict[str, Any]
+
+    def __repr__(self) -> str:
+        return printable(self.text)
 
 
 class Docs(NamedTuple):

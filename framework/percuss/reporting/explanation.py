@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
-from percuss.reporting.component import docs
+from percuss.reporting.component import Explanation, docs
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
 from percuss.solver.bound_law import OF_END_FORCE
@@ -29,14 +28,6 @@ if TYPE_CHECKING:
     from percuss.solver.model import Model
 
 MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this many letters.
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """The explanation of a case: the text, and its numbers as data."""
-
-    text: str
-    data: dict[str, Any]
 
 
 @np.errstate(all="ignore")  # what is not finite is said in words

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import os
 from collections.abc import Mapping
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -16,19 +18,23 @@ from percuss.reporting.figures import (
     INK,
     SOFT,
     axis_end,
+    check_suffix,
     number,
     one_line,
     picture,
     subtitle_lines,
     warning_lines,
+    write,
 )
-from percuss.reporting.run_figure import force_figure
+from percuss.reporting.run_figure import figure_of, force_figure
 from percuss.results.ledger import ledger_words
+from percuss.results.result import Result
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from percuss.reporting.figures import Drawn
     from percuss.results.exact_result import ExactSolutionResult
-    from percuss.results.result import Result
 
 
 # Every colour is set explicitly, so that a dark notebook shows the same light card.
@@ -57,6 +63,17 @@ def notebook_html(result: Result) -> str:
     methods, steps = subtitle_lines(result)
     facts = {"status": result.status, "methods": methods, "steps": steps}
     return _card(result, warning_lines(result), facts, axis_end(result))
+
+
+def plotted(result: Drawn, path: str | os.PathLike[str] | None) -> Figure:
+    """Return the figure of a result, which a notebook shows; write it to `path` if that is given."""
+    if path is not None:
+        check_suffix(path)
+    figure = figure_of(result) if isinstance(result, Result) else exact_figure.exact_figure(result)
+    vars(figure)["_repr_png_"] = partial(picture, figure, "png")
+    if path is not None:
+        write(path, lambda: figure)
+    return figure
 
 
 def exact_html(result: ExactSolutionResult) -> str:

@@ -13,6 +13,7 @@ from percuss.results.netcdf import FORMAT, write
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from percuss.methods.interfaces import Exact
 
@@ -90,6 +91,23 @@ class ExactSolutionResult:
             If the folder does not exist or cannot be written.
         """
         write(path, self.histories, self.fields if self.field_arrays else None)
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Return the figure of ``percuss run --plot``: contact forces, energies, and stress where the case records it.
+
+        Parameters
+        ----------
+        path
+            File ending in .png, .svg or .pdf to which the figure is written; by default none is.
+
+        Raises
+        ------
+        PercussError
+            If matplotlib is not installed.
+        """
+        from percuss.reporting.report import plotted
+
+        return plotted(self, path)
 
     def _repr_html_(self) -> str:
         """Return a small table and the force figure as HTML for a notebook."""

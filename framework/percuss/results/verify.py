@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 from percuss.results.measures import CannotMeasure, measure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Check:
     """Comparison of one expected value with a result.
 
@@ -34,6 +34,11 @@ class Check:
     def passed(self) -> bool:
         """Whether the difference is at most the allowed difference."""
         return abs(self.measured - self.expectation.value) <= self.expectation.allowed
+
+    def __repr__(self) -> str:
+        expected = f"expected {self.expectation.value:.6g} within {self.expectation.allowed:.3g}"
+        measured = self.why or f"{self.measured:.6g}"
+        return f"<{'passed' if self.passed else 'failed'}: {describe(self.expectation)} {measured}, {expected}>"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the check as plain data for JSON."""

@@ -18,10 +18,29 @@ from percuss.studies.perform import Run, perform
 from percuss.studies.tasks import tasks
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from percuss.case.case import Case
     from percuss.studies.tasks import Task
 
-__all__ = ["Run", "compare", "metrics", "own_laws"]
+__all__ = ["Comparison", "Run", "compare", "metrics", "own_laws"]
+
+
+class Comparison(list[Run]):
+    """The runs of a comparison."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The runs as a table: their methods, varied values, status and reason, and the numbers to compare them by."""
+        import pandas as pd
+
+        shown = ("integrator", "contact", "status", "reason")
+        return pd.DataFrame(
+            [{**{name: getattr(run, name) for name in shown}, **run.varied, **metrics(run)} for run in self]
+        )
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{run.label}: {run.status}" for run in self)
 
 
 def compare(
@@ -32,7 +51,7 @@ def compare(
     *,
     tied: bool = False,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Run]:
+) -> Comparison:
     """Run every pair of the named integrators and contact laws on one case.
 
     Parameters
@@ -52,8 +71,9 @@ def compare(
 
     Returns
     -------
-    list of Run
-        In the order integrator, law, varied values; the tied runs come last.
+    Comparison
+        A list of the runs in the order integrator, law, varied values; the tied runs come last. Its ``table`` is a
+        pandas DataFrame with a row for each.
 
     Raises
     ------
@@ -82,7 +102,7 @@ def compare(
     errors = [error for _, error in outcomes if error is not None]
     if errors and len(errors) == len(pairs):
         raise errors[0]
-    return [run for run, _ in outcomes] + [_perform(case, task, axes)[0] for task in planned if task.tied]
+    return Comparison([run for run, _ in outcomes] + [_perform(case, task, axes)[0] for task in planned if task.tied])
 
 
 def _perform(case: Case, task: Task, vary: Mapping[str, Sequence[Any]]) -> tuple[Run, InputError | None]:

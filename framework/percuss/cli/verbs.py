@@ -1,0 +1,183 @@
+"""The commands as functions for Python, where no single function of a lower room does the work of a command."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from percuss.case.arguments import expect_files, wrong_argument
+from percuss.case.case import Case, expect_case
+from percuss.errors import InputError, Problem
+from percuss.files import expect_writable
+from percuss.methods.registry import Registry
+
+if TYPE_CHECKING:
+    from percuss.certificate.waves import Waves
+    from percuss.cli.scaffold import Scaffold
+    from percuss.reporting.component import Explanation
+    from percuss.results.result import Result
+    from percuss.results.verify import Check
+    from percuss.studies.study_table import Study
+
+__all__ = ["check", "new", "plugins", "report", "schema", "verify", "waves"]
+
+
+def check(case: Case) -> Explanation:
+    """Return the explanation of a case: its bodies, contacts, step and stability, in words and numbers, without a run.
+
+    Parameters
+    ----------
+    case
+        The case.
+
+    Returns
+    -------
+    Explanation
+        Its ``text`` is what ``print`` shows, its ``data`` the same as plain numbers.
+    """
+    expect_case("percuss.check", case)
+    from percuss.certificate.verdict import settled
+    from percuss.reporting.explanation import explanation
+
+    return explanation(*settled(case))
+
+
+def waves(case: Case, contact: str = "") -> Waves:
+    """Return how a closed contact transmits and reflects waves, over frequency.
+
+    Parameters
+    ----------
+    case
+        The case; its integrator, contact law, step and end elements are measured as they are in it.
+    contact
+        Name of the contact; by default the first.
+
+    Raises
+    ------
+    InputError
+        If there is no such contact.
+    PercussError
+        If waves are not known of this case; the message gives the reason.
+    """
+    expect_case("percuss.waves", case)
+    from percuss.certificate.verdict import settled
+    from percuss.certificate.waves import waves as measured
+
+    return measured(settled(case).model, contact)
+
+
+def verify(case: Case, result: Result | None = None) -> list[Check]:
+    """Return a check of each value that a case expects, with what was measured and whether it passed.
+
+    Parameters
+    ----------
+    case
+        The case, with its key ``expect``.
+    result
+        A result of the case; without it the case is run.
+    """
+    expect_case("percuss.verify", case)
+    from percuss.results.runner import run
+    from percuss.results.verify import verify as verified
+
+    return verified(case, run(case) if result is None else result)
+
+
+def report(
+    study: Study | str | os.PathLike[str],
+    page: str | os.PathLike[str] | None = None,
+    figures: str | os.PathLike[str] | None = None,
+) -> list[Path]:
+    """Write a study as one HTML page that needs no other file, or its figures for print; return the written files.
+
+    Parameters
+    ----------
+    study
+        The study, or the path of its file.
+    page
+        Path of the page, ending in .html; by default the name of the study beside it, unless only figures are asked.
+    figures
+        Folder of the figures, as svg and pdf.
+    """
+    from percuss.reporting.study_figures import study_figures
+    from percuss.reporting.study_page import study_report
+    from percuss.studies.study_table import Study, open_study
+
+    if page is not None and Path(page).suffix.lower() not in {".html", ".htm"}:
+        message = f"expected a page ending in .html, found {Path(page).suffix or 'no ending'}"
+        raise InputError([Problem(str(page), "", message, "Name it report.html.")])
+    study = study if isinstance(study, Study) else open_study(study)
+    if page is None and figures is None:
+        page = study.path.with_suffix(".html")
+    if page is not None:
+        expect_writable(Path(page), [("study", study.path)])
+    written = study_figures(study, figures) if figures is not None else []
+    return written if page is None else written + study_report(study, page)
+
+
+def plugins(name: str = "", files: Sequence[str | Path] = ()) -> Explanation:
+    """Return the list of all registered methods, or the description of one.
+
+    Parameters
+    ----------
+    name
+        Name of a method; without it all are listed.
+    files
+        Single-file plug-ins beside those that are installed.
+
+    Returns
+    -------
+    Explanation
+        Its ``text`` is what ``print`` shows, its ``data`` the same as plain data.
+    """
+    from percuss.reporting import component
+
+    expect_files("percuss.plugins", files)
+    if not isinstance(name, str):
+        raise wrong_argument("percuss.plugins", "expected the name of a method", name, "As percuss.plugins('penalty').")
+    registry = Registry.load([Path(file) for file in files])
+    if not name:
+        return component.Explanation(component.registry_text(registry), component.registry_data(registry))
+    keys = component.components_named(registry, name, "percuss plugins")
+    text = "\n\n".join(component.component_text(registry, *key) for key in keys)
+    return component.Explanation(text, {"components": [component.component_data(registry, *key) for key in keys]})
+
+
+def schema(*, study: bool = False, files: Sequence[str | Path] = ()) -> dict[str, Any]:
+    """Return the JSON schema of a case, with which an editor completes and checks it.
+
+    Parameters
+    ----------
+    study
+        Whether to return the schema of a study file instead.
+    files
+        Single-file plug-ins whose options the schema contains too.
+    """
+    from percuss.case.json_schema import case_schema
+    from percuss.studies.json_schema import study_schema
+
+    expect_files("percuss.schema", files)
+    registry = Registry.load([Path(file) for file in files])
+    return study_schema(registry) if study else case_schema(registry)
+
+
+def new(name: str, kind: str, folder: str | os.PathLike[str] = ".", *, single_file: bool = False) -> Scaffold:
+    """Write the first files of a method, which run as they are, and return their paths.
+
+    Parameters
+    ----------
+    name
+        Name of the method as it is written in a case.
+    kind
+        ``integrator``, ``contact``, ``load``, ``shape``, ``element``, ``material``, ``mass``, ``solution`` or
+        ``measure``.
+    folder
+        Existing folder in which the files are written.
+    single_file
+        Whether to write a single-file plug-in with a case, and no package around them.
+    """
+    from percuss.cli.scaffold import scaffold
+
+    return scaffold(name, kind, Path(folder), single_file=single_file)
