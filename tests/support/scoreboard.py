@@ -125,28 +125,28 @@ def findings(table):
     assert abs(many[CD, "penalty"] - 100) < 2
     assert 100 < many[CD, "bipenalty"] < 110
     lines = [
-        "**For a penalty it matters most where contact is evaluated.** The same penalty spring "
-        f"errs {span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies "
-        f"hit, it rings: the total variation of its force is {span(rings)} times that of the exact one, with Wu "
-        f"{span(calm)} times. With Wu its error is {span(found.penalty_apart)} times that of the tied twin, and "
+        "**For a penalty it matters most where the contact is evaluated.** The same penalty errs "
+        f"{span(found.late)} times as much with central difference as with Wu's predictor-corrector. Where bodies hit, "
+        f"its force rings: the total variation is {span(rings)} times the exact one, and {span(calm)} times with Wu. "
+        f"With Wu its error is {span(found.penalty_apart)} times that of the tied twin, and "
         f"{span(found.penalty_pressed)} times where bodies stay pressed together ({', '.join(PRESSED)}).",
-        f"**Lagrange multipliers err {span(found.lagrange)} times as much as the tied twin**, the same with either "
-        "integrator. Where bodies stay pressed together the overlap of a penalty costs "
-        f"{span(found.overlap)} times their error.",
-        "**What an impact costs in energy depends on the pair.** One impact costs Wu's predictor-corrector with "
-        f"penalty or bipenalty {span(springs)} % of the energy and Lagrange multipliers "
-        f"{span(lost[WU, 'lagrange'])} %; with central difference a penalty changes it by {change:.1g} % at "
-        f"most, and bipenalty adds {added} %. The two bounces of doyen-bounce cost Wu's "
-        f"predictor-corrector {bounce[WU, 'penalty']:.2g} % with a penalty and Lagrange multipliers "
-        f"{bounce[WU, 'lagrange']:.2g} %; with central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
-        f"**Small losses add up.** When the exact bar of {MANY} has struck fifty times, the bar of 40 elements has "
-        "lost more than half of its energy with Lagrange multipliers, or with Wu's predictor-corrector and any of the "
-        "three laws. With central difference a penalty has kept it to 2 %, and bipenalty has added up to a "
-        "tenth. How much "
-        "depends on round-off there.",
-        f"**No method wins everywhere.** Lagrange multipliers have the least error on {len(winners['lagrange'])} of "
-        f"{len(cases)} cases, Wu's predictor-corrector with a penalty on {len(winners['penalty'])} "
-        f"({', '.join(winners['penalty'])}). The tied twin is a reference and no bound: on {len(found.below)} of "
+        f"**Lagrange multipliers err {span(found.lagrange)} times as much as the tied twin**, with either integrator. "
+        f"Where bodies stay pressed together, a penalty errs {span(found.overlap)} times as much as they do, because "
+        "it lets the bodies overlap.",
+        "**The energy that an impact costs depends on the pair.** With Wu's predictor-corrector one impact costs a "
+        f"penalty or bipenalty {span(springs)} % of the energy, and Lagrange multipliers "
+        f"{span(lost[WU, 'lagrange'])} %. With central difference a penalty changes the energy by {change:.1g} % at "
+        f"most, and bipenalty adds {added} %. The two bounces of doyen-bounce cost a penalty with Wu's "
+        f"predictor-corrector {bounce[WU, 'penalty']:.2g} %, and Lagrange multipliers "
+        f"{bounce[WU, 'lagrange']:.2g} %. With central difference bipenalty adds {-bounce[CD, 'bipenalty']:.2g} %.",
+        f"**Small losses add up.** In {MANY} the exact bar loses no energy. The bar of 40 elements loses more than "
+        "half of it with Lagrange multipliers, or with Wu's predictor-corrector and any of the three laws. With "
+        "central difference a penalty keeps it to 2 %, and bipenalty adds up to a tenth. These numbers depend on "
+        "round-off.",
+        "**No method is the best everywhere.** Lagrange multipliers have the least error in "
+        f"{len(winners['lagrange'])} of {len(cases)} cases, a penalty with Wu's predictor-corrector in "
+        f"{len(winners['penalty'])} "
+        f"({', '.join(winners['penalty'])}). The tied twin is a reference and no bound: in {len(found.below)} of "
         f"{len(cases)} cases some pair errs less.",
     ]
     return "".join(f"- {line}\n" for line in lines)

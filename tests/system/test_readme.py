@@ -19,7 +19,8 @@ from percuss.solver.model import Model
 ROOT = places.ROOT
 PAGES = pages.texts()
 README = PAGES["README.md"]
-LONGEST = 120  # lines of the first page
+LONGEST, MOST_WORDS = 120, 900  # lines and words of the first page
+LONGEST_TABLE = 40  # rows, which a screen shows
 CHECKED = {"sh", "python", "yaml", "console"}  # kinds of blocks that the tests below execute or load
 FREE = {"text", "bibtex"}  # and those that they do not
 
@@ -279,6 +280,34 @@ def test_files_named_in_the_pages_are_there() -> None:
 
 def test_the_first_page_is_short() -> None:
     assert len(README.splitlines()) <= LONGEST
+    assert len(README.split()) <= MOST_WORDS
+
+
+def test_the_first_page_has_the_version_of_today() -> None:
+    assert f"This is version {percuss.__version__};" in README
+    assert f"version = {{{percuss.__version__}}}" in README
+
+
+def links(name: str) -> set[str]:
+    """Return the pages to which a page links, by their paths from the top."""
+    found = re.findall(r"\]\(([^)#\s]+\.md)[)#]", PAGES[name])
+    return {((ROOT / name).parent / link).resolve().relative_to(ROOT.resolve()).as_posix() for link in found}
+
+
+def test_every_page_is_reached_from_the_first_one() -> None:
+    reached, waiting = set(), ["README.md"]
+    while waiting:
+        reached.add(name := waiting.pop())
+        waiting += [link for link in links(name) if link in PAGES and link not in reached]
+    beside = {name for name in PAGES if name.startswith("framework/docs/") or "/vendor/" in name}
+    assert set(PAGES) - beside <= reached
+
+
+def test_no_table_is_longer_than_a_screen() -> None:
+    for name, page in PAGES.items():
+        tables = re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE)
+        long = [table.splitlines()[0] for table in tables if table.count("\n") > LONGEST_TABLE + 2]
+        assert not long, name
 
 
 def test_the_rooms_of_the_page_are_those_of_the_code() -> None:
