@@ -27,7 +27,7 @@ def outcome(label, check, partner):
 # Of laws and integrators these are checked in every run, the others in the whole check.
 QUICK = ("contacts/penalty", "integrators/central-difference", "integrators/wu-predictor-corrector")
 # These checks of a law or an integrator compile the loop anew, with kernels of their own or in the plane.
-COMPILING = ("no-hidden-state", "dimensions")
+COMPILING = ("no-hidden-state", "placement")
 
 
 def is_deep(label, check, partner):

@@ -471,7 +471,7 @@ def kit(plugin, family, name, check):
 
 @pytest.mark.slow
 def test_a_failure_of_the_kit_prints_a_case_that_runs(tmp_path):
-    outcome = kit(LEAKING, "elements", "leaking", "runs")
+    outcome = kit(LEAKING, "elements", "leaking", "balances")
     assert outcome.status == "failed"
     (tmp_path / "failed.yaml").write_text(outcome.case, encoding="utf-8")
     told = str(outcome)

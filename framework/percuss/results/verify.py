@@ -73,16 +73,9 @@ def verify(case: Case, result: Result) -> list[Check]:
     checks = []
     for expectation in case.expect:
         try:
-            measured = measure(
-                result,
-                expectation.quantity,
-                contact=expectation.contact,
-                probe=str(expectation.probe) if expectation.probe else None,
-                component=expectation.component,
-                during=expectation.during,
-                at=expectation.at,
-                statistic=expectation.statistic,
-            )
+            where = {name: getattr(expectation, name) for name in ("contact", "component", "during", "at", "statistic")}
+            probe = str(expectation.probe) if expectation.probe else None
+            measured = measure(result, expectation.quantity, probe=probe, **where)
             checks.append(Check(expectation, measured))
         except CannotMeasure as error:
             checks.append(Check(expectation, math.nan, str(error)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import dataclasses
+import functools
 import itertools
 import math
 import re
@@ -26,7 +27,8 @@ PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run esti
 TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
 SAFETY_FACTOR = 10.0  # round-off may change a run by this multiple of the effect of the perturbations tried
 SEED = 1
-MOST_SHRINKS = 40  # calls after which a smaller case is no longer sought
+BALANCED = 1e-11  # largest relative error of a balance
+MOST_SHRINKS = 100  # calls after which a smaller case is no longer sought
 FLOOR = 1e-11  # smallest allowed difference, relative to the peak
 
 # the dimension of each word of a unit, as powers of length, mass and time
@@ -122,6 +124,30 @@ def number(low: float, high: float) -> SearchStrategy[float]:
     return st.integers(round(low * 100), round(high * 100)).map(lambda k: k / 100)
 
 
+def bar(elements: int, length: float = 1.0, **parts: Any) -> dict[str, Any]:
+    """Return a body of a case, a bar of steel and of area 1 at rest at x = 0 but for the given parts."""
+    return {
+        "bar": {"length": length, "elements": elements},
+        "material": {"young": parts.pop("young", 100.0), "density": parts.pop("density", 0.01)},
+        "area": 1.0,
+        "at": 0.0,
+        "velocity": 0.0,
+        **parts,
+    }
+
+
+def chain(bodies: dict[str, Any], *, wall: float | None = None, probes: bool = False, **parts: Any) -> dict[str, Any]:
+    """Return a case of bars in contact with their neighbours, the last with a wall; `probes` are at all ends."""
+    contacts: dict[str, Any] = {
+        f"{name}{following}": {"between": [f"{name}.right", f"{following}.left"]}
+        for name, following in itertools.pairwise(bodies)
+    }
+    if wall is not None:
+        contacts["wall"] = {"body": f"{list(bodies)[-1]}.right", "wall": wall}
+    ends = [f"{name}.{side}" for name in bodies for side in ("left", "right")] if probes else []
+    return {"percuss": 1, "bodies": bodies, "contacts": contacts, **parts, "record": {"probes": ends}}
+
+
 def bar_chains(
     *, bars: int = 3, moving: bool = True, gaps: bool = True, walls: bool = True, push: bool = False, steps: int = 300
 ) -> SearchStrategy[dict[str, Any]]:
@@ -152,35 +178,25 @@ def bar_chains(
         bodies: dict[str, Any] = {}
         position = 0.0
         for index, name in enumerate(names):
-            bodies[name] = {
-                "bar": {"length": draw(number(0.5, 3)), "elements": draw(st.integers(1, 10))},
-                "material": {"young": draw(number(20, 200)), "density": draw(number(0.01, 0.1))},
-                "area": draw(number(0.5, 2)),
-                "at": position,
-                "velocity": draw(number(0.1, 1)) * (1 - 2 * (index > 0)) if moving else 0.0,
-            }
+            bodies[name] = bar(
+                draw(st.integers(1, 10)),
+                draw(number(0.5, 3)),
+                young=draw(number(20, 200)),
+                density=draw(number(0.01, 0.1)),
+                area=draw(number(0.5, 2)),
+                at=position,
+                velocity=draw(number(0.1, 1)) * (1 - 2 * (index > 0)) if moving else 0.0,
+            )
             position = round(position + bodies[name]["bar"]["length"] + (draw(number(0, 0.1)) if gaps else 0.0), 6)
-        contacts: dict[str, Any] = {
-            f"{name}{following}": {"between": [f"{name}.right", f"{following}.left"]}
-            for name, following in itertools.pairwise(names)
-        }
-        last = bodies[names[-1]]
-        end = round(last["at"] + last["bar"]["length"], 6)
+        last, wall = bodies[names[-1]], None
         closing = draw(st.sampled_from(["wall", "fixed", "free"] if walls and len(names) > 1 else ["free"]))
         if closing == "wall" or (walls and len(names) == 1):
-            gap = draw(number(0, 0.05)) if gaps else 0.0
-            contacts["wall"] = {"body": f"{names[-1]}.right", "wall": round(end + gap, 6)}
+            wall = round(last["at"] + last["bar"]["length"] + (draw(number(0, 0.05)) if gaps else 0.0), 6)
         elif closing == "fixed":
             last["fixed"] = ["right"]
         loads = {"push": {"constant": draw(number(-1, 1)), "on": "a.left"}} if push and draw(st.booleans()) else {}
-        return {
-            "percuss": 1,
-            "bodies": bodies,
-            "contacts": contacts,
-            "loads": loads,
-            "time": {"steps": draw(st.integers(steps // 5, steps)), "courant": draw(number(0.3, 0.9))},
-            "record": {"probes": [f"{name}.{side}" for name in names for side in ("left", "right")]},
-        }
+        time = {"steps": draw(st.integers(steps // 5, steps)), "courant": draw(number(0.3, 0.9))}
+        return chain(bodies, wall=wall, probes=True, loads=loads, time=time)
 
     return drawn()
 
@@ -260,27 +276,16 @@ def _numbers(
 # ------------------------------------------------------------------------------------ equivalent forms of a case
 
 
-def rotated(case: Mapping[str, Any], direction: tuple[float, ...]) -> dict[str, Any]:
-    """Return a case on the x axis rotated to a direction, a vector of as many dimensions as it has components."""
+def moved(case: Mapping[str, Any], direction: tuple[float, ...] = (1.0,), shift: float = 0.0) -> dict[str, Any]:
+    """Return a case on the x axis moved along it, and rotated to a direction with as many components as dimensions."""
     unit = np.array(direction) / np.linalg.norm(direction)
     out = copy.deepcopy(dict(case))
     for body in out["bodies"].values():
         body["bar"]["direction"] = list(direction)
-        body["at"] = list(body["at"] * unit)
+        body["at"] = list((body["at"] + shift) * unit)
     for contact in out["contacts"].values():
         if "wall" in contact:
-            contact["wall"] = list(contact["wall"] * unit)
-    return out
-
-
-def shifted(case: Mapping[str, Any], shift: float) -> dict[str, Any]:
-    """Return a case translated along x by `shift`."""
-    out = copy.deepcopy(dict(case))
-    for body in out["bodies"].values():
-        body["at"] += shift
-    for contact in out["contacts"].values():
-        if "wall" in contact:
-            contact["wall"] += shift
+            contact["wall"] = list((contact["wall"] + shift) * unit)
     return out
 
 
@@ -427,21 +432,55 @@ def must_agree(
         )
 
 
-def with_examples(subject: Subject, strategy: SearchStrategy[Any]) -> SearchStrategy[Any]:
-    """Return a strategy for triples of a drawn case, an option set of the subject's examples and a partner's name.
+def on_chains(share: int = 1, **chains: Any) -> Callable[[Callable[[Subject, Any], None]], Callable[[Subject], None]]:
+    """Return a decorator that turns a function of a subject and a case into a check on drawn chains of bars.
 
-    A partner that declares the running check as an expected failure is left out. The name is empty if
-    no partner is left.
+    The subject passed to the function has options and a partner, which `Subject.placed` uses. In a family with partners
+    both are drawn, but for partners that declare the running check as an expected failure. In another family each
+    option set of the examples is used in turn.
+
+    Parameters
+    ----------
+    share
+        Number by which the number of draws is divided.
+    **chains
+        Keywords of `bar_chains`.
     """
-    from hypothesis import strategies as st
 
-    partners = [
-        name
-        for name in subject.partners
-        if not {subject.check, f"{subject.check} with {subject.name}"}
-        & set(subject.registry.components[PARTNERS[subject.family], name].expected_failures)
-    ] or [""]
-    return st.tuples(strategy, st.sampled_from(subject.examples), st.sampled_from(partners))
+    def decorated(function: Callable[[Subject, Any], None]) -> Callable[[Subject], None]:
+        @functools.wraps(function)
+        def made(subject: Subject) -> None:
+            from hypothesis import strategies as st
+
+            def body(drawn: tuple[Any, ...]) -> None:
+                case, *choices = drawn
+                for options, partner in choices:
+                    function(dataclasses.replace(subject, options=options, partner=partner), case)
+
+            pairs: list[SearchStrategy[Any]] = [
+                st.tuples(st.just(options), st.just("")) for options in subject.examples
+            ]
+            if subject.family in PARTNERS:
+                names = {subject.check, f"{subject.check} with {subject.name}"}
+                others = {
+                    name: subject.registry.components[PARTNERS[subject.family], name] for name in subject.partners
+                }
+                willing = [name for name, other in others.items() if not names & set(other.expected_failures)]
+                pairs = [st.tuples(st.sampled_from(subject.examples), st.sampled_from(willing or [""]))]
+            for_all(subject, st.tuples(bar_chains(**chains), *pairs), body, max(1, subject.draws // share))
+
+        return made
+
+    return decorated
+
+
+def must_balance(result: Any, where: str = "", *, ledger: bool = True) -> None:
+    """Raise `CheckFailed` unless the momentum of a run is balanced to round-off, and with `ledger` its energy too."""
+    errors = {"momentum": result.summary["momentum"]["error"]}
+    errors |= {"energy": result.summary["energy"]["ledger_error"]} if ledger else {}
+    for name, error in errors.items():
+        if not error <= BALANCED:
+            raise CheckFailed(f"the balance of {name} is open by {per_cent(error)}{where}")
 
 
 def replaced(case: Mapping[str, Any], **parts: Any) -> dict[str, Any]:
@@ -454,14 +493,8 @@ def per_cent(fraction: float) -> str:
     return f"{100.0 * fraction:.3g} %"
 
 
-STEEL = {"young": 100.0, "density": 0.01}
-TWO_BARS: dict[str, Any] = {
-    "percuss": 1,
-    "bodies": {
-        "a": {"bar": {"length": 1.0, "elements": 6}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.3},
-        "b": {"bar": {"length": 2.0, "elements": 12}, "material": STEEL, "area": 1.0, "at": 1.0, "velocity": -0.2},
-    },
-    "contacts": {"ab": {"between": ["a.right", "b.left"]}},
-    "time": {"steps": 40, "courant": 0.5},
-    "record": {"probes": ["a.left", "a.right", "b.left", "b.right"]},
-}
+TWO_BARS = chain(
+    {"a": bar(6, velocity=0.3), "b": bar(12, 2.0, at=1.0, velocity=-0.2)},
+    probes=True,
+    time={"steps": 40, "courant": 0.5},
+)

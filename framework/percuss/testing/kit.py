@@ -51,32 +51,27 @@ def checks_of(subject: Subject) -> Iterator[tuple[Check, str]]:
 
 def expected(kit_check: Check, subject: Subject, partner: str) -> str:
     """Return the reason for an expected failure declared by the component or its partner, empty if there is none."""
-    failures = subject.component.expected_failures
-    reason = failures.get(kit_check.name, "") or (failures.get(named(kit_check, partner), "") if partner else "")
-    if partner and not reason:
-        failures_of_partner = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
-        reason = failures_of_partner.get(kit_check.name, "") or failures_of_partner.get(
-            named(kit_check, subject.name), ""
-        )
-    return reason
+    sides = [(subject.component, partner)]
+    if partner:
+        sides.append((subject.registry.components[PARTNERS[subject.family], partner], subject.name))
+    names = [(side, name) for side, other in sides for name in (kit_check.name, named(kit_check, other))]
+    return next((side.expected_failures[name] for side, name in names if side.expected_failures.get(name)), "")
 
 
-def _fails_with(kit_check: Check, subject: Subject, partner: str) -> str:
-    """Return the integrators with which a law, the partner of another integrator, declares to fail a check."""
-    if not partner or subject.family != "integrators":
+def _fails_elsewhere(kit_check: Check, subject: Subject, partner: str) -> str:
+    """Return the integrators with which a law declares to fail a check, where nothing follows for another integrator.
+
+    That is any other integrator if it is the subject, and one that shows a law the same states if the law is.
+    """
+    if not partner:
         return ""
-    declared = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
-    start = named(kit_check, "")
-    return " and ".join(name.removeprefix(f"{start} with ") for name in declared if name.startswith(f"{start} with "))
-
-
-def _fails_in_the_same_states(kit_check: Check, subject: Subject, partner: str) -> str:
-    """Return an integrator that shows a law the states that its partner shows, and with which it declares to fail."""
-    if not partner or subject.family != "contacts":
-        return ""
+    if subject.family == "integrators":
+        declared = subject.registry.components[PARTNERS[subject.family], partner].expected_failures
+        start = f"{kit_check.name} with "
+        return " and ".join(name.removeprefix(start) for name in declared if name.startswith(start))
     states = _shown_states(subject, partner)
-    others = (name for name in subject.partners if name != partner)
-    alike = (name for name in others if states is not None and _shown_states(subject, name) == states)
+    others = (name for name in subject.partners if name != partner and states is not None)
+    alike = (name for name in others if _shown_states(subject, name) == states)
     return next((name for name in alike if expected(kit_check, subject, name)), "")
 
 
@@ -94,7 +89,7 @@ def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
 
 def _outcome(kit_check: Check, subject: Subject, partner: str) -> Outcome:
     """Return the outcome of a check as if it counted."""
-    fails_with = _fails_with(kit_check, subject, partner) or _fails_in_the_same_states(kit_check, subject, partner)
+    fails_with = _fails_elsewhere(kit_check, subject, partner)
     if fails_with and not expected(kit_check, subject, partner):
         law, integrator = (subject.name, partner) if subject.family == "contacts" else (partner, subject.name)
         message = f"{law} fails it with {fails_with} too: nothing follows for {integrator}"
@@ -144,7 +139,9 @@ def examine(subject: Subject, tell: Callable[[Outcome, int], None] = lambda *_: 
     report = Report(subject.component, tuple(outcomes), len(planned) - len(outcomes))
     if found := report.smallest:
         smaller = perform(found.check, dataclasses.replace(subject, shrinks=True), found.partner)
-        report = report.replaced(found, smaller) if smaller.status == "failed" else report
+        if smaller.status == "failed":
+            kept = tuple(smaller if outcome is found else outcome for outcome in outcomes)
+            return dataclasses.replace(report, outcomes=kept)
     return report
 
 

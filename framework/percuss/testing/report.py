@@ -6,7 +6,7 @@ import os
 import re
 import textwrap
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,7 @@ from percuss.testing.subject import Check, Status, named
 
 # heading of the outcomes that are no part of the verdict
 OTHERS = "with methods of other plug-ins, which the verdict does not count:"
-MARKS: dict[Status, str] = {
-    "passed": ".",
-    "failed": "F",
-    "expected failure": "x",
-    "passes unexpectedly": "F",
-    "not applicable": "s",
-}
+MARKS = {"passed": ".", "failed": "F", "passes unexpectedly": "F", "expected failure": "x", "not applicable": "s"}
 WIDTH = 79
 GROUPS_SHOWN, LINES_OF_A_GROUP, NAMES_SHOWN = 4, 3, 3
 
@@ -139,10 +133,6 @@ class Report:
     def smallest(self) -> Outcome | None:
         """The failure with the shortest case, None if no check that failed read a case."""
         return min((one for one in self.failures if one.case), key=lambda one: len(one.case), default=None)
-
-    def replaced(self, old: Outcome, new: Outcome) -> Report:
-        """Return the report with another outcome instead of one of its own."""
-        return replace(self, outcomes=tuple(new if one is old else one for one in self.outcomes))
 
     def groups(self) -> list[list[Outcome]]:
         """Return the failures in groups of one kind; a group of several checks comes before groups of one."""

@@ -43,6 +43,16 @@ def expect_numbers(kernel: Any, bound: Any, trial: Trial, multiplier: Floats) ->
         raise CheckFailed(f"`multipliers` {did.format(f'point {point} of {multiplier.size}')}: {remedy}")
 
 
+def plain_step(integrator: Integrator, accelerations: Any, internal: Any) -> Any:
+    """Return the step of a multi-stage scheme in plain Python, with functions that fill its two slots."""
+    from percuss.methods import slots
+    from percuss.solver.compiler.specialise import Specialiser
+    from percuss.solver.integrator_check import kernel_of
+
+    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
+    return Specialiser(filled, jit=False).bind(kernel_of(integrator))
+
+
 class StrictSystem:
     """A chain of bars along x with contacts, stepped by an integrator and a contact law through the contract alone.
 
@@ -221,9 +231,6 @@ class StrictSystem:
 
         The contact force of a step is its contact impulse over dt.
         """
-        from percuss.methods import slots
-        from percuss.solver.compiler.specialise import Specialiser
-
         dt, size, points = self.dt, self.mass.size, len(self.points.names)
         ends = np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times))  # the kernel reads it where it lies
         if not stages.end and isinstance(self.bound, LinearLaw) and self.bound.at == "end":
@@ -249,8 +256,7 @@ class StrictSystem:
             f[:size] = self.response * (self.stiffness @ u[:size])
             f[size:] = 0.0
 
-        filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
-        step = Specialiser(filled, jit=False).bind(type(self.integrator).step)  # type: ignore[attr-defined]
+        step = plain_step(self.integrator, accelerations, internal)
         u, v = np.zeros(size + points), np.append(self.velocity, np.zeros(points))
         kept = np.zeros((type(self.integrator).kept, u.size))
         last = ends[-1].copy()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -60,6 +60,8 @@ class Subject:
         Case that the running check read last, as a list of one entry; a failure reports it.
     shrinks
         Whether a check that draws cases looks for a small one that fails.
+    options, partner
+        Options of the component and name of its partner in the cases of a check that draws them.
     """
 
     component: type[Component]
@@ -68,6 +70,8 @@ class Subject:
     check: str = ""
     loaded: list[Mapping[str, Any]] = field(default_factory=list, compare=False, repr=False)
     shrinks: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    partner: str = ""
 
     @staticmethod
     def of(component: type[Component], registry: Registry | None = None, draws: int = DRAWS) -> Subject:
@@ -145,8 +149,20 @@ class Subject:
             mistakes = (f"{dotted(mistake.path)}: {mistake.message}" for mistake in mistakes_in(error))
             raise CheckFailed("; ".join(mistakes)) from None
 
-    def placed(self, case: Mapping[str, Any], options: Mapping[str, Any], partner: Any = "") -> dict[str, Any]:
-        """Return a case that uses the component with `options`, and `partner` as the other method of its pair."""
+    def made(self) -> Iterator[tuple[dict[str, Any], Any]]:
+        """Yield each option set of the examples, with an instance that has these options."""
+        for options in self.examples:
+            yield options, self.make(options)
+
+    def placed(
+        self, case: Mapping[str, Any], options: Mapping[str, Any] | None = None, partner: Any = None
+    ) -> dict[str, Any]:
+        """Return a case that uses the component, and its partner as the other method of its pair.
+
+        Options and partner are those given, else those of the subject.
+        """
+        options = self.options if options is None else options
+        partner = self.partner if partner is None else partner
         named = {"name": self.name, **options}
         out = dict(case)
         method = dict(case.get("method", {}))
@@ -297,7 +313,7 @@ def names_of_checks(subject: Subject) -> list[str]:
     return list(dict.fromkeys([*(kit_check.name for kit_check, _ in checks), *(named(*pair) for pair in checks)]))
 
 
-def did_you_mean(text: str, names: list[str]) -> str:
+def did_you_mean(text: str, names: Iterable[str]) -> str:
     """Return advice that suggests the name nearest to `text`, or an empty text if no name is near."""
     nearest_name = nearest(text, names)
     return f"; did you mean '{nearest_name}'?" if nearest_name else ""

@@ -17,11 +17,10 @@ from percuss.errors import InputError, RefusedPair, RunError
 from percuss.methods.blame import described
 from percuss.testing.draws import (
     TWO_BARS,
-    bar_chains,
     for_all,
     must_agree,
+    on_chains,
     option_values,
-    with_examples,
 )
 from percuss.testing.subject import (
     CheckFailed,
@@ -253,34 +252,30 @@ def check_schema(subject: Subject) -> None:
 
 
 @check(*METHODS)
-def check_no_hidden_state(subject: Subject) -> None:
+@on_chains(share=3)
+def check_no_hidden_state(subject: Subject, case: Any) -> None:
     """The same run gives the same bits.
 
     A run, compiled or not, gives the same bits whatever ran before it, and leaves its class unchanged. If a run
     leaves data in a class, a module or a closure, results depend on the order of the runs.
     """
     before = _class_and_module_values(subject)
-
-    def compare_repeated_runs(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        for compiled in (True, False):
-            full_case = subject.placed(case, options, partner)
-            if not compiled:
-                full_case["time"] = {**full_case["time"], "steps": 40}
-            first = subject.run(full_case, compiled=compiled)
-            subject.run(subject.placed(TWO_BARS, options, partner), compiled=compiled)
-            kind = "compiled" if compiled else "plain"
-            try:
-                second = subject.run(full_case, compiled=compiled)
-            except (RunError, InputError) as stopped:
-                raise CheckFailed(f"the {kind} run is stopped the second time: {stopped}") from None
-            for name in ("contact_force", "displacement"):
-                if not np.array_equal(first.arrays[name], second.arrays[name], equal_nan=True):
-                    raise CheckFailed(f"the {kind} run gives another {name} the second time")
-        if _class_and_module_values(subject) != before:
-            raise CheckFailed("a run changed the class or its module")
-
-    for_all(subject, with_examples(subject, bar_chains()), compare_repeated_runs, max(4, subject.draws // 3))
+    for compiled in (True, False):
+        full_case = subject.placed(case)
+        if not compiled:
+            full_case["time"] = {**full_case["time"], "steps": 40}
+        first = subject.run(full_case, compiled=compiled)
+        subject.run(subject.placed(TWO_BARS), compiled=compiled)
+        kind = "compiled" if compiled else "plain"
+        try:
+            second = subject.run(full_case, compiled=compiled)
+        except (RunError, InputError) as stopped:
+            raise CheckFailed(f"the {kind} run is stopped the second time: {stopped}") from None
+        for name in ("contact_force", "displacement"):
+            if not np.array_equal(first.arrays[name], second.arrays[name], equal_nan=True):
+                raise CheckFailed(f"the {kind} run gives another {name} the second time")
+    if _class_and_module_values(subject) != before:
+        raise CheckFailed("a run changed the class or its module")
 
 
 def _class_and_module_values(subject: Subject) -> str:
@@ -295,19 +290,15 @@ def _class_and_module_values(subject: Subject) -> str:
 
 
 @check(*METHODS)
-def check_compiled_and_plain(subject: Subject) -> None:
+@on_chains(share=3)
+def check_compiled_and_plain(subject: Subject, case: Any) -> None:
     """Compiled and plain runs agree.
 
     A compiled run and a run in plain Python give the same numbers up to round-off. A kernel is wrong in one of the
     two if it relies on the behaviour of the other, such as a cached global, an overflow or an unset entry.
     """
-
-    def compare_compiled_with_plain(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        full_case = subject.placed({**case, "time": {**case["time"], "steps": 60}}, options, partner)
-        must_agree(subject, full_case, full_case, "plain Python", compiled=False)
-
-    for_all(subject, with_examples(subject, bar_chains()), compare_compiled_with_plain, max(4, subject.draws // 3))
+    case = subject.placed({**case, "time": {**case["time"], "steps": 60}})
+    must_agree(subject, case, case, "plain Python", compiled=False)
 
 
 def _has_number(schema: Mapping[str, Any]) -> bool:

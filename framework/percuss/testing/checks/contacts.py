@@ -7,33 +7,36 @@ from typing import Any
 
 import numpy as np
 
-from percuss.errors import InputError, RunError, nearest
+from percuss.errors import InputError, RunError
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
 from percuss.methods.kernel_trial import COUPLED, trial_of
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import (
     SAFETY_FACTOR,
-    STEEL,
     TWO_BARS,
-    bar_chains,
-    for_all,
+    bar,
+    chain,
     largest_difference,
+    on_chains,
+    per_cent,
     round_off,
-    with_examples,
 )
 from percuss.testing.strict import StrictSystem, expect_numbers
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, gives_own_steps, was_not_started
+from percuss.testing.subject import (
+    CheckFailed,
+    NotApplicable,
+    Subject,
+    check,
+    did_you_mean,
+    gives_own_steps,
+    was_not_started,
+)
 
 COUNTS = (0, 1, 2, 5)  # numbers of contact points
 # A bar that strikes a wall once and leaves it.
-STRUCK_WALL: dict[str, Any] = {
-    "percuss": 1,
-    "bodies": {"a": {"bar": {"length": 1.0, "elements": 20}, "material": STEEL, "area": 1.0, "velocity": 0.5}},
-    "contacts": {"wall": {"body": "a.right", "wall": 1.0}},
-    "record": {"probes": []},
-}
+STRUCK_WALL = chain({"a": bar(20, velocity=0.5)}, wall=1.0)
 # Two bars that strike each other, and a wall that one of them reaches with the same end.
-STRUCK_TWICE: dict[str, Any] = {
+STRUCK_TWICE = {
     **TWO_BARS,
     "contacts": {**TWO_BARS["contacts"], "wall": {"body": "a.right", "wall": 1.0002}},
     "time": {**TWO_BARS["time"], "on_unstable": "warn"},
@@ -321,43 +324,31 @@ def check_stored_and_dissipated(subject: Subject) -> None:
 
 
 @check("contacts")
-def check_as_a_strict_host_has_it(subject: Subject) -> None:
+@on_chains()
+def check_as_a_strict_host_has_it(subject: Subject, case: Any) -> None:
     """The law uses the contract alone.
 
     `StrictSystem`, dense and in plain NumPy, gives the same contact forces and gaps as the time loop. It provides
     the contract and nothing else, so a law that uses anything else fails.
     """
-
-    def compare_hosts(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        full_case = subject.placed({**case, "time": {**case["time"], "steps": 80}}, options, partner)
-        try:
-            loaded = subject.load(full_case)
-            strict = StrictSystem(case | {"time": full_case["time"]}, loaded.method.integrator, loaded.method.contact)
-            result = subject.run(full_case)
-        except ValueError as error:
-            raise (CheckFailed if "read-only" in str(error) else NotApplicable)(str(error)) from None
-        allowed = round_off(subject, full_case, result)
-        if allowed is None:
-            return
-        reference = strict.march()
-        sizes = {"contact_force": 0.0, "gap": 0.0}
-        for name in sizes:
-            in_loop, in_host = result.arrays[name], getattr(reference, name)
-            size = max(float(np.abs(in_loop).max(initial=0.0)), 1e-300)
-            if name == "gap":
-                size = max(size, float(np.abs(reference.displacement).max()))
-            if in_loop.size and not np.abs(in_loop - in_host).max() <= max(allowed, 1e-10) * size:
-                raise CheckFailed(
-                    f"{name} of the march and of the strict host differ by {_relative_difference(in_loop, in_host):.2g}"
-                )
-
-    for_all(subject, with_examples(subject, bar_chains()), compare_hosts)
-
-
-def _relative_difference(history: Any, other: Any) -> float:
-    """Return the largest difference of two histories over the peak of the first."""
-    return float(np.abs(history - other).max() / np.abs(history).max(initial=1e-300))
+    case = subject.placed({**case, "time": {**case["time"], "steps": 80}})
+    try:
+        loaded = subject.load(case)
+        strict = StrictSystem(case, loaded.method.integrator, loaded.method.contact)
+        result = subject.run(case)
+    except ValueError as error:
+        raise (CheckFailed if "read-only" in str(error) else NotApplicable)(str(error)) from None
+    allowed = round_off(subject, case, result)
+    if allowed is None:
+        return
+    reference = strict.march()
+    largest = {"contact_force": 0.0, "gap": float(np.abs(reference.displacement).max())}
+    for name, size in largest.items():
+        in_loop = result.arrays[name]
+        difference = float(np.abs(in_loop - getattr(reference, name)).max(initial=0.0))
+        difference /= max(size, float(np.abs(in_loop).max(initial=0.0)), 1e-300)
+        if not difference <= max(allowed, 1e-10):
+            raise CheckFailed(f"{name} of the run and of the strict host differ by {per_cent(difference)}")
 
 
 @check("contacts")
@@ -393,8 +384,7 @@ def check_resolved(subject: Subject) -> None:
     result stores both.
     """
     points, dt = sample_points(2), 1e-3
-    for options in subject.examples:
-        law = subject.make(options)
+    for _, law in subject.made():
         for name, value in law.resolved(points, dt).items():
             array = np.asarray(value, dtype=float)
             if array.shape not in {(), (2,)} or np.isnan(array).any():
@@ -405,7 +395,8 @@ def check_resolved(subject: Subject) -> None:
 
 
 @check("contacts")
-def check_guarantees(subject: Subject) -> None:
+@on_chains()
+def check_guarantees(subject: Subject, case: Any) -> None:
     """Its guarantees are kept in every run.
 
     The declared `guarantees` of a law hold in every drawn run, with every partner and option set. The possible
@@ -415,33 +406,27 @@ def check_guarantees(subject: Subject) -> None:
     declared = subject.component.guarantees  # type: ignore[attr-defined]
     for fact in declared:
         if fact not in GUARANTEES:
-            advice = nearest(fact, GUARANTEES)
-            raise CheckFailed(f"'{fact}' is no known guarantee{f'; did you mean {advice!r}?' if advice else ''}")
+            raise CheckFailed(f"'{fact}' is no known guarantee{did_you_mean(fact, GUARANTEES)}")
     if not declared:
         raise NotApplicable("it declares no guarantee")
-
-    def check_guarantees_in_run(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        full_case = subject.placed(case, options, partner)
-        try:
-            result = subject.run(full_case, with_critical_step="keeps the free step" in declared)
-        except (InputError, RunError) as refusal:
-            stopped = isinstance(refusal, RunError) and not gives_own_steps(subject, full_case)
-            if stopped and "keeps the free step" in declared and case["time"]["courant"] < 1.0:
-                raise CheckFailed(f"it says that it keeps the free step: {refusal}") from None
-            raise
-        force, gap = result.arrays["contact_force"], result.arrays["gap"]
-        travel = float(np.abs(result.arrays["displacement"]).max()) + float(np.abs(gap).max(initial=0.0))
-        if "never pulls" in declared and force.min(initial=0.0) < 0.0:
-            raise CheckFailed(f"it says that it never pulls, and the force is {force.min():.3g}")
-        deepest = max(contact["penetration"]["largest"] for contact in result.summary["contacts"].values())
-        deepest = max(deepest, -float(gap.min(initial=0.0)))
-        if "no penetration" in declared and deepest > 1e-11 * travel:
-            raise CheckFailed(f"it says that there is no penetration, and bodies overlap by {deepest:.3g}")
-        certificate = result.summary["certificate"]
-        has_limit = certificate["dt_critical"] is not None
-        lowered = has_limit and certificate["dt_critical"] < certificate["dt_critical_free"] * (1.0 - 1e-5)
-        if "keeps the free step" in declared and lowered:
-            raise CheckFailed(f"it says that it keeps the free step, and {certificate['why']}")
-
-    for_all(subject, with_examples(subject, bar_chains()), check_guarantees_in_run)
+    full_case = subject.placed(case)
+    try:
+        result = subject.run(full_case, with_critical_step="keeps the free step" in declared)
+    except RunError as refusal:
+        keeps = "keeps the free step" in declared and case["time"]["courant"] < 1.0
+        if keeps and not gives_own_steps(subject, full_case):
+            raise CheckFailed(f"it says that it keeps the free step: {refusal}") from None
+        raise
+    force, gap = result.arrays["contact_force"], result.arrays["gap"]
+    travel = float(np.abs(result.arrays["displacement"]).max()) + float(np.abs(gap).max(initial=0.0))
+    if "never pulls" in declared and force.min(initial=0.0) < 0.0:
+        raise CheckFailed(f"it says that it never pulls, and the force is {force.min():.3g}")
+    deepest = max(contact["penetration"]["largest"] for contact in result.summary["contacts"].values())
+    deepest = max(deepest, -float(gap.min(initial=0.0)))
+    if "no penetration" in declared and deepest > 1e-11 * travel:
+        raise CheckFailed(f"it says that there is no penetration, and bodies overlap by {deepest:.3g}")
+    certificate = result.summary["certificate"]
+    has_limit = certificate["dt_critical"] is not None
+    lowered = has_limit and certificate["dt_critical"] < certificate["dt_critical_free"] * (1.0 - 1e-5)
+    if "keeps the free step" in declared and lowered:
+        raise CheckFailed(f"it says that it keeps the free step, and {certificate['why']}")

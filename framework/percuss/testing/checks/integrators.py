@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from percuss.errors import RunError, nearest
+from percuss.errors import RunError
 from percuss.methods.interfaces import Integrator, Stages
 from percuss.testing.checks.pairs import below_limit
-from percuss.testing.draws import STEEL
-from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
+from percuss.testing.draws import bar, chain
+from percuss.testing.strict import plain_step
+from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, did_you_mean
 
 CONSERVED = ("energy", "momentum")
 COURANTS = (0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)  # Courant numbers at which the order is measured
@@ -24,19 +25,13 @@ MARGIN = 0.01  # distance from the critical Courant number at which stability is
 
 def fixed_bar(elements: int, courant: float, steps: int) -> dict[str, Any]:
     """Return a case of a moving bar that is fixed at its left end from t = 0 on, without contact."""
-    bar = {"bar": {"length": 1.0, "elements": elements}, "material": STEEL, "area": 1.0, "velocity": 1.0}
-    return {
-        "percuss": 1,
-        "bodies": {"a": {**bar, "fixed": ["left"]}},
-        "contacts": {},
-        "time": {"steps": steps, "courant": courant},
-        "record": {"probes": ["a.right"]},
-    }
+    case = chain({"a": bar(elements, velocity=1.0, fixed=["left"])}, time={"steps": steps, "courant": courant})
+    return {**case, "record": {"probes": ["a.right"]}}
 
 
 def exact_end_displacement(elements: int, time: Any) -> Any:
     """Return the exact displacement of the free end of the discretised `fixed_bar` at given times, from its modes."""
-    h, (young, density) = 1.0 / elements, STEEL.values()
+    h, (young, density) = 1.0 / elements, bar(1)["material"].values()
     stiffness = np.zeros((elements + 1, elements + 1))
     mass = np.zeros(elements + 1)
     for e in range(elements):
@@ -91,10 +86,7 @@ def check_conserves(subject: Subject) -> None:
     """
     for fact in subject.component.conserves:  # type: ignore[attr-defined]
         if fact not in CONSERVED:
-            advice = nearest(fact, CONSERVED)
-            raise CheckFailed(
-                f"'{fact}' is nothing that can be conserved{f'; did you mean {advice!r}?' if advice else ''}"
-            )
+            raise CheckFailed(f"'{fact}' is nothing that can be conserved{did_you_mean(fact, CONSERVED)}")
     declared = subject.component.conserves  # type: ignore[attr-defined]
     for options in subject.examples:
         for wanted in (0.3, 0.9):
@@ -213,10 +205,6 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
         Displacement and velocity at the start of each step, the calls of `accelerations` in both steps, and the number
         of calls in each step.
     """
-    from percuss.methods import slots
-    from percuss.solver.compiler.specialise import Specialiser
-    from percuss.solver.integrator_check import kernel_of
-
     random = np.random.default_rng(7)
     calls: Calls = []
 
@@ -227,8 +215,7 @@ def _two_steps(integrator: Integrator, stages: Stages, dt: float, *, free: bool)
     def internal(system: Any, stage: int, u: Any, f: Any) -> None:  # noqa: ARG001  signature of the slot
         f[:] = 0.0 if free else random.standard_normal(u.size)
 
-    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
-    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    step = plain_step(integrator, accelerations, internal)
     u, v = random.standard_normal((2, ENTRIES))
     kept = random.standard_normal((type(integrator).kept, ENTRIES)) * (0.0 if free else 1.0)
     if not free and len(kept):
@@ -259,9 +246,7 @@ def _check_stage_times(integrator: Integrator, stages: Stages, dt: float) -> Non
 
 def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> None:
     """Raise `CheckFailed` unless `velocity` completes the velocity of each stage under a constant acceleration."""
-    from percuss.methods import slots
-    from percuss.solver.compiler.specialise import Specialiser
-    from percuss.solver.integrator_check import kernel_of, no_internal_forces
+    from percuss.solver.integrator_check import no_internal_forces
 
     constant, start = np.array([0.7, -1.3]), np.array([0.2, 0.4])
     velocities: list[tuple[int, Any]] = []
@@ -270,8 +255,7 @@ def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> 
         a[:] = constant
         velocities.append((stage, v.copy()))
 
-    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: no_internal_forces}
-    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    step = plain_step(integrator, accelerations, no_internal_forces)
     step(stages.numbers, None, np.zeros(2), start.copy(), np.tile(constant, (type(integrator).kept, 1)), dt)
     for stage, v in velocities:
         time = stages.times[stage] * dt

@@ -14,11 +14,21 @@ from percuss.errors import InputError, RunError
 from percuss.methods.interfaces import LeapFrog
 from percuss.results.energy_growth import STORED_BY_LAWS
 from percuss.testing import draws
-from percuss.testing.draws import STEEL, bar_chains, for_all, must_agree, number, replaced, with_examples
+from percuss.testing.draws import (
+    bar,
+    bar_chains,
+    chain,
+    for_all,
+    must_agree,
+    must_balance,
+    number,
+    on_chains,
+    per_cent,
+    replaced,
+)
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check, gives_own_steps, was_not_started
 
 PAIRS = ("integrators", "contacts")
-BALANCE_TOLERANCE = 1e-11
 GROWTH_TOLERANCE = 1e-10  # relative to the largest energy; less growth is round-off
 REDUCTION = 0.6  # largest allowed ratio of the impulse errors of a finer mesh and of the coarsest
 MESHES = (2, 8, 32)  # refinements; the third is for methods whose error on the first is small by chance
@@ -29,25 +39,19 @@ AS_GOOD_AS_EXACT = 2e-3  # relative error of the impulse below which no further 
 COURANTS = (0.25, 0.45, 0.65, 0.8, 0.86, 0.95)
 
 
-@check(*PAIRS)
-def check_balances(subject: Subject) -> None:
+@check(*PAIRS, "elements", "materials", "masses", "shapes")
+@on_chains(push=True)
+def check_balances(subject: Subject, case: Any) -> None:
     """Momentum and energy are balanced.
 
-    The momentum balance of every run closes to round-off, and so does the energy ledger of a leap-frog scheme. A
-    force that acts on one side only, or that is not reported, violates them.
+    The momentum balance of every run closes to round-off, and so does the energy ledger of a leap-frog scheme. A force
+    that acts on one side only, or that is not reported, violates them.
     """
-
-    def check_ledgers(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        full_case = subject.placed(case, options, partner)
-        result = subject.run(full_case)
-        momentum, ledger = result.summary["momentum"]["error"], result.summary["energy"]["ledger_error"]
-        if not momentum <= BALANCE_TOLERANCE:
-            raise CheckFailed(f"momentum is off by {momentum:.2g} of the impulses")
-        if is_leap_frog(subject, full_case) and not ledger <= BALANCE_TOLERANCE:
-            raise CheckFailed(f"the energy ledger is open by {ledger:.2g}")
-
-    for_all(subject, with_examples(subject, bar_chains(push=True)), check_ledgers)
+    if subject.family == "shapes":  # one body, because a shape names its ends itself
+        name, body = next(iter(case["bodies"].items()))
+        case = {**case, "bodies": {name: body}, "contacts": {}, "loads": {}, "record": {"probes": []}}
+    case = subject.placed(case)
+    must_balance(subject.run(case), ledger=is_leap_frog(subject, case))
 
 
 def is_leap_frog(subject: Subject, case: Mapping[str, Any]) -> bool:
@@ -67,25 +71,10 @@ def impact(parameters: tuple[float, float, float, int]) -> dict[str, Any]:
         Length, Young's modulus and area of bar b, and the refinement of the mesh.
     """
     length, young, area, refine = parameters
-    bodies = {
-        "a": {"bar": {"length": 1.0, "elements": 10}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.2},
-        "b": {
-            "bar": {"length": length, "elements": round(10 * length)},
-            "material": {"young": young, "density": 0.01},
-            "area": area,
-            "at": 1.0,
-            "velocity": -0.1,
-        },
-    }
+    second = bar(round(10 * length), length, young=young, area=area, at=1.0, velocity=-0.1)
     transit = 2.0 * max(1.0 / 100.0, length / (young / 0.01) ** 0.5)
-    return {
-        "percuss": 1,
-        "bodies": bodies,
-        "contacts": {"ab": {"between": ["a.right", "b.left"]}},
-        "refine": refine,
-        "time": {"end": 1.3 * transit, "courant": 0.5},
-        "record": {"probes": []},
-    }
+    time = {"end": 1.3 * transit, "courant": 0.5}
+    return chain({"a": bar(10, velocity=0.2), "b": second}, refine=refine, time=time)
 
 
 @check(*PAIRS, in_pairs=True)
@@ -273,92 +262,42 @@ def repeated_impacts() -> Iterator[dict[str, Any]]:
     """Yield cases of unlike bars that strike each other and walls many times, at several Courant numbers."""
     for courant in COURANTS:
         time = {"steps": int(240 / courant), "courant": courant}
-        first = {"bar": {"length": 1.0, "elements": 7}, "material": STEEL, "area": 1.0, "at": 0.0, "velocity": 0.4}
+        first = bar(7, velocity=0.4)
         walls = {"left": {"body": "a.left", "wall": -0.01}, "right": {"body": "a.right", "wall": 1.01}}
-        case: dict[str, Any] = {"percuss": 1, "bodies": {"a": first}, "contacts": walls, "time": time}
-        yield {**case, "record": {"probes": []}}
-        second = {
-            "bar": {"length": 1.5, "elements": 9},
-            "material": {"young": 49.0, "density": 0.05},
-            "area": 1.3,
-            "at": 1.0,
-            "velocity": -0.3,
-        }
-        contacts = {"ab": {"between": ["a.right", "b.left"]}, "wall": {"body": "b.right", "wall": 2.51}}
-        yield {**case, "bodies": {"a": first, "b": second}, "contacts": contacts, "record": {"probes": []}}
+        yield {**chain({"a": first}, time=time), "contacts": walls}
+        second = bar(9, 1.5, young=49.0, density=0.05, area=1.3, at=1.0, velocity=-0.3)
+        yield chain({"a": first, "b": second}, wall=2.51, time=time)
         # a bar of one element between two bars of several elements is struck from both sides
-        left = {"bar": {"length": 1.32, "elements": 5}, "material": {"young": 45.4, "density": 0.07}, "area": 1.49}
-        middle = {"bar": {"length": 1.72, "elements": 1}, "material": {"young": 200.0, "density": 0.04}, "area": 1.0}
-        right = {"bar": {"length": 1.32, "elements": 8}, "material": {"young": 22.33, "density": 0.06}, "area": 1.68}
-        bodies = {
-            "a": {**left, "at": 0.0, "velocity": 0.79},
-            "b": {**middle, "at": 1.32, "velocity": -0.93},
-            "c": {**right, "at": 3.11, "velocity": -0.52},
-        }
-        contacts = {
-            "ab": {"between": ["a.right", "b.left"]},
-            "bc": {"between": ["b.right", "c.left"]},
-            "wall": {"body": "c.right", "wall": 4.47},
-        }
-        yield {**case, "bodies": bodies, "contacts": contacts, "record": {"probes": []}}
+        left = bar(5, 1.32, young=45.4, density=0.07, area=1.49, velocity=0.79)
+        middle = bar(1, 1.72, young=200.0, density=0.04, at=1.32, velocity=-0.93)
+        right = bar(8, 1.32, young=22.33, density=0.06, area=1.68, at=3.11, velocity=-0.52)
+        yield chain({"a": left, "b": middle, "c": right}, wall=4.47, time=time)
 
 
 # ----------------------------------------------------------------------------------------------- invariances
 
 
-def _invariant(subject: Subject, transform: Any, description: str, **chain_options: Any) -> None:
-    """Check that drawn cases give the same results after a transformation; `description` names it in messages."""
-
-    def compare_transformed(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        base, changed = (subject.placed(variant, options, partner) for variant in (case, transform(case)))
-        must_agree(subject, base, changed, description)
-
-    for_all(
-        subject, with_examples(subject, bar_chains(**chain_options)), compare_transformed, max(4, subject.draws // 2)
-    )
-
-
 @check(*PAIRS)
-def check_translation(subject: Subject) -> None:
-    """A translation changes nothing.
+@on_chains(share=2)
+def check_placement(subject: Subject, case: Any) -> None:
+    """Place and order of bodies change nothing.
 
-    Results do not change if all bodies and walls are moved along x. A contact law depends on gaps and gap rates,
-    not on the position of a contact.
+    Results do not change if all bodies and walls are moved, rotated in two or three dimensions, or mirrored, and if a
+    case lists its bodies and the two sides of each contact in another order. A law depends on gaps and gap rates.
     """
-    _invariant(subject, lambda case: draws.shifted(case, 2.5), "a translation")
+    for change, other in (
+        ("a translation", draws.moved(case, shift=2.5)),
+        ("a reflection", draws.moved(case, (-1.0,))),
+        ("a rotation in two dimensions", draws.moved(case, (3.0, -4.0))),
+        ("a rotation in three dimensions", draws.moved(case, (1.0, 2.0, -2.0))),
+        ("another order of bodies and sides", draws.listed_in_reverse(case)),
+    ):
+        must_agree(subject, subject.placed(case), subject.placed(other), change)
 
 
 @check(*PAIRS)
-def check_dimensions(subject: Subject) -> None:
-    """A rotation changes nothing.
-
-    A case rotated in two or three dimensions gives the same forces, gaps and displacements.
-    """
-    for direction in ((3.0, -4.0), (1.0, 2.0, -2.0)):
-        _invariant(subject, lambda case, to=direction: draws.rotated(case, to), f"a rotation to {direction}")
-
-
-@check(*PAIRS)
-def check_mirror(subject: Subject) -> None:
-    """A reflection changes nothing.
-
-    The mirror image of a case gives the same results, because a law does not distinguish left from right.
-    """
-    _invariant(subject, lambda case: draws.rotated(case, (-1.0,)), "a reflection")
-
-
-@check(*PAIRS)
-def check_naming(subject: Subject) -> None:
-    """The order of names changes nothing.
-
-    Results do not depend on the order in which a case lists its bodies and the two sides of each contact.
-    """
-    _invariant(subject, draws.listed_in_reverse, "the order of bodies and sides")
-
-
-@check(*PAIRS)
-def check_units(subject: Subject) -> None:
+@on_chains(push=True)
+def check_units(subject: Subject, case: Any) -> None:
     """A change of units changes nothing.
 
     Results do not depend on the units of length, mass and time. Options are converted by their stated units. A
@@ -366,13 +305,8 @@ def check_units(subject: Subject) -> None:
     units.
     """
     factors = {name: draws.unit_factor(QUANTITIES[name].unit) for name in COMPARED_BY_KIT}
-
-    def compare_units(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        converted = subject.placed(draws.converted(case), draws.converted_options(subject, options), partner)
-        must_agree(subject, subject.placed(case, options, partner), converted, "a change of units", factors)
-
-    for_all(subject, with_examples(subject, bar_chains(push=True)), compare_units)
+    converted = subject.placed(draws.converted(case), draws.converted_options(subject, subject.options))
+    must_agree(subject, subject.placed(case), converted, "a change of units", factors)
 
 
 @check(*PAIRS)
@@ -397,7 +331,8 @@ def check_refusals(subject: Subject) -> None:
 
 
 @check(*PAIRS)
-def check_no_contact(subject: Subject) -> None:
+@on_chains(share=2)
+def check_no_contact(subject: Subject, case: Any) -> None:
     """Bodies that never meet move freely.
 
     Bodies without contacts, or with contacts that never close, move as if there were no contact law. This detects a
@@ -405,38 +340,34 @@ def check_no_contact(subject: Subject) -> None:
     """
     from percuss.solver.model import Model
 
-    def compare_with_free_bodies(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        free_case = replaced(case, contacts={}, loads={})
-        open_case = replaced(case, loads={})
-        for index, body in enumerate(open_case["bodies"].values()):
-            body["at"] += 10.0 * index
-            body["velocity"] = abs(body["velocity"]) * (index + 1)
-            free_case["bodies"][list(open_case["bodies"])[index]] |= {"at": body["at"], "velocity": body["velocity"]}
-        for contact in open_case["contacts"].values():
-            if "wall" in contact:
-                contact["wall"] += 10.0 * len(open_case["bodies"]) + 100.0
-        try:
-            free_result = subject.run(subject.placed(free_case, options, partner))
-            open_result = subject.run(subject.placed(open_case, options, partner))
-        except RunError as stopped:
-            if was_not_started(stopped):
-                raise
-            raise CheckFailed(f"bodies that never meet: the run was {stopped}") from None
-        if open_result.arrays["contact_force"].any():
-            raise CheckFailed("bodies that never meet feel a contact force")
-        laws = (bound_law.linear for bound_law in Model(subject.load(subject.placed(open_case, options, partner))).laws)
-        if any(law is not None and np.any(law.softens) for law in laws):
-            raise NotApplicable("what it softens it softens while its contacts are open, too")
-        difference = float(np.abs(free_result.arrays["displacement"] - open_result.arrays["displacement"]).max())
-        if difference > draws.FLOOR * float(np.abs(free_result.arrays["displacement"]).max()):
-            raise CheckFailed(f"bodies that never meet move otherwise by {difference:.2g}")
-
-    for_all(subject, with_examples(subject, bar_chains()), compare_with_free_bodies, max(4, subject.draws // 2))
+    free_case, open_case = replaced(case, contacts={}, loads={}), replaced(case, loads={})
+    for index, (name, body) in enumerate(open_case["bodies"].items()):
+        body["at"] += 10.0 * index
+        body["velocity"] = abs(body["velocity"]) * (index + 1)
+        free_case["bodies"][name] = body
+    for contact in open_case["contacts"].values():
+        if "wall" in contact:
+            contact["wall"] += 10.0 * len(open_case["bodies"]) + 100.0
+    try:
+        free, apart = (subject.run(subject.placed(each)) for each in (free_case, open_case))
+    except RunError as stopped:
+        if was_not_started(stopped):
+            raise
+        raise CheckFailed(f"bodies that never meet: the run was {stopped}") from None
+    if apart.arrays["contact_force"].any():
+        raise CheckFailed("bodies that never meet have a contact force")
+    laws = (bound_law.linear for bound_law in Model(subject.load(subject.placed(open_case))).laws)
+    if any(law is not None and np.any(law.softens) for law in laws):
+        raise NotApplicable("what it softens it softens while its contacts are open, too")
+    displacement = free.arrays["displacement"]
+    difference = float(np.abs(displacement - apart.arrays["displacement"]).max() / np.abs(displacement).max())
+    if difference > draws.FLOOR:
+        raise CheckFailed(f"without contact, displacements of bodies that never meet differ by {per_cent(difference)}")
 
 
 @check(*PAIRS)
-def check_certificate(subject: Subject) -> None:
+@on_chains(share=4, bars=2, walls=False)
+def check_certificate(subject: Subject, case: Any) -> None:
     """The critical step is where motion grows.
 
     The critical step computed from linear laws and integrator is the step at which the motion itself begins to
@@ -446,23 +377,12 @@ def check_certificate(subject: Subject) -> None:
     from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
     from percuss.solver.model import Model
 
-    def compare_critical_steps(drawn: tuple[dict[str, Any], dict[str, Any], Any]) -> None:
-        case, options, partner = drawn
-        model = Model(subject.load(subject.placed(case, options, partner)))
-        if model.implicit:
-            raise NotApplicable("the scheme is implicit, and has no critical step")
-        contacts = closed_contacts(model, model.dt)
-        if contacts.unknown:
-            raise NotApplicable(f"the pencil does not cover {', '.join(contacts.unknown)}: only the step itself tells")
-        by_pencil, by_black_box = PencilCriterion(model).critical_step, BlackBoxCriterion(model).critical_step
-        if not abs(by_pencil - by_black_box) <= 1e-3 * by_pencil:
-            raise CheckFailed(
-                f"by the pencil the critical step is {by_pencil:.6g}, by the step itself {by_black_box:.6g}"
-            )
-
-    for_all(
-        subject,
-        with_examples(subject, bar_chains(bars=2, walls=False)),
-        compare_critical_steps,
-        max(3, subject.draws // 4),
-    )
+    model = Model(subject.load(subject.placed(case)))
+    if model.implicit:
+        raise NotApplicable("the scheme is implicit, and has no critical step")
+    contacts = closed_contacts(model, model.dt)
+    if contacts.unknown:
+        raise NotApplicable(f"the pencil does not cover {', '.join(contacts.unknown)}: only the step itself can decide")
+    by_pencil, by_black_box = PencilCriterion(model).critical_step, BlackBoxCriterion(model).critical_step
+    if not abs(by_pencil - by_black_box) <= 1e-3 * by_pencil:
+        raise CheckFailed(f"the critical step is {by_pencil:.6g} by the pencil, {by_black_box:.6g} by the step itself")
