@@ -126,7 +126,7 @@ def test_the_page_says_what_was_asked_run_and_lost(small):
     assert "5 values" not in words
     assert "0.05, 0.2, 0.5, 1, 3" in words
     assert f"{(small.table['status'] == 'unstable').sum()} unstable" in words
-    assert "the certificate says no" in words
+    assert "the certificate says unstable" in words
     assert "random sample" not in words
 
 

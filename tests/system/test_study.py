@@ -110,7 +110,7 @@ def test_every_pair_case_and_point_is_a_row(tmp_path):
     assert study.complete
     stiff = table[(table["method.contact.beta_s"] > 49) & (table.contact == "penalty")]
     assert set(stiff.status) == {"unstable"}
-    assert stiff.reason.str.contains("certificate says no").all()
+    assert stiff.reason.str.contains("certificate says unstable").all()
     assert stiff.impulse.isna().all()
     lacks = table[table.contact == "lagrange"]
     assert len(lacks) == 2 * 2 * 2
@@ -401,7 +401,7 @@ def test_a_run_that_always_kills_its_worker_is_a_lost_row(tmp_path):
         check=False,
     )
     assert done.returncode == 1, done.stderr
-    assert "1 of 6 runs were lost to the machine: the same command makes them again" in done.stderr
+    assert "1 of 6 runs failed because of the machine: the same command makes them again" in done.stderr
     table = percuss.open_study(out).table.set_index("method.contact.beta_s")
     assert list(table.status[[0.1, 0.2, 0.3, 0.4, 0.5]]) == ["done"] * 5
     assert table.status[1.0] == "lost"
@@ -823,7 +823,7 @@ def test_a_run_that_is_not_valid_is_marked_as_a_row(tmp_path):
     more = {"method.integrator": "central-difference", "method.contact": law, "time.on_unstable": "warn"}
     table = percuss.study(given(set={**SMALL, **more}), tmp_path / "a.sqlite", workers=1).table
     assert table.status[0] == "done"
-    assert "the certificate says no" in table.reason[0]
+    assert "the certificate says unstable" in table.reason[0]
     assert table.energy_kept[0] > 2
 
 

@@ -10,7 +10,7 @@ import pytest
 import percuss
 from percuss.heartbeat import heard_by
 from percuss.reporting.explanation import explanation
-from percuss.reporting.terminal import tell_result
+from percuss.reporting.verdict import run_verdict
 from percuss.results import exact_only, kept_solutions
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
@@ -64,7 +64,7 @@ def unlike(**solution):
 
 
 @pytest.mark.parametrize("tiny", [1e-7, 1e-9])
-def test_a_tiny_bar_is_refused_before_anything_is_spent_and_the_run_goes_on(tiny, capsys):
+def test_a_tiny_bar_is_refused_before_anything_is_spent_and_the_run_goes_on(tiny):
     case = pressed(tiny)
     began = time.process_time()
     result = percuss.run(case)
@@ -74,8 +74,7 @@ def test_a_tiny_bar_is_refused_before_anything_is_spent_and_the_run_goes_on(tiny
     reason = result.summary["exact_reason"]
     assert reason.startswith("bars-in-a-row: it takes more than 1 GB of memory, at least 3")
     assert reason.endswith("GB for the shortest bar (method.solution.most_memory)")
-    tell_result(result)
-    assert reason in " ".join(capsys.readouterr().out.split())
+    assert reason in " ".join(run_verdict(result, None, ""))
     assert reason in explanation(Model(case)).text  # so it is known before the run, too
     with pytest.raises(percuss.InputError, match="most_memory"):
         run_exact(case)

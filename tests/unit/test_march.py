@@ -269,7 +269,7 @@ def test_a_step_above_that_of_the_bodies_is_stopped_and_explained(compiled):
     case = one_bar({"steps": 3000, "courant": 1.05}, {"push": {"constant": 1.0, "on": "a.left"}}, elements=6)
     with pytest.raises(percuss.RunError) as caught:
         run(case, compiled=compiled)
-    assert "not started, node" in str(caught.value)
+    assert "not started: the certificate says unstable" in str(caught.value)
     assert caught.value.result.summary["steps"] == 0
     case["time"]["on_unstable"] = "warn"
     with pytest.raises(percuss.RunError) as caught:

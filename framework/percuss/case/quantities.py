@@ -66,6 +66,8 @@ class Quantity:
         Definition of the one number a run in the table of a study; empty if it is no column by its bare name.
     is_error
         Whether runs are ranked by the number, smaller being better.
+    is_fraction
+        Whether it is a fraction, which people read in per cent.
     """
 
     of: Literal["contact", "contact state", "probe", "element", "run"] = "run"
@@ -80,6 +82,13 @@ class Quantity:
     over_contacts: Literal["sum", "max"] | None = None
     metric: str = ""
     is_error: bool = False
+    is_fraction: bool = False
+
+    def text(self, value: Any, digits: int = 3) -> str:
+        """Return a value for readers: a fraction in per cent, a dash where there is none."""
+        if self.is_fraction:
+            return percent(value, digits)
+        return "-" if value is None else f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
     @property
     def head(self) -> str:
@@ -229,6 +238,7 @@ QUANTITIES: dict[str, Quantity] = {
             "energy less all work, over the largest energy so far: what the scheme itself gains or loses"
         ),
         definition_exact="energies less external work, over the largest energy so far: round-off of the solution",
+        is_fraction=True,
     ),
     "stress": Quantity(
         of="element", label="stress", unit="force/length^2", axis="time", definition="stress in the element"
@@ -275,16 +285,19 @@ QUANTITIES: dict[str, Quantity] = {
         short="energy kept",
         metric="1 + what contacts, scheme and materials add to the energy, over the largest energy put in: at first, "
         "and by loads so far",
+        is_fraction=True,
     ),
     "energy_max": Quantity(
         label="largest energy",
         metric="1 + largest work of the contacts so far over the largest energy put in",
+        is_fraction=True,
     ),
     "ledger_error": Quantity(
         label="closure of the energy ledger",
         path="energy.ledger_error",
         metric="largest closure of the energy ledger over the largest energy so far",
         is_error=True,
+        is_fraction=True,
     ),
     "energy_growth": Quantity(
         label="growth of energy",
@@ -294,6 +307,7 @@ QUANTITIES: dict[str, Quantity] = {
         path="energy_growth.largest",
         metric="largest rise of energy with what contacts store above its smallest, over the largest energy",
         is_error=True,
+        is_fraction=True,
     ),
     "courant_critical": Quantity(label="critical Courant number", path="certificate.courant_critical"),
     # ------------------------------------------------------------------------------- errors against the exact solution
@@ -305,6 +319,7 @@ QUANTITIES: dict[str, Quantity] = {
         over_contacts="max",
         metric="L1 norm of force less exact force over that of the exact, both averaged over each step" + _WORST,
         is_error=True,
+        is_fraction=True,
     ),
     "force_error_l2": Quantity(
         of="contact",
@@ -314,6 +329,7 @@ QUANTITIES: dict[str, Quantity] = {
         over_contacts="max",
         metric="L2 norm of force less exact force over that of the exact, both averaged over each step" + _WORST,
         is_error=True,
+        is_fraction=True,
     ),
     "impulse_error": Quantity(
         of="contact",
@@ -323,6 +339,7 @@ QUANTITIES: dict[str, Quantity] = {
         over_contacts="max",
         metric="largest error of the cumulative impulse over the largest exact one" + _WORST,
         is_error=True,
+        is_fraction=True,
     ),
     "displacement_error": Quantity(
         label="displacement error, L2",
@@ -330,6 +347,7 @@ QUANTITIES: dict[str, Quantity] = {
         path="exact.displacement_error",
         metric="L2 norm over all bars of the displacement's error at the end, relative",
         is_error=True,
+        is_fraction=True,
     ),
     "noise": Quantity(
         of="contact",
@@ -338,6 +356,7 @@ QUANTITIES: dict[str, Quantity] = {
         path="exact.contacts.*.noise",
         over_contacts="max",
         metric="total variation of the force over that of the exact force, both averaged over each step" + _WORST,
+        is_fraction=True,
     ),
     "overshoot": Quantity(
         of="contact",
@@ -346,6 +365,7 @@ QUANTITIES: dict[str, Quantity] = {
         path="exact.contacts.*.overshoot",
         over_contacts="max",
         metric="peak force over the exact peak, averaged over each step, less one" + _WORST,
+        is_fraction=True,
     ),
     # Delays have a sign, so that the smaller is not the better; None of them is a column by its bare name.
     "closing_error": Quantity(

@@ -16,6 +16,7 @@ from percuss.cli.common import (
     load_to_write,
     names_in,
     print_json,
+    print_verdict,
     progress_bar,
     reporting,
     tell,
@@ -43,6 +44,7 @@ def compare(
 ) -> None:
     """Run pairs of methods on one case, side by side."""
     with reporting(as_json):
+        from percuss.reporting.verdict import comparison_verdict
         from percuss.studies import comparison, convergence
         from percuss.studies.parameters import varied
 
@@ -75,6 +77,7 @@ def compare(
             tell_rows(loaded.title, rows)
             if orders:
                 tell_orders(orders)
+        print_verdict(comparison_verdict(loaded.title, rows), as_json=as_json)
         outputs.finish()
         if not any(row.status == "done" for row in rows):
             raise typer.Exit(1)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, Outputs, Plugins, print_json, progress_bar, reporting, tell
+from percuss.cli.common import AsJson, Outputs, Plugins, print_json, print_verdict, progress_bar, reporting, tell
 from percuss.process import INTERRUPTED
 
 
@@ -34,6 +34,7 @@ def study(
 ) -> None:
     """Make the runs of a study; given again, continue it."""
     with reporting(as_json):
+        from percuss.reporting.verdict import rows_verdict
         from percuss.studies.study import study as make_study
         from percuss.studies.study_table import exportable
 
@@ -54,14 +55,13 @@ def study(
             from percuss.reporting.tell_study import tell_study
 
             tell_study(made)
+        rows = made.as_records()
+        print_verdict(rows_verdict(rows, list(made.columns)), as_json=as_json)
         counts = made.counts
         if counts.get("waiting"):
             tell("interrupted: the same command goes on from here")
         if lost := counts.get("lost"):
-            message = (
-                f"{lost} of {len(made.as_records())} runs were lost to the machine: the same command makes them again"
-            )
-            tell(message)
+            tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
         outputs.finish()
         if counts.get("waiting"):
             raise typer.Exit(INTERRUPTED)

@@ -9,7 +9,7 @@ from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import CONTACT_NUMBERS
+from percuss.case.quantities import CONTACT_NUMBERS, percent
 from percuss.errors import PercussError
 from percuss.reporting import exact_figure
 from percuss.reporting.figures import (
@@ -97,8 +97,8 @@ def _balances(summary: Mapping[str, Any]) -> dict[str, str]:
     share = f"from {number(energy['initial'], 6)} to {number(energy['final'], 6)}"
     unbalanced = momentum.get("balanced") is False
     return {
-        "energy": f"{share}; {ledger_words(energy, number(energy['ledger_error']))}",
-        "momentum": f"{'does NOT balance, off by' if unbalanced else 'closes to'} {number(momentum['error'])}",
+        "energy": f"{share}; {ledger_words(energy)}",
+        "momentum": f"{'does NOT balance, off by' if unbalanced else 'closes to'} {percent(momentum['error'], 2)}",
     }
 
 

@@ -22,7 +22,6 @@ from percuss.reporting.figures import (
     hatch_after_stop,
     header,
     legend,
-    number,
     one_line,
     powers,
     stopped_at,
@@ -61,7 +60,7 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
 def figure_of(result: Result) -> Figure:
     """Return the figure of a run without a window: contact forces, energies and stress."""
     energy = result.summary["energy"]
-    closure = ledger_words(energy, number(energy["ledger_error"]))
+    closure = ledger_words(energy)
     return history_figure(result, axis_end(result), subtitle_lines(result), warning_lines(result), closure)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import STUDY_TABLE
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.reporting.terminal import _number
+from percuss.reporting.verdict import is_number, ranking_error, value_text
 
 if TYPE_CHECKING:
     from percuss.studies.study_table import Study
@@ -17,27 +17,19 @@ BEST = 12
 
 
 def tell_study(study: Study) -> None:
-    """Print the number of rows with each status, the best of the done rows, and the reasons why others are not done."""
+    """Print the number of rows with each status, and the best of the done rows."""
     console, rows = console_of_output(), study.as_records()
     counts = ", ".join(f"{count} {status}" for status, count in study.counts.items())
     resumed = f", {study.found} found done" if study.found else ""
     console.print(f"[bold]{plain_text(study.title or 'untitled study')}[/bold]: {len(rows)} runs: {counts}{resumed}")
-    if fragile := sum(row["fragile"] is True for row in rows):
-        console.print(f"fragile, as the answer hangs on round-off: {fragile}")
     done = [row for row in rows if row["status"] == "done"]
-    measured = [name for name in study.columns if any(_is_number(row[name]) for row in done)]
+    measured = [name for name in study.columns if any(is_number(row[name]) for row in done)]
     if done and measured:
         _print_best_runs(console, done, measured, list(rows[0]))
     for name, without in _without_value(study, done).items():
         console.print(
             f"no value of {plain_text(name)} in {without} of {len(done)} done: {plain_text(study.columns[name])}"
         )
-    reasons = Counter((row["status"], row["said_by"], row["reason"].split("\n")[0]) for row in rows if row["reason"])
-    for (status, said_by, reason), count in reasons.most_common(BEST):
-        source = f" (says {said_by})" if said_by else ""
-        console.print(f"{count} {status}{plain_text(source)}: {plain_text(reason)}")
-    if len(reasons) > BEST:
-        console.print(f"and {len(reasons) - BEST} other reasons: see the column `reason`")
     console.print(f"rows: {plain_text(str(study.path))}")
 
 
@@ -50,7 +42,7 @@ def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:
 
 def _print_best_runs(console: Any, done: list[dict[str, Any]], measured: list[str], keys: list[str]) -> None:
     """Print the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
-    error = next((name for name in measured if "error" in name and name != "ledger_error"), "")
+    error = ranking_error(measured)
     usual = [name for name in STUDY_TABLE if name in measured] or measured[:6]
     shown = list(dict.fromkeys([*usual, "seconds"]))
     if error and error not in shown:
@@ -68,7 +60,9 @@ def _print_cases(console: Any, done: list[dict[str, Any]], error: str) -> None:
     cases = list(dict.fromkeys(row["case"] for row in done))
     columns = [Column("case", cases, is_number=False)]
     columns += [
-        Column(f"{integrator} {contact}", [_number(value_of.get((case, integrator, contact)), 3) for case in cases])
+        Column(
+            f"{integrator} {contact}", [value_text(error, value_of.get((case, integrator, contact))) for case in cases]
+        )
         for integrator, contact in pairs
     ]
     print_table(console, columns, error, continued=1)
@@ -79,7 +73,7 @@ def _print_ranked(console: Any, done: list[dict[str, Any]], error: str, shown: l
     varied = [key for key in keys[3 : keys.index("status")] if len({str(row[key]) for row in done}) > 1]
     cases = ["case"] if len({row["case"] for row in done}) > 1 else []
     # A run without a number for the error cannot be ranked by it.
-    ranked = sorted((row for row in done if _is_number(row[error])), key=lambda row: row[error]) if error else done
+    ranked = sorted((row for row in done if is_number(row[error])), key=lambda row: row[error]) if error else done
     best = ranked[:BEST]
     columns = [
         Column(head, [_number(row[head]) for row in best], is_number=False)
@@ -87,11 +81,7 @@ def _print_ranked(console: Any, done: list[dict[str, Any]], error: str, shown: l
     ]
     columns += [Column(head, [_number(row[head], 5) for row in best]) for head in varied]
     columns += [
-        Column(head, [_number(row[head], 3) for row in best], drop=None if head == error else rank)
+        Column(head, [value_text(head, row[head]) for row in best], drop=None if head == error else rank)
         for rank, head in enumerate(shown)
     ]
     print_table(console, columns, f"smallest {error}" if error else "first runs")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS
+from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS, percent
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
@@ -101,10 +101,10 @@ def _print_balances(console: Console, summary: Mapping[str, Any], contact_work: 
         f"energy {_number(energy['initial'])} at first, {_number(energy['final'])} at last, "
         f"{_number(energy['max'])} at most; "
         f"external work {_number(energy['external_work'])}, contact work {_number(contact_work, 4)}; "
-        f"{ledger_words(energy, format(energy['ledger_error'], '.1e'), 'closed')}"
+        f"{ledger_words(energy)}"
     )
     balance = "do NOT balance: off by" if momentum.get("balanced") is False else "balance to"
-    console.print(f"momentum and impulses {balance} {momentum['error']:.1e}")
+    console.print(f"momentum and impulses {balance} {percent(momentum['error'], 2)}")
 
 
 def _print_errors(console: Console, summary: Summary) -> None:
@@ -118,7 +118,7 @@ def _print_errors(console: Console, summary: Summary) -> None:
         for name, error in comparison["contacts"].items() if comparison is not None else ():
             measured: Mapping[str, Any] = error
             measures = ", ".join(
-                f"{quantity.head} {_number(measured[key], 3)}"
+                f"{quantity.head} {quantity.text(measured[key])}"
                 for key, quantity in METRICS.items()
                 if quantity.against_exact and key in measured
             )
@@ -126,7 +126,7 @@ def _print_errors(console: Console, summary: Summary) -> None:
 
 
 def tell_rows(title: str, rows: list[Run]) -> None:
-    """Print the table of a comparison, one line per run, and below it the reason of each run that is not done."""
+    """Print the table of a comparison, one line per run."""
     console = console_of_output()
     varied = list(dict.fromkeys(path for row in rows for path in row.varied))
     values = [metrics(row) if row.status in {"done", "interrupted"} else {} for row in rows]
@@ -139,16 +139,12 @@ def tell_rows(title: str, rows: list[Run]) -> None:
     ]
     for rank, key in enumerate((*COMPARISON_TABLE, "seconds")):
         digits = 3 if key in {*TRUE_ERRORS, "seconds", "penetration"} else 5
-        head = "s" if key == "seconds" else QUANTITIES[key].head
-        columns.append(Column(head, [_number(of_row.get(key), digits) for of_row in values], drop=1 + rank))
+        quantity = QUANTITIES.get(key)
+        head = quantity.head if quantity is not None else "s"
+        cells = [(quantity.text if quantity is not None else _number)(of_row.get(key), digits) for of_row in values]
+        columns.append(Column(head, cells, drop=1 + rank))
     print_table(console, columns, title)
     console.print("force, impulse, displ.: true errors")
-    for row in rows:
-        if row.reason:
-            source = f" (says {row.said_by})" if row.said_by else ""
-            console.print(
-                f"[bold]{plain_text(row.label)}[/bold] {row.status}{plain_text(source)}: {plain_text(row.reason)}"
-            )
 
 
 def tell_orders(orders: list[dict[str, Any]]) -> None:

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+import re
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import percent
+from percuss.case.quantities import METRICS, QUANTITIES, Quantity, percent
 from percuss.certificate.cures import capitalised
 from percuss.results.ledger import open_accounts
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
+from percuss.studies.comparison import metrics
+from percuss.studies.tasks import TIED
 
 if TYPE_CHECKING:
     from percuss.results.result import Result
     from percuss.studies.alternatives import Alternatives
+    from percuss.studies.perform import Run
 
 CLEARLY_BETTER = 0.9  # ratio of two errors
-MOST_REASONS = 12
+MOST_REASONS, MOST_NAMED = 12, 3
+PLACE = re.compile(r" at step \d+, time \S+, node \d+ \(node \d+ of body '[^']*'\)")  # differs from run to run
+MOST_REASONS, MOST_NAMED = 12, 3
+PLACE = re.compile(r" at step \d+, time \S+, node \d+ \(node \d+ of body '[^']*'\)")  # differs from run to run
 
 
 def run_verdict(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
@@ -76,6 +85,8 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         yield f"No exact solution is known, so percuss cannot compute the true error ({summary['exact_reason']})."
         yield f"To judge the run, compare it with a finer mesh (`--set refine=2`), or try `{next_command}`."
         return
+    if summary["exact_covered"]:
+        yield f"The exact solution ends before the run: {summary['exact_reason']}."
     if others is None or error is None:
         yield f"{words} (exact solution known)."
         return
@@ -92,3 +103,76 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         helps = "" if advice else ", and none has a clearly smaller error"
         late = f"; there was no time for {', '.join(others.untried)}" if others.untried else ""
         yield f"percuss tried {' and '.join(tried)}{helps}{late}. `{next_command}` searches more."
+
+
+def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
+    """Yield the verdict on the runs of a comparison, as that on the rows of a study."""
+    paths = dict.fromkeys(path for run in runs for path in run.varied)
+    rows = [
+        {"case": title or "untitled case", "integrator": run.integrator, "contact": run.contact}
+        | {path: run.varied.get(path) for path in paths}
+        | {"status": run.status, "reason": run.reason, "said_by": run.said_by, "fragile": None}
+        | dict.fromkeys(METRICS)
+        | metrics(run)
+        for run in runs
+    ]
+    return rows_verdict(rows, list(METRICS))
+
+
+def rows_verdict(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> Iterator[str]:
+    """Yield the best run of each case, and how many runs failed and why.
+
+    Parameters
+    ----------
+    rows
+        The runs, with the keys of the table of a study.
+    columns
+        The measured columns; runs are ranked by the first error among them.
+    """
+    error = ranking_error(name for name in columns if any(is_number(row[name]) for row in rows))
+    for case, group in groupby(rows, key=lambda row: row["case"]) if error else ():
+        done = [row for row in group if row["status"] == "done" and row["contact"] != TIED and is_number(row[error])]
+        if not done:
+            yield f"{case}: no run has a value of {error}."
+            continue
+        best = min(done, key=lambda row: row[error])
+        median = statistics.median(row[error] for row in done)
+        among = f" (median of {len(done)} runs: {value_text(error, median)})" if len(done) > 1 else ""
+        label = QUANTITIES.get(error, Quantity(label=error)).label
+        yield f"{case}: best is {run_words(best)}; {label} {value_text(error, best[error])}{among}."
+    if fragile := sum(row["fragile"] is True for row in rows):
+        yield f"{fragile} of {len(rows)} runs depend on round-off."
+    reasons: dict[tuple[str, str, str], list[str]] = {}
+    for row in rows:
+        if row["reason"]:
+            reason = PLACE.sub("", row["reason"].split("\n")[0])
+            reasons.setdefault((row["status"], row["said_by"], reason), []).append(run_words(row))
+    for (status, said_by, reason), runs in sorted(reasons.items(), key=lambda item: -len(item[1]))[:MOST_REASONS]:
+        named = ", ".join(dict.fromkeys(runs[:MOST_NAMED]))
+        more = f" and {len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""
+        yield f"{len(runs)} {status}: {named}{more}: {f'{said_by} says: ' if said_by else ''}{reason}"
+    if len(reasons) > MOST_REASONS:
+        yield f"and {len(reasons) - MOST_REASONS} other reasons: see the column `reason`"
+
+
+def run_words(row: Mapping[str, Any]) -> str:
+    """Return the methods and the varied values of a run of a study in one line."""
+    keys = list(row)
+    varied = keys[3 : keys.index("status")]
+    values = (f"{path.split('.')[-1]}={row[path]}" for path in varied if row[path] is not None)
+    return " ".join([f"{row['integrator']} + {row['contact']}", *values])
+
+
+def ranking_error(names: Iterable[str]) -> str:
+    """Return the first error among the columns of a study, by which its runs are ranked; empty if there is none."""
+    return next((name for name in names if "error" in name and name != "ledger_error"), "")
+
+
+def value_text(name: str, value: Any) -> str:
+    """Return the value of a column of a study for readers."""
+    return QUANTITIES.get(name, Quantity(label=name)).text(value)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value of a table is a number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.quantities import percent
 from percuss.certificate import cause
 from percuss.compiling import Stopwatch
 from percuss.jsonable import as_lists, plain
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from percuss.results.summary import Accounts, EnergySummary, ExactEntries, ExactErrors, StopSummary, Summary
 
 # Notes that begin with these words are also shown in the row of the run in a table.
-AGAINST_CERTIFICATE, NOT_VALID = "the certificate says no", "not a valid result"
+AGAINST_CERTIFICATE, NOT_VALID = "the certificate says unstable", "not a valid result"
 
 
 def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> StopSummary | None:
@@ -144,7 +145,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     warnings = []
     if certificate["stable"] == "no" and outcome.done > 0:
         warnings.append(
-            f"{AGAINST_CERTIFICATE}, and the run was made all the same (on_unstable: warn): {certificate['why']}"
+            f"{AGAINST_CERTIFICATE}, and the case asks to run all the same (on_unstable: warn): {certificate['why']}"
         )
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
@@ -165,7 +166,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
         name = march.model.case.method.integrator.name
         warnings.append(
             f"{name} has not kept the energy: what its internal forces did and what the bodies store differ by "
-            f"{bodies_error:.3g} of the largest energy"
+            f"{percent(bodies_error)} of the largest energy"
         )
     total = march.totals
     allowed = CONTACT_WORK_GROWTH * (total.began_with + total.largest_work) + march.noise

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.quantities import percent
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
 from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, BY_END_FORCE, ROUNDING
 
@@ -95,12 +96,12 @@ def growth_notes(march: March, outcome: Outcome, growth: GrowthSummary) -> list[
     pair = f"{march.model.case.method.integrator.name} with {laws}"
     if growth["guarantee"] == NEVER_GROWS:
         return [
-            f"energy grew by {growth['largest']:.3g} of the largest energy at step {growth['step']}, time "
+            f"energy grew by {percent(growth['largest'])} of the largest energy at step {growth['step']}, time "
             f"{growth['time']:.6g}, beyond what {pair} allows ({NEVER_GROWS})"
         ]
     step = int(outcome.totals.drift_step)
     return [
-        f"energy changed by {growth['between_switchings']:.3g} of the largest energy up to step {step}, time "
+        f"energy changed by {percent(growth['between_switchings'])} of the largest energy up to step {step}, time "
         f"{(step + 0.5) * march.model.dt:.6g}, in steps in which no contact opened or closed, beyond what {pair} "
         f"allows ({BETWEEN})"
     ]

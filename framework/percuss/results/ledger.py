@@ -5,7 +5,7 @@ on linear bodies the change of their sum over a step is ``lambda (g_{n+1} - g_{n
 ``(f_ext + reactions) (u_{n+1} - u_{n-1}) / 2``, to round-off; both works are summed in every step. Where a body is not
 linear, the internal work ``f_int(u_n) (u_{n+1} - u_{n-1}) / 2`` of all bodies is summed too and takes the place of the
 elastic energy, to which it is equal in linear bodies: the ledger closes to round-off whatever the material. Stored and
-dissipated energy are told beside it, and differ from the internal work by an error that vanishes with the time step.
+dissipated energy are given beside it, and differ from the internal work by an error that vanishes with the time step.
 So it is where bodies have steps of their own, ``m f_int(u_n) (u_{n+1} - u_{n-1}) / 2`` over the steps in which the
 forces of a body act: elastic energy is then that between the two such steps around t_{n+1/2}, along the velocities
 there, and differs from the internal work where a contact or load has changed these between the two.
@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from percuss.case.quantities import percent
 from percuss.solver.compiled.contact_equation import ROUNDING
 
 if TYPE_CHECKING:
@@ -231,32 +232,33 @@ def open_accounts(summary: Accounts) -> list[str]:
         )
         if bodies_error > BODIES_TOLERANCE:
             messages.append(
-                f"the internal work does not agree with the energy of the bodies: {bodies_error:.2g} of the largest "
-                f"energy is neither stored nor dissipated, and {BODIES_TOLERANCE:g} is allowed; force and energy of an "
-                "element or a material do not belong together, or the time step is too long for them"
+                f"the internal work does not agree with the energy of the bodies: {percent(bodies_error, 2)} of the "
+                f"largest energy is neither stored nor dissipated, {percent(BODIES_TOLERANCE)} is allowed; force and "
+                "energy of an element or a material do not belong together, or the time step is too long for them"
             )
         if not error <= allowed:
             messages.append(
-                f"the energy ledger does not close: {error:.2g} of the largest energy is not accounted for, and "
-                f"{allowed:.2g} is allowed"
+                f"the energy ledger does not close: {percent(error, 2)} of the largest energy is not accounted for, "
+                f"{percent(allowed, 2)} is allowed"
             )
     if momentum.get("balanced") is False:
         messages.append(
-            f"momentum does not balance: {momentum['error']:.2g} of it comes from no load, support or wall, so that "
-            "the forces inside the bodies do not add up to zero"
+            f"momentum does not balance: {percent(momentum['error'], 2)} of it comes from no load, support or wall, so "
+            "that the forces inside the bodies do not add up to zero"
         )
     return messages
 
 
-def ledger_words(energy: EnergySummary, error: str, verb: str = "closes") -> str:
-    """Return in words how well the energy ledger closes; `error` is the closure error as text."""
+def ledger_words(energy: EnergySummary) -> str:
+    """Return in words how well the energy ledger closes."""
+    error = percent(energy["ledger_error"], 2)
     closed = energy.get("ledger_closed", True)
     if (energy.get("bodies_error") or 0.0) > BODIES_TOLERANCE:
-        share = f"{energy['bodies_error']:.2g}"
+        share = percent(energy["bodies_error"], 2)
         return f"internal work does NOT agree with the energy of the bodies: {share} of the largest energy apart"
     if closed is False:
         return f"ledger does NOT close: {error} of the largest energy is not accounted for"
-    state = "open by" if closed is None else f"{verb} to"
+    state = "is open by" if closed is None else "closes to"
     return f"ledger {state} {error} of the largest energy"
 
 

@@ -1,4 +1,4 @@
-"""The nudged twin of a run, which tells whether its answer hangs on round-off."""
+"""The nudged twin of a run, which shows whether its answer depends on round-off."""
 
 from __future__ import annotations
 

@@ -218,9 +218,9 @@ def _work_of(model: Model) -> tuple[Any, ...]:
 
 def stop_message(stop: StopSummary) -> str:
     """Return the message for a stopped run: reason, step, time, node and likely cause."""
-    when = f"stopped at step {stop['step']}, time {stop['time']:.9g}"
-    return (
-        f"{'not started' if stop['what'] == NOT_STARTED else when}, node {stop['node']} "
-        f"(node {stop['node_in_body']} of body '{stop['body']}'): {stop['what']}\n"
-        f"  likely cause: {stop['cause']}"
-    )
+    if stop["what"] == NOT_STARTED:
+        happened = "not started: the certificate says unstable"
+    else:
+        where = f"node {stop['node']} (node {stop['node_in_body']} of body '{stop['body']}')"
+        happened = f"stopped at step {stop['step']}, time {stop['time']:.9g}, {where}: {stop['what']}"
+    return f"{happened}\n  likely cause: {stop['cause']}"
