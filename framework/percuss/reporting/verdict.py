@@ -54,7 +54,6 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
         yield f"The run was interrupted: all numbers hold up to t = {summary['end']:.4g}."
     if open_accounts(summary):
         yield "This is not a valid result: energy or momentum does not balance. See the notes."
-    yield from _error_lines(result, others, next_command)
     kept = metric(result, "energy_kept")
     if kept is not None:
         change = f"{'lost' if kept < 1.0 else 'added'} {percent(abs(kept - 1.0), 2)} of the energy put in"
@@ -63,6 +62,7 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
         what = "contact force" if summary["contacts"] else "motion"
         sensitivity = "depends on round-off: a change of 1e-10 % in one area changes it"
         yield f"The {what} {sensitivity if summary['fragile'] else 'is insensitive to round-off'}."
+    yield from _error_lines(result, others, next_command)
 
 
 def error_words(result: Result) -> str:
@@ -90,7 +90,8 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     if others is None or error is None:
         yield f"{words} (exact solution known)."
         return
-    law = min(others.laws, key=others.laws.__getitem__, default="")
+    best = min(others.laws.values(), default=0.0)
+    law = next((name for name, of_law in others.laws.items() if CLEARLY_BETTER * of_law <= best), "")  # a simple one
     advice = []
     if others.finer is not None and others.finer < CLEARLY_BETTER * error:
         advice.append(f"refine the mesh (twice as fine: {percent(others.finer, 2)})")
@@ -101,7 +102,7 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     tried += [f"{len(others.laws)} other contact law{'s' if len(others.laws) > 1 else ''}"] if others.laws else []
     if tried:
         helps = "" if advice else ", and none has a clearly smaller error"
-        late = f"; there was no time for {', '.join(others.untried)}" if others.untried else ""
+        late = f"; there was no time for {len(others.untried)} more" if others.untried else ""
         yield f"percuss tried {' and '.join(tried)}{helps}{late}. `{next_command}` searches more."
 
 

@@ -32,7 +32,7 @@ class Alternatives:
     finer
         Error on a mesh twice as fine with half the step; None if there was no such run, or it has no error.
     laws
-        Error by contact law.
+        Error by contact law, in the order in which they were tried: simple ones first.
     untried
         Contact laws for which the time was too short.
     """
@@ -65,8 +65,7 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
     own = {contact.law.name for contact in case.contacts.values()}
     tried = {
         name: {f"method.contact.{key}": value for key, value in {"name": name, **required_options(law)}.items()}
-        # A law without a kernel needs no compilation.
-        for name, law in sorted(laws.items(), key=lambda item: hasattr(item[1], "multipliers"))
+        for name, law in sorted(laws.items(), key=_promise)
         if {name} != own and not law.tied_during and not needed_quantities(law)
     }
     found: dict[str, float] = {}
@@ -90,6 +89,11 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
                 other = largest_error(run.result.summary)
                 found |= {name: other} if other is not None else {}
     return Alternatives(found.pop("", None), found, [name for name in untried if name])
+
+
+def _promise(law: tuple[str, Any]) -> tuple[bool, bool]:
+    """Return the rank of a law by name: those without a kernel need no compilation, exact contact is often the best."""
+    return hasattr(law[1], "multipliers"), "no penetration" not in law[1].guarantees
 
 
 class _OutOfTime(BaseException):
