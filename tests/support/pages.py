@@ -24,6 +24,7 @@ import places
 from command_line import percuss_command
 from held_against import HELD, facts
 from percuss.case.json_schema import case_schema
+from percuss.cli.common import COMPILING
 from percuss.cli.main import app
 from percuss.methods.registry import Registry
 from percuss.studies.json_schema import study_schema
@@ -281,6 +282,7 @@ def shortened(text: str, first: str, last: str) -> str:
 def masked(text: str) -> str:
     """Return a text without what another machine changes: times, widths of tables, and what there was time to try."""
     text = re.sub(r"^percuss tried .*\n?", "", text, flags=re.MULTILINE)
+    text = text.replace(f"{COMPILING}\n", "")  # a line that a slow machine prints
     text = re.sub(r"(off by [\d.]+ % \(exact solution known\)).*", r"\1", text)
     text = re.sub(r"[\d.e-]+ (s|ms|min|kB|MB)\b", r"# \1", text)
     lines, timed = [], False
