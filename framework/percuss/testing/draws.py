@@ -95,7 +95,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
     except Flaky as error:
         raise CheckFailed(f"the same input gives another answer the second time: {error}") from None
     except (_EnoughError, CheckFailed):
-        _, message, subject.loaded[:] = min(failures, key=lambda failure: failure[0])
+        _, message, subject.loaded[:] = min(reversed(failures), key=lambda failure: failure[0])
         raise CheckFailed(message) from None
     if skipped and not applied:
         raise NotApplicable(str(skipped[0]))
