@@ -262,7 +262,7 @@ def test_the_energy_gained_is_what_the_law_says(name):
     """The first rows of those that were measured: within what is said of all of them."""
     said = law_of(name).measured[CD]
     median, most, largest = (float(number) / 100 for number in re.findall(r"([\d.]+) %", said)[:3])
-    assert "400 drawn rows" in said
+    assert "400 random rows" in said
     assert "none exploded" in said
     found = gains({"name": name}, rows=30, seed=0)
     assert found.exploded == 0.0

@@ -114,7 +114,7 @@ def test_a_file_of_tabs_has_named_columns_and_lines(tmp_path):
         (RECORD, {"columns": [1, 4]}, "record.tsv has no column 4: it has 3, numbered from 1"),
         (RECORD, {"columns": [0, 1]}, "record.tsv has no column 0"),
         (RECORD, {"columns": [1]}, "columns: expected a list of 2 values, found [1]"),
-        (RECORD, {}, "record.tsv has 3 columns: say by `columns` which two are time and value"),
+        (RECORD, {}, "record.tsv has 3 columns: name the two for time and value with `columns`"),
         (RECORD, {"columns": [2, 3]}, "record.tsv:6: times must increase: 1 follows 1 of record.tsv:4"),
         (RECORD, {"columns": [1, 2], "time": [0]}, "expected both `time` and `value`, or `file`, found both ways"),
         (RECORD.replace("force", "time"), {"columns": ["time", 2]}, "several columns 'time'"),

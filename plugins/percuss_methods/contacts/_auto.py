@@ -20,10 +20,10 @@ EpsilonS = Annotated[float, Gt(0), Unit("force/length"), Doc("stiffness; instead
 MOST_BETA_S = 0.5
 MOST_THETA = 0.8
 MOST_OF_UNLIKE_SIDES = 0.5  # largest ``x - 4 y`` between unlike sides, see `choose_beta_s`
-DRAWN = "energy gained by 400 drawn rows of 2 to 4 unlike bars (tests/benchmarks/gain.py, seed 0), each until its \
-contacts closed ten times or for 64 transits: "
-
-
+DRAWN = (
+    "energy gained by 400 random rows of 2 to 4 different bars (tests/benchmarks/gain.py, seed 0), each until its "
+    "contacts closed ten times or for 64 transits: "
+)
 WHY_MOST = "the most that auto gives"
 
 

@@ -28,18 +28,17 @@ class Bipenalty(ContactLaw):
     2c/h of the two sides. With central difference and ``ratio <= 1`` every step up to a Courant number of 1 of the
     smallest element is stable; without contact a coarse or a graded mesh may allow a longer step, which ``ratio = 1``
     may lower. ``matched``, the default (eps_m = eps_s dt^2), keeps the critical step of the free bodies with Wu's
-    predictor-corrector (theta <= 1) and with central difference, whatever the bars and the mesh; ``free-step``
-    (eps_m = eps_s dt^2 / 4) is the least mass that keeps it with central difference.
-    ``zero-penetration``, for schemes that show the predicted gap, is the mass with which the corrector removes the
-    predicted overlap of a step whole: ``theta = dt^2 eps_s s / (1 + eps_m s) = 1``, so ``eps_m = eps_s dt^2 - 1/s``,
-    whatever the stiffness, which is raised to 1 / (dt^2 s) where it is less; no energy is stored in the penalty then,
-    and the force is that of Lagrange multipliers. At a wall 1/s is the mass of the node, between two bodies that of
-    both nodes in series.
-    ``auto``, the default of beta_s, is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its
-    step up to a Courant number of 0.99; with ``matched`` it is never lowered. On the shipped cases, at Courant numbers
-    .5 and .9, the penetration is at most 2.8 times the compression of an end element under the peak force with central
-    difference, and 2.4 times with Wu's predictor-corrector; the L1 error of the force is at most 9 %, the peak at most
-    20 % too high, and no energy beyond 1 % is gained with central difference, none with Wu's predictor-corrector.
+    predictor-corrector (theta <= 1) and with central difference, whatever the bars and the mesh; ``free-step`` (eps_m =
+    eps_s dt^2 / 4) is the least mass that keeps it with central difference. ``zero-penetration``, for schemes that give
+    a law the predicted gap, is the mass with which the corrector removes the whole predicted overlap of a step: ``theta
+    = dt^2 eps_s s / (1 + eps_m s) = 1``, so ``eps_m = eps_s dt^2 - 1/s``, whatever the stiffness; a smaller stiffness
+    is raised to 1 / (dt^2 s). The penalty then stores no energy, and the force is that of Lagrange multipliers. At a
+    wall 1/s is the mass of the node, between two bodies that of both nodes in series. ``auto``, the default of beta_s,
+    is beta_s = 1/2, lowered so that ``theta <= 0.8`` and central difference keeps its step up to a Courant number of
+    0.99; with ``matched`` it is never lowered. On the shipped cases, at Courant numbers .5 and .9, the penetration is
+    at most 2.8 times the compression of an end element under the peak force with central difference, and 2.4 times with
+    Wu's predictor-corrector; the L1 error of the force is at most 9 %, the peak at most 20 % too high, and no energy
+    beyond 1 % is gained with central difference, none with Wu's predictor-corrector.
     """
 
     name = "bipenalty"
@@ -50,8 +49,8 @@ class Bipenalty(ContactLaw):
         "Hetherington, Rodriguez-Ferran, Askes: The bipenalty method for arbitrary multipoint constraints, IJNME 93 "
         "(2013), doi 10.1002/nme.4389",
         "Kwon, Kim, Cho, Gonzalez: A stabilized bipenalty formulation using a predictor-corrector scheme for explicit "
-        "contact-impact analysis, IJNME 126 (2025), doi 10.1002/nme.70119; of it the abstract alone was read, and "
-        "`zero-penetration` is derived from the condition that it states",
+        "contact-impact analysis, IJNME 126 (2025), doi 10.1002/nme.70119; only the abstract was read, and "
+        "`zero-penetration` is derived from the condition in it",
     )
     stiffening = ("beta_s", "epsilon_s", "ratio")
     headline = ("beta_s", "ratio")
@@ -119,7 +118,7 @@ class Bipenalty(ContactLaw):
             return self.epsilon_m * points.weight, 0.0
         if self.beta_m is not None and not points.equal_sides.all():
             unequal = points.names[int(np.argmin(points.equal_sides))]
-            raise ValueError(f"beta_m is for equal sides, and contact '{unequal}' joins unlike ones: give `ratio`")
+            raise ValueError(f"beta_m is for equal sides, and contact '{unequal}' joins unequal ones: give `ratio`")
         if self.beta_m is not None:
             return self.beta_m * points.mass, 0.0
         ratio = self.ratio or DEFAULT_RATIO
@@ -159,7 +158,7 @@ class Bipenalty(ContactLaw):
         return {}
 
     def refuses(self, integrator: Integrator) -> str | None:
-        """Return why `zero-penetration` makes no sense with a scheme that shows the current gap, or None."""
+        """Return why `zero-penetration` makes no sense with a scheme that gives a law the current gap, or None."""
         if self.ratio != "zero-penetration":
             return None
         table = integrator.bind(1.0)

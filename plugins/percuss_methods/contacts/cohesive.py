@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from percuss import Floats, Trial
 
 
-WHY_ENERGY_MAY_GROW = "a contact that opens, closes or softens between two steps adds or takes energy"
+WHY_ENERGY_MAY_GROW = "a contact that opens, closes or softens between two steps adds or removes energy"
 
 
 class Bond(NamedTuple):
@@ -34,10 +34,10 @@ class Cohesive(ContactLaw):
     Formula: ``lambda = -K g``; ``K = k`` for g < 0, ``K = T(d) / d`` for g > 0, with the greatest opening d so far and
     ``T(d) = k d`` up to ``strength``, then ``strength (l - d) / (l - strength / k)`` up to the length l, then 0.
 
-    The bond unloads towards the origin. To break it takes the energy ``strength l / 2``, whatever k is. Contacts that
-    begin with an opening of more than l are broken from the start, and touching ones are whole. One that begins with an
-    opening below l pulls from the start, as if it had been stretched so far before. In the paper the bond
-    is rigid up to its strength; here k stands for that.
+    The bond unloads towards the origin. The energy ``strength l / 2`` breaks it, whatever k is. Contacts that begin
+    with an opening of more than l are broken from the start, and touching ones are whole. One that begins with an
+    opening below l pulls from the start, as if it had been stretched so far before. In the paper the bond is rigid up
+    to its strength; here it has the stiffness k.
 
     With central difference a closed contact and a whole bond lower the critical step as a penalty does.
     """

@@ -33,9 +33,9 @@ class DecompositionContactResponse(ContactLaw):
     contact is a sequence of small impacts: with e = 0 the nodes stay together, with e = 1 they part and meet again
     every few steps, so that the force of single steps is spiky while its mean over them is not. The kinetic energy of
     the gap rate is lost with e = 0 and kept with e = 1; the shift does work against the stress of the end elements in
-    either case. With e near 1 and a step near the critical one of the free bodies that work may grow without bound, and
-    so may the energy. As a contact changes between being reflected and being moved only, the certificate says at most
-    that nothing is known.
+    either case. With e near 1 and a step near the critical one of the free bodies that work and the energy may grow
+    without bound. A closed contact is reflected in some steps and only moved in others, so the certificate is `unknown`
+    at best.
     """
 
     name = "decomposition-contact-response"

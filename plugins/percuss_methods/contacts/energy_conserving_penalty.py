@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from percuss import Floats
 
 WHY_ENERGY_SEEMS_TO_GROW = (
-    "it is constant with the energy that the contact stores, of which a kernel cannot tell: bodies that touch at the "
-    "start have stored some in the first half step, and give it back"
+    "the constant sum includes the energy that the contact stores, which a kernel cannot report: bodies that touch at "
+    "the start have stored some in the first half step, and give it back"
 )
 
 

@@ -38,11 +38,11 @@ class HuntCrossley(ContactLaw):
     from it has no bound.
 
     With central difference a closed contact with n = 1 lowers the critical step as a penalty does, and more by its
-    damping; with any other n the step depends on the overlap. As the damping depends on the motion so far, the
-    certificate says that the step is unstable, or that nothing is known.
+    damping; with any other n the step depends on the overlap. Because the damping depends on the motion so far, the
+    certificate is `no` or `unknown`.
 
-    Dissipated is the work of the damping over the mean of the rates before and after the force, which are known one
-    step later.
+    The dissipated energy is the work of the damping with the mean of the rates before and after the force, which are
+    known one step later.
     """
 
     name = "hunt-crossley"

@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 from percuss import ContactLaw, ContactPoints, Doc, Ge, Integrator, Le, LinearLaw, Unit
 from percuss_methods.contacts import _leap_frog
 
-WHY_ENERGY_MAY_GROW = "a force that stops nodes as they part, while the contact counts as closed, does positive work"
+WHY_ENERGY_MAY_GROW = "a force that stops nodes as they part, in a contact that counts as closed, does positive work"
 
 
 @dataclass(frozen=True)
 class MoreauJean(ContactLaw):
-    """Newton's impact law on the gap rates before and after the forces of a step, where the contact is closed.
+    """Newton's impact law on the gap rates before and after the forces of a step, for closed contacts.
 
     Formula: where the gap of `gate` is below zero: ``0 <= lambda_n``, ``g'_{n+1/2} + e g'_{n-1/2} >= 0``, one of them
     zero; elsewhere lambda_n = 0. The gap of ``gate: current`` is g(u_n), that of ``predicted`` the gap after the bulk
@@ -24,11 +24,12 @@ class MoreauJean(ContactLaw):
     for rigid bodies also use predicted gaps. A gap of zero counts as open, so that touching bodies overlap by one step
     of their motion; the overlap stays until they part.
 
-    The contact work of a step is ``dt (1 - e) lambda_n g'_{n-1/2} / 2``: e = 1 conserves the energy of the bodies, less
-    takes energy from bodies that approach, and gives some to bodies that part and are held back by a force in the next
-    step. With ``gate: predicted`` and a step within a few per cent of the critical one a bar that bounces on and on may
-    gain more and more. A step that is stable without contact is stable with any contacts held closed. ``gate: current``
-    needs the bulk acceleration beside the current gap, which Wu's predictor-corrector does not supply.
+    The contact work of a step is ``dt (1 - e) lambda_n g'_{n-1/2} / 2``: e = 1 conserves the energy of the bodies; a
+    smaller e takes energy from bodies that approach, and adds some to bodies that part and are held back by a force in
+    the next step. With ``gate: predicted`` and a step within a few per cent of the critical one a bar that bounces many
+    times may gain energy again and again. A step that is stable without contact is stable with any contacts held
+    closed. ``gate: current`` needs the bulk acceleration beside the current gap, which Wu's predictor-corrector does
+    not supply.
     """
 
     name = "moreau-jean"

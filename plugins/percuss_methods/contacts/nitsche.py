@@ -23,30 +23,31 @@ class Nitsche(ContactLaw):
     It is consistent: at a gap of zero lambda is the exact pressure, whatever gamma and theta, where a penalty needs an
     overlap. Contacts may press before they touch, where the bulk is compressed. A sigma_n is the normal force of the
     end elements, of both sides with weights w proportional to 1/m of their end nodes. With these the gap of a closed
-    contact moves by itself, ``g'' = -s (gamma - theta kappa) g`` with ``kappa = sum of w^2 EA/h``, whatever the bars
-    do.
+    contact moves by itself, ``g'' = -s (gamma - theta kappa) g`` with ``kappa = sum of w^2 EA/h``, whatever the motion
+    of the bars.
 
     ``theta = 1``: what is pushed is what is seen, and the force has a potential. Kinetic and elastic energy with
     ``theta (lambda^2 - (A sigma_n)^2) / (2 gamma)`` are constant between switchings with central difference and never
-    grow with Wu's predictor-corrector. It takes ``gamma > kappa``; open ends are softer. ``theta = 0``: the force acts
-    on the ends alone. ``theta = -1``: stable for every gamma in statics; open ends are stiffer, which takes a shorter
-    step. For theta other than 1 this energy changes by ``(1 - theta) lambda g'``: an impact adds some, on coarse meshes
-    and with little gamma much.
+    grow with Wu's predictor-corrector. It requires ``gamma > kappa``; open ends are softer. ``theta = 0``: the force
+    acts on the ends alone. ``theta = -1``: stable for every gamma in statics; open ends are stiffer, which requires a
+    shorter step. For theta other than 1 this energy changes by ``(1 - theta) lambda g'``: an impact adds some energy,
+    and much on coarse meshes and with a small gamma.
 
     Stable with central difference for ``0 < dt^2 s (gamma - theta kappa) <= 4``, if the bodies with the stiffness ``K -
     theta Sigma Sigma^T / gamma`` are. With Wu's predictor-corrector, for theta below 1, the certificate often finds no
-    stable step: there the law sees a force a step ahead, which is negative damping where it is no potential's. At rest
-    it leaves a gap of ``dt^2 G^T M^-1 P lambda`` there, with the exact pressure.
+    stable step: there the law sees a force one step ahead, which is negative damping if the force has no potential. At
+    rest it leaves a gap of ``dt^2 G^T M^-1 P lambda`` there, with the exact pressure.
 
     ``auto``, the default, is ``gamma = omega^2 / s`` for theta = 0, with omega the smaller 2c/h of the two sides, which
     is stable at every step up to a Courant number of 1 of the smallest element at ends in one contact: beta_s = 1
     between equal bars and 2 at a rigid wall; otherwise ``gamma = 2 kappa``, which is the same between equal sides. With
-    less, the oscillation of the gap is slow enough for the bars to carry it away, and the force is far off; with more,
-    it has a larger amplitude.
+    a smaller gamma the oscillation of the gap is so slow that the bars carry it away, and the force is far from the
+    exact one; with a larger gamma its amplitude is larger.
 
     For theta = 0 A sigma_n may come from the bulk acceleration of the gap, ``A sigma_n = g''_bulk / s``, which is the
-    default and needs a scheme that shows it: without loads on the ends this is the same, with loads, as gravity, it is
-    what the load leaves to contact. With ``stress_from: elements`` it comes from the end elements, as for other theta.
+    default and needs a scheme that gives it: without loads on the ends this is the same; with loads, such as gravity,
+    it is the part that the load leaves to contact. With ``stress_from: elements`` it comes from the end elements, as
+    for other theta.
     """
 
     name = "nitsche"

@@ -19,10 +19,10 @@ class PaoliSchatzman(ContactLaw):
     e = 0 is the forward-increment method, `lagrange`.
 
     A node that strikes at constant speed leaves with e times its speed exactly, two steps after the first force, and
-    overlaps by at most the way of one step. The contact work of a step is ``-(1 + e) lambda_n g(u_{n-1}) / 2``,
+    overlaps by at most its motion in one step. The contact work of a step is ``-(1 + e) lambda_n g(u_{n-1}) / 2``,
     positive where the bodies overlapped one step before. With e = 0 they never do, and energy minus work never grows.
-    With e above 0 bars that stay together for many steps may gain much energy in a single impact, which is less the
-    shorter the step. A step that is stable without contact is stable with any contacts held closed.
+    With e above 0 bars that stay together for many steps may gain much energy in a single impact; a shorter step
+    reduces it. A step that is stable without contact is stable with any contacts held closed.
     """
 
     name = "paoli-schatzman"

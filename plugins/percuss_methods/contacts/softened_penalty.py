@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from percuss import Floats, Trial
 
 HALVINGS = 60
-WHY_ENERGY_MAY_GROW = "a force that bends within a step adds or takes energy"
+WHY_ENERGY_MAY_GROW = "a force whose slope changes within a step adds or removes energy"
 
 
 class Softened(NamedTuple):

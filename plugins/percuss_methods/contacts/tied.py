@@ -16,8 +16,8 @@ class Tied(ContactLaw):
 
     Formula: ``g'_{n+1/2} = 0``, which at ends in no other contact gives ``lambda = -g'* / (dt s)``, g'* the gap rate
     after the bulk update. The force pulls as well as it pushes. In a run that is tied while the exact contact is
-    closed, the error is that of the bulk alone. Keeps the critical step of the free bodies; where it acts in every
-    step, that of the tied bodies as one, which may be longer, counts alone. While tied the energy is conserved; the
+    closed, the error is that of the bulk alone. Keeps the critical step of the free bodies; if it acts in every step,
+    only the critical step of the joined bodies counts, which may be longer. While tied the energy is conserved; the
     first step of an interval changes it by ``-g'* g'_{n-1/2} / (2 s)``, which may be positive.
     """
 
@@ -27,7 +27,7 @@ class Tied(ContactLaw):
     tied_during = "during"
     examples = ({}, {"during": ((0.0, 0.1), (0.2, 0.3))})
     expected_failures = {
-        "exact-impact": "bars that are tied do not part: it is the twin of a contact, and no contact",
+        "exact-impact": "tied bars do not part: the law joins two ends and models no contact",
         "no-contact": "it ties two ends wherever they are",
     }
 

@@ -28,13 +28,13 @@ class WaltonBraun(ContactLaw):
     greatest overlap d_m since the contact closed: ``k_1 d`` while the overlap grows beyond d_m, and
     ``k_2 (d - d_0)``, ``d_0 = (1 - k_1/k_2) d_m``, elsewhere.
 
-    Of the work that loads the spring up to d_m, the part ``e^2`` is given back. Two rigid bodies therefore separate at
+    The spring gives back the share ``e^2`` of the work that loads it up to d_m. Two rigid bodies therefore separate at
     e times the speed at which they met. Where the overlap ends, the contact forgets d_m. Elastic bodies lose less or
     more, as waves load and unload the contact many times.
 
     With central difference a closed contact lowers the critical step as a penalty of stiffness k_2 does. The step
-    itself is examined on both lines: above the critical step of k_2 the certificate says no, and below it that nothing
-    is known, as contacts change from one line to the other.
+    itself is examined on both lines: above the critical step of k_2 the certificate is `no`, and below it `unknown`,
+    because contacts change from one line to the other.
     """
 
     name = "walton-braun"

@@ -30,8 +30,8 @@ class ChungLee(Integrator):
 
     With beta = 1 its displacements are those of `central-difference`, without damping. Stable without contact up to
     ``omega dt = 2 / sqrt(4 beta - 3)``, a Courant number of .9333 for beta = 28/27, the largest: there the spectral
-    radius falls to 1/2, where all three roots meet, at ``omega dt = sqrt(27/8)``. What is reported as contact force is
-    the impulse of a step over dt, ``3/2 lambda_n - 1/2 lambda_{n-1}``, which may pull after a contact has opened. Laws
+    radius falls to 1/2, where all three roots meet, at ``omega dt = sqrt(27/8)``. The reported contact force is the
+    impulse of a step over dt, ``3/2 lambda_n - 1/2 lambda_{n-1}``; it may pull after a contact has opened. Laws
     evaluated at the current state see u_n, laws evaluated at the end of the step u_{n+1}.
     """
 

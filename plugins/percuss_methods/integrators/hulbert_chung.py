@@ -31,13 +31,13 @@ class HulbertChung(Integrator):
     ``v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1})``, with alpha = (2 rho_b - 1)/(1 + rho_b),
     beta = (5 - 3 rho_b)/((1 + rho_b)^2 (2 - rho_b)) and gamma = 3/2 - alpha.
 
-    The roots meet at ``omega dt = (1 + rho_b) sqrt(2 - rho_b)``; stable without contact up to
-    ``omega dt = sqrt(12 (1 + rho_b) (2 - rho_b) / (10 - 5 rho_b + rho_b^2))``, a Courant number of .9075 for
-    rho_b = .4. The leading error of the period vanishes at rho_b = .3665. With rho_b = 1/2 the scheme is `chung-lee`
-    with beta = 28/27; with rho_b = 1 the displacements are those of `central-difference`, and the velocity, once
-    disturbed, swings from step to step for ever. What is reported as contact force is the impulse of a step over dt, a
-    sum of the multipliers of this step and those before with weights of both signs: it may pull after a contact has
-    opened. Laws evaluated at the current state see u_n, laws evaluated at the end of the step u_{n+1}.
+    The roots meet at ``omega dt = (1 + rho_b) sqrt(2 - rho_b)``; stable without contact up to ``omega dt = sqrt(12 (1 +
+    rho_b) (2 - rho_b) / (10 - 5 rho_b + rho_b^2))``, a Courant number of .9075 for rho_b = .4. The leading error of the
+    period vanishes at rho_b = .3665. With rho_b = 1/2 the scheme is `chung-lee` with beta = 28/27; with rho_b = 1 the
+    displacements are those of `central-difference`, and a disturbance of the velocity changes its sign in every step
+    and never decays. The reported contact force is the impulse of a step over dt, a sum of the multipliers of this step
+    and of earlier steps with weights of both signs: it may pull after a contact has opened. Laws evaluated at the
+    current state see u_n, laws evaluated at the end of the step u_{n+1}.
     """
 
     name = "hulbert-chung"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from percuss import Doc, Ge, Implicit, Integrator, Le, Unit
 
-SWINGS = "a multiplier that is solved at the end of a step alone gives and takes energy as its contact closes and opens"
+SWINGS = "a multiplier that acts only at the end of a step adds or removes energy when its contact closes or opens"
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,10 @@ class ImplicitHHT(Integrator):
     ``v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1})``, ``beta = (1 - alpha)^2 / 4``, ``gamma = 1/2 - alpha``.
 
     Contact is solved with ``K_eff = M / (beta dt^2) + (1 + alpha) K`` at the end of the step, so that no law lowers the
-    step. It shows what implicit costs and is no contender: NumPy and SciPy, linear bodies, supports and forces. Without
-    contact it is stable at any step; the trapezoidal rule then conserves ``v M v / 2 + u K u / 2``, and alpha below 0
-    damps high frequencies. With exact multipliers the trapezoidal rule oscillates and does not keep the energy.
+    step. It is a reference that shows the cost of an implicit scheme, in NumPy and SciPy, for linear bodies, supports
+    and forces. Without contact it is stable at any step; the trapezoidal rule then conserves ``v M v / 2 + u K u / 2``,
+    and alpha below 0 damps high frequencies. With exact multipliers the trapezoidal rule oscillates and does not keep
+    the energy.
     """
 
     name = "implicit-hht"

@@ -22,7 +22,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True)
 class TchamwaWielgosz(Integrator):
-    """One-step scheme that damps the highest frequencies the most, and needs the state at t_n alone.
+    """One-step scheme that damps the highest frequencies most and needs only the state at t_n.
 
     Formula: ``a_n = M^-1 (f_ext - f_int(u_n) + N lambda)``, ``u_{n+1} = u_n + dt v_n + phi dt^2 a_n``,
     ``v_{n+1} = v_n + dt a_n``.

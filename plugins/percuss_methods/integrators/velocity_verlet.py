@@ -19,11 +19,11 @@ class VelocityVerlet(Integrator):
     Formula: ``v_{n+1/2} = v_n + dt/2 a_n``, ``u_{n+1} = u_n + dt v_{n+1/2}``,
     ``a_{n+1} = M^-1 (f_ext - f_int(u_{n+1}) + N lambda)``, ``v_{n+1} = v_{n+1/2} + dt/2 a_{n+1}``.
 
-    Its displacements are those of `central-difference` to round-off, contact included, where no law evaluated at the
-    current state presses at t = 0: the leap-frog start leaves that force out. Stable without contact for
-    ``dt <= 2 / omega_max``. The energy of the state at t_n swings and does not drift. The contact force of a step is
-    the mean of those at its ends. Laws evaluated at the current state see u_{n+1}, laws evaluated at the end of the
-    step the displacement u_{n+2}, and u_1 in the acceleration at t = 0.
+    Its displacements are those of `central-difference` to round-off, contact included, unless a law evaluated at the
+    current state presses at t = 0: the leap-frog start ignores that force. Stable without contact for ``dt <= 2 /
+    omega_max``. The energy of the state at t_n oscillates and does not drift. The contact force of a step is the mean
+    of those at its ends. Laws evaluated at the current state see u_{n+1}, laws evaluated at the end of the step the
+    displacement u_{n+2}, and u_1 in the acceleration at t = 0.
     """
 
     name = "velocity-verlet"

@@ -67,7 +67,7 @@ class Points:
             times, values = (self._column(self.file, i) for i in range(2))
         elif self.file.width > 2:
             count = f"{self.file.path} has {self.file.width} columns"
-            raise ValueError(f"{count}: say by `columns` which two are time and value")
+            raise ValueError(f"{count}: name the two for time and value with `columns`")
         else:
             times, values = self.file.as_columns(2)
         return times, self.scale * values

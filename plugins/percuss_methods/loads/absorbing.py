@@ -9,13 +9,13 @@ from percuss import FollowingLoad, LoadedEnd
 
 @dataclass(frozen=True)
 class Absorbing(FollowingLoad):
-    """The end behaves as if the bar went on without end: a dashpot with the impedance of the bar.
+    """The end behaves as if the bar were infinitely long: a dashpot with the impedance of the bar.
 
     Formula: ``F = -rho c A u'``, of the end element.
 
-    Exact for the bar itself; its elements reflect a part of waves as short as they are. At a Courant number of 1 they
-    reflect nothing: central difference then solves the wave equation of a uniform bar exactly, and the end with it. The
-    work of the load is minus the energy that has left through the end.
+    Exact for the bar itself; its elements reflect a part of the waves that are as short as they are. At a Courant
+    number of 1 they reflect nothing: central difference then solves the wave equation of a uniform bar exactly, and the
+    end with it. The work of the load is minus the energy that has left through the end.
     """
 
     name = "absorbing"

@@ -25,9 +25,9 @@ class BaseExcitation(Points, Load):
 
     The points of a come from the case or from a file, such as a record of the motion of the ground, in the same way as
     those of `table`. The integral is exact, and the end has it as its velocity at the middle of each step. Its
-    displacement is the sum of these velocities times the step, which differs from the double integral by at most
-    ``dt^2 / 8`` times the total variation of a, and where a changes smoothly by ``dt^2 / 24`` times its change. A
-    record whose last value is not zero accelerates the end for ever.
+    displacement is the sum of these velocities times the step, which differs from the double integral by at most ``dt^2
+    / 8`` times the total variation of a, and where a changes smoothly by ``dt^2 / 24`` times its change. A record whose
+    last value is not zero accelerates the end until the run ends.
     """
 
     name = "base-excitation"

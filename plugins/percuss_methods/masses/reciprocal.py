@@ -30,12 +30,12 @@ class Reciprocal(Mass):
 
     The critical Courant number of a uniform bar without contact is ``1 / sqrt(s)`` from b = -3/2 on: 0.577 with b = 1,
     that of the consistent mass matrix, 0.866 with b = 3/8, and 1.414 with b = -3/2, which is selective mass scaling:
-    short waves are slower, and the mass is the same. With still less the shortest wave is no more the fastest.
+    short waves are slower, and the mass is the same. Below b = -3/2 the shortest wave is not the fastest any more.
 
-    Contact moves the end by ``(1 + s) / 2`` of what it would with lumped mass, and the node beside it by
-    ``(1 - s) / 4``, of which the contact equation and its stability limits know. What `nitsche` takes for the stress
-    at an end is made of the accelerations of both nodes. Laws with a kernel and all else that only the step itself
-    could tell is called unknown.
+    Contact moves the end by ``(1 + s) / 2`` of what it would with lumped mass, and the node beside it by ``(1 - s) /
+    4``, which the contact equation and its stability limits include. The stress at an end, which `nitsche` uses,
+    follows from the accelerations of both nodes. The certificate is `unknown` for laws with a kernel, and wherever only
+    the step itself could decide.
     """
 
     name = "reciprocal"

@@ -34,11 +34,11 @@ class Redistributed(Mass):
     a force acts on the other end in contact, so that it has mass and moves.
 
     An end without mass is in static balance with its contact at t_n, so that all leap-frog schemes without viscosity
-    are one method. It goes with linear laws that do not weigh the gap acceleration, and with linear bodies. Its
-    critical step is that of central difference with the law and the end element as springs in series: 0.9963 of the one
-    with lumped mass for a bar of 100 elements. Energy changes where a contact opens or closes alone: ten bounces of 100
-    elements at a Courant number of 0.5 (`cases/doyen-bounce.yaml`) keep 0.98 of it with `lagrange`, and 0.9997 with
-    `penalty` and a beta_s of 0.25.
+    are one method. It requires linear laws that do not weigh the gap acceleration, and linear bodies. Its critical step
+    is that of central difference with the law and the end element as springs in series: 0.9963 of the one with lumped
+    mass for a bar of 100 elements. Energy changes only where a contact opens or closes: ten bounces of 100 elements at
+    a Courant number of 0.5 (`cases/doyen-bounce.yaml`) keep 0.98 of it with `lagrange`, and 0.9997 with `penalty` and a
+    beta_s of 0.25.
 
     The singular mass of Renard, with velocities constant in each element, is another matrix: the sum of
     ``m_e / 4 [[1, 1], [1, 1]]`` over the elements. It has no mass for the one motion in which neighbours move in

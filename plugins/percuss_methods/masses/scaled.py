@@ -27,7 +27,7 @@ class Scaled(Mass):
 
     Mass is added: momentum and weight grow by its share, waves are slower where it stands, and fronts are reflected
     there. The matrix stays diagonal; adding off-diagonal mass that leaves rigid motions alone is another method, of
-    Olovsson, Simonsson and Unosson. A body of equal elements is left as it is.
+    Olovsson, Simonsson and Unosson. A body of equal elements does not change.
     """
 
     name = "scaled"
@@ -38,7 +38,7 @@ class Scaled(Mass):
         "Belytschko, Liu, Moran, Elkhodary: Nonlinear Finite Elements, Wiley 2014, ch. 6",
     )
     examples = ({"least_step": 0.5}, {"least_step": 1.0})
-    expected_failures = {"total-mass": "it adds mass to short elements: that is what makes their step longer"}
+    expected_failures = {"total-mass": "the method adds mass to short elements, which makes their step longer"}
 
     least_step: Annotated[
         float, Gt(0), Le(1), Unit("1"), Doc("least critical step of an element, over that of the longest of its body")

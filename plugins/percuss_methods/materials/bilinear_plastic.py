@@ -19,10 +19,9 @@ class BilinearPlastic(Material):
     the tangent modulus is ``E_t = tangent E``. Of the hardening modulus ``H = E E_t / (E - E_t)`` the share `kinematic`
     moves the elastic range, ``k = kinematic H p``, and the rest widens it, ``i = (1 - kinematic) H |dp|`` summed up.
 
-    Each step returns to the yield stress exactly, as both hardenings are linear. Elastic waves run at
-    ``c = sqrt(E / density)``, plastic ones at ``sqrt(E_t / density)``. Stored is the elastic energy
-    ``stress^2 / (2 E)`` and that of kinematic hardening, ``kinematic H p^2 / 2``; the rest of the plastic work is
-    dissipated.
+    Each step returns to the yield stress exactly, as both hardenings are linear. Elastic waves run at ``c = sqrt(E /
+    density)``, plastic ones at ``sqrt(E_t / density)``. The stored energy is the elastic energy ``stress^2 / (2 E)``
+    and that of kinematic hardening, ``kinematic H p^2 / 2``; the rest of the plastic work is dissipated.
     """
 
     name = "bilinear-plastic"

@@ -38,12 +38,12 @@ class RambergOsgood(Material):
     Formula: ``strain = stress / E + alpha (stress / E) (|stress| / s_0)^(exponent - 1)``; at the stress s_0 the second
     part is alpha times the first one.
 
-    This is the theory of deformation: non-linear elastic, which stands for plasticity while the strain grows. What is
-    unloaded takes the same curve back and dissipates nothing. The stress for a strain is found by Newton's method to
-    round-off. Waves run at ``sqrt(E_t / density)`` with the tangent modulus
-    ``E_t = E / (1 + alpha exponent (|stress| / s_0)^(exponent - 1))``, which falls from E: where the stress grows,
-    waves spread out, and where it falls they steepen. The energy density is the exact integral
-    ``stress^2 / (2 E) + alpha exponent / (exponent + 1) (|stress| / s_0)^(exponent - 1) stress^2 / E``.
+    This is the deformation theory: non-linear elastic, a model of plasticity while the strain grows. Unloading follows
+    the same curve back and dissipates nothing. The stress for a strain is found by Newton's method to round-off. Waves
+    run at ``sqrt(E_t / density)`` with the tangent modulus ``E_t = E / (1 + alpha exponent (|stress| / s_0)^(exponent -
+    1))``, which falls from E: where the stress grows, waves spread out, and where it falls they steepen. The energy
+    density is the exact integral ``stress^2 / (2 E) + alpha exponent / (exponent + 1) (|stress| / s_0)^(exponent - 1)
+    stress^2 / E``.
     """
 
     name = "ramberg-osgood"

@@ -26,8 +26,10 @@ class Ripple(Measure):
     """
 
     name = "ripple"
-    summary = "Deviation of the force from the exact one while that presses"
-    what = "standard deviation of force less exact force over the mean exact force, steps in which that presses"
+    summary = "Deviation of the force from the exact one while the exact one presses"
+    what = (
+        "standard deviation of force less exact force over the mean exact force, steps in which the exact force presses"
+    )
 
     def of(self, result: Result) -> float | None:
         """Return the ripple, or None if no exact solution covers the whole run or no exact contact force presses."""

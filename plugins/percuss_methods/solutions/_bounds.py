@@ -1,4 +1,4 @@
-"""What an exact solution may cost: its memory, counted from its pieces, and its processor time, measured on the way."""
+"""The bounds of an exact solution: its memory, counted from its pieces, and its processor time, measured on the way."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GIGABYTE = 1e9
 
 
 class OutOfTimeError(Exception):
-    """The end of a computation that has used up its processor time; its text says what would be needed."""
+    """The end of a computation that has used up its processor time; its text states the need."""
 
 
 class Meter:
@@ -34,7 +34,7 @@ class Meter:
         self._began = time.thread_time()
 
     def tell(self, share: float) -> None:
-        """Tell which share of the work is done, and end work that has taken too long."""
+        """Report the finished share of the work, and end work that has taken too long."""
         progress(share)
         seconds = time.thread_time() - self._began
         if seconds > self._most:

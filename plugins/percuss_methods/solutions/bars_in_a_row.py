@@ -45,9 +45,9 @@ class BarsInARow(Solution):
     Covers uniform linear-elastic bars along one line: free, fixed and driven ends, walls, gaps or touching, initial
     velocities, loads on ends, steady acceleration.
 
-    A solution with too many fronts, or one that would take too much memory, ends early, or is not begun where that is
-    known beforehand; both follow from the case alone. One that takes too much processor time is none at all: so the
-    speed of the machine decides whether there is a solution, and never a digit of it.
+    A solution with too many fronts, or one that would need too much memory, ends early, or does not begin if this is
+    known beforehand; both follow from the case alone. If it takes too much processor time, there is no solution at all:
+    the speed of the machine decides whether there is one, but never changes a digit of it.
     """
 
     name = "bars-in-a-row"
