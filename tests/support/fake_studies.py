@@ -51,6 +51,10 @@ class FakeStudy:
         self.table = table
         self.kept = kept or {}
 
+    @property
+    def with_histories(self):
+        return set(self.kept)
+
     def histories(self, key):
         return self.kept.get(key)
 

@@ -1,8 +1,8 @@
 """The charts of a study as data: the one description from which both the page and the files are drawn.
 
 A renderer decides nothing about the data. It takes from here which columns a chart offers, which of its axes are
-logarithmic and where they end, the bins of the medians, the style of each pair of methods, the steps of a profile, the
-cells of the table of pairs and cases, and the captions.
+logarithmic and where they end, the bins of the medians, the style of each pair of methods, the steps of a profile, and
+the captions.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ import numpy as np
 
 from percuss.case.yaml_text import flow
 from percuss.reporting import study_data
-from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES, number
+from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
-MOST_BANDS = 12  # Bands of more pairs hide each other, and the medians.
+MOST_BANDS = 3  # Bands of more pairs hide each other, and the medians.
 CAPTIONS = {
+    "best": "each pair of methods in each case: the mark is its best run, the bar its median run; best pair first",
     "work": (
-        "a line joins the runs of one pair in one case that no other of them beats; the broad grey line those that no "
-        "run of any pair beats in the case"
+        "a line joins the runs of a pair that no other run of the pair beats; a name stands where one run beats all "
+        "others of its pair; the broad grey line joins the runs that no run of any pair beats"
     ),
     "vary": (
-        f"the line joins medians, the band, drawn for at most {MOST_BANDS} pairs, holds 8 of 10 runs; a ring is a "
-        "median over fewer runs than were made; a level line is the median of a pair that has no such value"
+        f"a line joins the best or the median runs of a pair; a band, drawn for at most {MOST_BANDS} pairs, holds 8 of "
+        "10 runs around a median; a ring marks a value at which runs failed; a level line is a pair without this option"
     ),
-    "map": "two varied values, one panel a pair of methods",
-    "pairs": "the median over the runs of each pair in each case",
+    "map": "two varied values, one panel for each pair of methods in each case",
     "profile": (
-        "the share of problems on which a pair comes within a factor of the pair that is best there; a run that is "
-        "not done is within none (Dolan, Moré 2002, doi 10.1007/s101070100263)"
+        "the share of problems on which a pair comes within a factor of the best pair; a failed run is within none "
+        "(Dolan, Moré 2002, doi 10.1007/s101070100263)"
     ),
 }
 # When the colours repeat, the mark and the dashes of a repeated colour differ from those before.
@@ -41,7 +41,7 @@ EVERY_COLOUR, EVERY_DASH = (*COLOURS, *MORE_COLOURS), (*DASHES, *MORE_DASHES)
 STAYED = "share of runs that stayed stable"
 OUTCOMES = {"done": "done", "unstable": "unstable", study_data.WAITING: ""}
 OTHER_OUTCOME = "refused, failed or lost"
-MOST_FORCES = 6  # The page shows the contact forces of at most this many runs together.
+MOST_FORCES = 8  # The page shows the contact forces of at most this many runs together.
 MOST_TICKS = 8  # Up to this many distinct values each have their own tick.
 # Of the room between two words on an axis, the pairs of methods, which stand beside each other, take this share.
 SPREAD = 0.64
@@ -60,6 +60,7 @@ class Snapshot:
     histories: Callable[[Any], dict[str, Any] | None]
     files: list[Any]
     row_commands: tuple[list[Any], list[int | None]]
+    with_histories: set[str]
 
 
 def snapshot(study: StudyLike) -> Snapshot:
@@ -74,6 +75,7 @@ def snapshot(study: StudyLike) -> Snapshot:
         study.histories,
         getattr(study, "files", []),
         getattr(study, "row_commands", ([], [])),
+        study.with_histories,
     )
 
 
@@ -123,10 +125,9 @@ class Axis:
         Words beside the axis.
     words
         The texts on an axis of words, in order; empty for an axis of numbers.
-    spread
-        Whether the numbers suit a logarithmic axis, see `percuss.reporting.study_data.is_log`.
-    no_log
-        The reason why the axis cannot be logarithmic; empty where it can.
+    log
+        Whether the axis is logarithmic: that of a measure wherever it can be, that of a varied value where its numbers
+        suit it, see `percuss.reporting.study_data.is_log`.
     edge
         Lower end of a logarithmic axis, at which smaller numbers are drawn, as they are round-off.
     ticks
@@ -136,40 +137,22 @@ class Axis:
 
     label: str
     words: tuple[str, ...]
-    spread: bool
-    no_log: str
+    log: bool
     edge: float
     ticks: tuple[float, ...]
 
 
-def axis(rows: Any, name: str, label: str, *, most_ticks: int) -> Axis:
-    """Return one column of some rows of a study's table as an axis with a tick for each value up to `most_ticks`."""
+def axis(rows: Any, name: str, label: str, *, is_measure: bool) -> Axis:
+    """Return one column of some rows of a study's table as an axis."""
     values = study_data.numbers(rows[name])
     if values is None:
-        words = tuple(study_data.in_order(study_data.texts(rows[name])))
-        return Axis(label, words, spread=False, no_log="words have no logarithm", edge=np.nan, ticks=())
+        return Axis(label, tuple(study_data.in_order(study_data.texts(rows[name]))), log=False, edge=-np.inf, ticks=())
     distinct = np.unique(values[np.isfinite(values)])
-    low = int((values <= 0).sum())
-    no_log = "" if distinct.size else "there are no values"
-    if low:
-        count = count_of(int(np.isfinite(values).sum()), "value")
-        no_log = f"{low:,} of {count} {'is' if low == 1 else 'are'} zero or less"
-    edge = np.nan if no_log else study_data.lowest(values)
     # Each refinement halves the elements, so that the mesh is a logarithmic axis however few of its values there are.
-    spread = not no_log and (name == "refine" or study_data.is_log(values))
-    ticks = tuple(distinct.tolist()) if distinct.size <= most_ticks else ()
-    return Axis(label, (), spread, no_log, edge, ticks)
-
-
-@dataclass(frozen=True)
-class Choices:
-    """The columns that a chart offers for its two sides, each with whether its axis is logarithmic at first.
-
-    The first of each is drawn at first.
-    """
-
-    across: dict[str, bool]
-    up: dict[str, bool]
+    suits = is_measure or name == "refine" or study_data.is_log(values)
+    log = suits and study_data.may_be_log(values)
+    ticks = () if is_measure or distinct.size > MOST_TICKS else tuple(distinct.tolist())
+    return Axis(label, (), log, study_data.lowest(values) if log else -np.inf, ticks)
 
 
 @dataclass(frozen=True)
@@ -182,18 +165,21 @@ class Charts:
         The style of each pair of methods.
     axes
         The axis of each column that some chart offers.
-    work, varied
-        The columns offered by the chart of error over cost and by the chart of measures over a varied value.
+    costs, results
+        The measures that the chart of error over cost offers across and up.
+    varied
+        The columns that the chart of a measure over a varied value offers across.
     mapped
         The columns offered for either side of the map over two varied values.
     ranked
-        The measures that rank runs: those offered by the table of pairs and cases and by the profile.
+        The measures that rank runs, better when smaller: true errors come first.
     """
 
     styles: dict[str, LineStyle]
     axes: dict[str, Axis]
-    work: Choices
-    varied: Choices
+    costs: list[str]
+    results: list[str]
+    varied: list[str]
     mapped: list[str]
     ranked: list[str]
 
@@ -204,38 +190,24 @@ def study_charts(table: Any, roles: ColumnRoles) -> Charts:
     Parameters
     ----------
     table
-        All rows of the study.
+        All rows of the study, shares in per cent.
     roles
         The roles of its columns.
     """
     done = table[table["status"] == "done"]
-    axes = {name: axis(done, name, label, most_ticks=0) for name, label in roles.measures.items()}
-    several = {
-        name: axis(table, name, name, most_ticks=MOST_TICKS)
-        for name in (*roles.varied, "case", "integrator", "contact")
-        if name in table and table[name].nunique() > 1
-    }
+    axes = {name: axis(done, name, label, is_measure=True) for name, label in roles.measures.items()}
+    names = (*roles.varied, "case", "integrator", "contact")
+    several = [name for name in names if name in table and table[name].nunique() > 1]
+    axes |= {name: axis(table, name, name, is_measure=False) for name in several}
     # Numbers come first, because they make lines.
-    numeric = [name for name in roles.varied if name in several and not several[name].words]
-    varied = [*numeric, *(name for name in roles.varied if name in several and name not in numeric)]
-    axes |= several
-
-    def first_log(names: list[str]) -> dict[str, bool]:
-        return {name: axes[name].spread for name in names}
-
-    def log_if_possible(names: list[str]) -> dict[str, bool]:
-        return {name: not axes[name].no_log for name in names}
-
-    measures = list(roles.measures)
-    results = [name for name in measures if name not in roles.costs and name != "seconds"]
-    choices = [name for name in ("case", "integrator", "contact") if name in several]
-    pairs = dict.fromkeys(study_data.methods(table))
+    varied = sorted((name for name in several if name in roles.varied), key=lambda name: bool(axes[name].words))
     return Charts(
-        {pair: line_style(k) for k, pair in enumerate(pairs)},
+        {pair: line_style(k) for k, pair in enumerate(dict.fromkeys(study_data.methods(table)))},
         axes,
-        Choices(log_if_possible(list(roles.costs)), log_if_possible(results)),
-        Choices(first_log([*varied, *choices]), first_log(measures)),
-        [*varied, *(name for name in choices if name == "case")],
+        list(roles.costs),
+        [name for name in roles.measures if name not in roles.costs and name != "seconds"],
+        [*varied, *(name for name in several if name not in varied)],
+        [*varied, *(["case"] if "case" in axes else [])],
         study_data.ranking(roles),
     )
 
@@ -297,27 +269,31 @@ class ProfileChart:
     empty: str
 
 
-def profile_chart(table: Any, roles: ColumnRoles, name: str, problem_set: study_data.Problems) -> ProfileChart:
-    """Return the chart of the performance profiles by one measure over all rows of a study."""
-    profile = study_data.profile(table, name, problem_set)
+def profile_chart(
+    table: Any, roles: ColumnRoles, name: str, problem_set: study_data.Problems, statistic: str
+) -> ProfileChart:
+    """Return the chart of the performance profiles by the best or the median of one measure, over all rows."""
+    profile = study_data.profile(table, name, problem_set, statistic)
     left = [
-        (problem_set.left_out, "that not every pair was set once"),
+        (problem_set.left_out, "that not every pair was set"),
         (profile.unknown, "in which no run is done, or a run is still to be made or has no such number"),
     ]
     parts = [f"{count_of(count, 'problem')} {why}" for count, why in left if count]
     note = [
-        f"{count_of(profile.counted, 'problem')}: a case with one value of all that is varied.",
+        f"{count_of(profile.counted, 'problem')}: a case with one value of all that is varied but the options of the "
+        f"methods, of whose runs the {statistic} counts.",
         *([f"Left out: {', and '.join(parts)}."] if parts else []),
-        "The best is that of all pairs.",
     ]
     if study_data.references(table):
-        note.append("The tied twins take no part: they are references, which need the exact solution.")
+        note.append("The tied twins are references, which need the exact solution, and do not compete.")
     finite = [ratios[np.isfinite(ratios)] for ratios in profile.ratios.values()]
     largest = float(np.concatenate([*finite, np.ones(1)]).max())
     end = max(1.5, largest**1.05)
     lines = {pair: np.array(profile_steps(ratios, end)) for pair, ratios in profile.ratios.items() if profile.counted}
     empty = "" if profile.counted else "There is no problem that every pair was set and that could be judged."
-    return ProfileChart(f"{roles.measures[name]} over that of the best pair", end, lines, " ".join(note), empty)
+    return ProfileChart(
+        f"{roles.measures[name].removesuffix(' [%]')} over that of the best pair", end, lines, " ".join(note), empty
+    )
 
 
 def profile_steps(ratios: Any, end: float) -> tuple[Any, Any]:
@@ -327,59 +303,6 @@ def profile_steps(ratios: Any, end: float) -> tuple[Any, Any]:
     if not factors.size or factors[0] > 1:
         factors, share = np.array([1.0, *factors]), np.array([0.0, *share])
     return np.array([*factors, end]), np.array([*share, share[-1]])
-
-
-@dataclass(frozen=True)
-class TableCell:
-    """One cell of the table of pairs and cases.
-
-    Attributes
-    ----------
-    text
-        The median; empty where no run has the measure.
-    small
-        The number of runs behind it and what became of the others.
-    colour
-        Colour of the cell; empty for a cell without a median.
-    best
-        Whether it is the least median of its case. A median over a part of the runs, because others were lost, does
-        not compete.
-    """
-
-    text: str
-    small: str
-    colour: str
-    best: bool
-
-
-@dataclass(frozen=True)
-class PairsTable:
-    """The medians of one measure, one row per pair of methods and one column per case."""
-
-    cases: list[str]
-    rows: dict[str, list[TableCell]]
-    note: str
-
-
-def pairs_table(table: Any, name: str) -> PairsTable:
-    """Return the table of pairs and cases of one measure over all rows of a study."""
-    cells = study_data.overview(table, name)
-    cases = list(dict.fromkeys(case for row in cells.values() for case in row))
-    best = study_data.least_medians(cells, set(study_data.references(table)))
-    largest = study_data.largest_factor(cells, best)
-
-    def shown(cell: study_data.Cell | None, least: float | None) -> TableCell:
-        if cell is None:
-            return TableCell("", "no run", "", best=False)
-        if not cell.measured:
-            return TableCell("", study_data.counted(cell), "", best=False)
-        colour = study_data.shade(cell, least, largest)
-        is_best = cell.median == least and cell.measured == cell.made
-        return TableCell(number(cell.median, 3), study_data.counted(cell), colour, is_best)
-
-    rows = {pair: [shown(row.get(case), best.get(case)) for case in cases] for pair, row in cells.items()}
-    note = f"Colour: from the least median of the case, in bold, to {number(largest, 3)} times that or more."
-    return PairsTable(cases, rows, note)
 
 
 def count_of(count: int, noun: str, tail: str = "") -> str:

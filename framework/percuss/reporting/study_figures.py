@@ -1,14 +1,14 @@
-"""Figures of a study for print: error over cost, measures over each varied value, medians by case, and profiles."""
+"""Figures of a study for print: the best of each case, error over cost, error over each varied value, and profiles."""
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -17,31 +17,33 @@ from percuss.errors import InputError, Problem
 from percuss.files import is_file
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import (
+    SOFT,
     drawing,
     fix_layout,
     header,
-    legend_below,
     log_axis,
     one_line,
     tick_text,
-    wrapped,
     write,
     write_reason,
 )
 from percuss.reporting.study_charts import Axis, Charts, LineStyle, ProfileChart
-from percuss.reporting.study_data import StudyLike
+from percuss.reporting.study_data import Cell, StudyLike
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    Drawing: TypeAlias = Callable[[Axes], dict[str, Any]]  # It draws a panel and returns the legend's entries by pair.
+
 MARKERS = {"circle": "o", "square": "s", "triangle": "^", "diamond": "D"}
 KINDS = (".svg", ".pdf")
 # If a pair of methods has more runs than this in one panel, a seeded sample of so many points is drawn.
 MOST_MARKS = 3000
+MOST_RANKED = 16  # pairs of methods in a panel of the best
 
 
-def study_figures(study: StudyLike, folder: str | os.PathLike[str]) -> list[Path]:
+def study_figures(study: StudyLike, folder: str | os.PathLike[str], statistic: str = "best") -> list[Path]:
     """Write the figures of a study as svg and pdf files.
 
     Parameters
@@ -50,13 +52,14 @@ def study_figures(study: StudyLike, folder: str | os.PathLike[str]) -> list[Path
         The study.
     folder
         Folder of the files; it is made if it does not exist.
+    statistic
+        What the lines over a varied value and the profile show of several runs of a pair: ``best`` or ``median``.
 
     Returns
     -------
     list of Path
-        The files: ``work-precision``, which for several cases has one panel per case and one figure per cost; one
-        ``against-...`` for each varied path with more than one value; for several cases also ``pairs-and-cases`` and
-        ``performance-profile``.
+        The files: ``best-and-median``; one ``work-precision`` for each cost; one ``against-...`` for each varied path
+        with more than one value; for several cases also ``performance-profile``. Each case has a panel of its own.
     """
     target = Path(folder)
     if is_file(target):
@@ -68,7 +71,7 @@ def study_figures(study: StudyLike, folder: str | os.PathLike[str]) -> list[Path
         why = error.strerror or "cannot be made"
         raise InputError([Problem(str(target), "", f"expected a folder that can be written to: {why}")]) from error
     out = []
-    for name, figure in figures(study_charts.snapshot(study)):
+    for name, figure in figures(study, statistic):
         for kind in KINDS:
             out.append(target / f"{name}{kind}")
             _save(figure, out[-1])
@@ -79,26 +82,25 @@ def _save(figure: Figure, path: Path) -> None:
     write(path, lambda: figure)
 
 
-def figures(study: StudyLike) -> Iterator[tuple[str, Figure]]:
+def figures(study: StudyLike, statistic: str = "best") -> Iterator[tuple[str, Figure]]:
     """Yield the file name without suffix and the figure, for each figure of a study."""
-    table, roles = study.table, study_data.columns(study)
+    study = study_charts.snapshot(study)
+    roles = study_data.columns(study)
+    table = study_data.in_per_cent(study.table, roles)
     charts = study_charts.study_charts(table, roles)
-    made = table[table["status"] != study_data.WAITING]
-    done = made[made["status"] == "done"]
-    error = next((name for name in STUDY_PANELS if name in charts.ranked), "")
-    cases = list(dict.fromkeys(study_data.texts(done["case"])))
-    costs = list(charts.work.across)
-    if len(cases) < 2 or not error or not costs:
-        yield "work-precision", work_figure(study.title, done, charts, error, [(cost, "") for cost in costs])
-    for n, cost in enumerate(costs if len(cases) > 1 and error else []):
-        name = "work-precision" if n == 0 else f"work-precision-{_file_name(cost)}"
-        yield name, work_figure(study.title, done, charts, error, [(cost, case) for case in cases])
+    done = table[table["status"] == "done"]
+    error = charts.ranked[0] if charts.ranked else ""
+    if error:
+        yield "best-and-median", best_figure(study.title, table, charts, error)
+    for n, cost in enumerate(charts.costs if error else [""]):
+        name = f"work-precision-{_file_name(cost)}" if n else "work-precision"
+        yield name, work_figure(study.title, done, charts, cost, error)
     for path in roles.varied:
         if done[path].nunique() > 1:
-            yield f"against-{_file_name(path)}", varied_figure(study.title, table, charts, path)
-    if made["case"].nunique() > 1 and error:
-        yield "pairs-and-cases", cases_figure(study.title, table, charts, error)
-        profile = study_charts.profile_chart(table, roles, error, study_data.problems(table, roles.varied))
+            yield f"against-{_file_name(path)}", varied_figure(study.title, table, charts, path, statistic)
+    if table["case"].nunique() > 1 and error:
+        problems = study_data.problems(table, roles.varied)
+        profile = study_charts.profile_chart(table, roles, error, problems, statistic)
         yield "performance-profile", profile_figure(study.title, profile, charts)
 
 
@@ -106,48 +108,98 @@ def _file_name(column: str) -> str:
     return re.sub(r"[^0-9A-Za-z_]+", "-", column)
 
 
-def work_figure(title: str, done: Any, charts: Charts, error: str, wanted: list[tuple[str, str]]) -> Figure:
-    """Return a figure of error over cost with one panel for each wanted (cost, case); an empty case means all runs.
-
-    A line joins the Pareto front of the runs of one pair of methods in a panel.
-    """
+def _panels(
+    title: str, notes: list[str], panels: Mapping[str, Drawing], empty: str, high: float = 3.6, most: int = 2
+) -> Figure:
+    """Return a figure with a panel below each heading, and one legend beside them; or the reason why it is empty."""
     with drawing():
         from matplotlib.figure import Figure
 
-        across = min(max(len(wanted), 1), 3)
-        down = -(-max(len(wanted), 1) // across)
-        figure = Figure(figsize=(12.8, 1.6 + 4.0 * down), facecolor="white")
-        several = any(case for _, case in wanted)
-        panels = list(figure.subplots(down, across, squeeze=False, sharey=not several).flat)
-        if not wanted or not error:
-            write_reason(panels[0], "No cost or no error was recorded.")
-            wanted = []
-        entries: dict[str, Any] = {}
-        left_out = 0
-        for axes, (cost, case) in zip(panels, wanted, strict=False):
-            rows = done[np.array(study_data.texts(done["case"])) == case] if case else done
-            entries |= _work_panel(axes, rows, charts, cost, error)
-            both = np.isfinite(study_data.numbers(rows[cost])) & np.isfinite(study_data.numbers(rows[error]))
-            left_out = max(left_out, int((~both).sum()))
-            axes.set_title(one_line(case), loc="left", size=11, parse_math=False)
-        for axes in panels[:: across if several else len(panels)] if wanted else []:
-            axes.set_ylabel(charts.axes[error].label)
-        for axes in panels[max(len(wanted), 1) :]:
-            axes.set_axis_off()
-        lacking = [f"runs that are done without a cost or an error, neither drawn nor ranked: {left_out}"]
-        notes = [study_charts.CAPTIONS["work"], *(lacking if left_out else []), *_sampling_note(done)]
+        across = min(max(len(panels), 1), most)
+        down = -(-max(len(panels), 1) // across)
+        figure = Figure(figsize=(12.8, 1.3 + high * down), facecolor="white")
         header(figure, title, notes, [])
-        legend_below(figure, entries)
+        grid = list(figure.subplots(down, across, squeeze=False).flat)
+        entries: dict[str, Any] = {}
+        for axes, (heading, draw) in zip(grid, panels.items(), strict=False):
+            entries |= draw(axes)
+            axes.set_title(one_line(heading), loc="left", size=11, parse_math=False)
+        if not panels:
+            write_reason(grid[0], empty)
+        for axes in grid[max(len(panels), 1) :]:
+            axes.set_axis_off()
+        if entries:
+            # The space keeps matplotlib from dropping a label that begins with an underscore.
+            names = [f" {one_line(name)}" for name in entries]
+            legend = figure.legend(list(entries.values()), names, loc="outside right center", fontsize=8.5)
+            for text in legend.get_texts():
+                text.set_parse_math(False)
         fix_layout(figure)
     return figure
 
 
-def _work_panel(axes: Axes, rows: Any, charts: Charts, cost: str, error: str) -> dict[str, Any]:
-    """Draw the runs of one panel and their Pareto fronts, and return the legend entries by pair of methods."""
+def _by_case(rows: Any) -> dict[str, Any]:
+    """Return the rows of each case."""
+    cases = np.array(study_data.texts(rows["case"]), dtype=object)
+    return {case: rows[cases == case] for case in dict.fromkeys(cases.tolist())}
+
+
+def best_figure(title: str, table: Any, charts: Charts, name: str) -> Figure:
+    """Return a figure with the best and the median run of each pair of methods, in each case from the best pair on."""
+    cells = study_data.cells(table, name)
+    panels = {case: partial(_best_panel, charts=charts, name=name, of_case=own) for case, own in cells.items()}
+    most = max((min(len(own), MOST_RANKED) for own in cells.values()), default=1)
+    left_out = max((len(own) - MOST_RANKED for own in cells.values()), default=0)
+    notes = [study_charts.CAPTIONS["best"], *([f"the {MOST_RANKED} best pairs are drawn"] if left_out > 0 else [])]
+    return _panels(title, notes, panels, "There is no run.", 0.8 + 0.26 * most, 1)
+
+
+def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell]) -> dict[str, Any]:
+    """Draw the best and the median of each pair of one case, and write their values beside them."""
+    ranked = sorted(of_case, key=lambda pair: (not of_case[pair].measured, of_case[pair].best))[:MOST_RANKED]
+    edge = charts.axes[name].edge
+    for place, pair in enumerate(ranked):
+        style, cell = charts.styles[pair], of_case[pair]
+        best, median = max(cell.best, edge), max(cell.median, edge)
+        axes.plot([best, median], [place, place], color=style.colour, linewidth=1.5, alpha=0.6)
+        axes.plot(median, place, color=style.colour, marker="|", markersize=12, markeredgewidth=2)
+        axes.plot(best, place, color=style.colour, markersize=7, **_mark(style))
+        values = f"{study_data.value_words(cell.best, name)}, median {study_data.value_words(cell.median, name)}"
+        words = "; ".join(filter(None, (values if cell.measured else "", cell.lost_words)))
+        frame = axes.get_yaxis_transform()
+        axes.text(1.01, place, words, transform=frame, size=7.5, va="center", color=SOFT, parse_math=False)
+    axes.set_yticks(range(len(ranked)), [one_line(pair) for pair in ranked], fontsize=8)
+    for label in axes.get_yticklabels():
+        label.set_parse_math(False)
+    axes.set_ylim(len(ranked) - 0.4, -0.6)
+    _set_axis(axes, "x", charts.axes[name])
+    return {}
+
+
+def work_figure(title: str, done: Any, charts: Charts, cost: str, error: str) -> Figure:
+    """Return a figure of error over cost, with one panel a case.
+
+    A line joins the Pareto front of the runs of one pair of methods in a panel; a front of one run has its name.
+    """
+    of_cases = _by_case(done) if cost and error else {}
+    both = [np.isfinite(study_data.numbers(done[name])) for name in (cost, error) if name]
+    lacking = int((~np.all(both, axis=0)).sum()) if both else 0
+    notes = [study_charts.CAPTIONS["work"], *_sampling_note(done)]
+    notes += [f"{lacking} runs that are done have no cost or no error: they are not drawn"] if lacking else []
+    panels = {
+        case: partial(_work_panel, charts=charts, cost=cost, error=error, rows=of_cases[case]) for case in of_cases
+    }
+    figure = _panels(title, notes, panels, "No cost or no error was recorded.")
+    for axes, rows in zip(figure.axes, of_cases.values(), strict=False):
+        lines = study_charts.work_lines(rows, cost, error)[1]
+        _name_points(axes, {pair: line[:, 0] for pair, line in lines.items() if line.shape[1] == 1}, charts)
+    return figure
+
+
+def _work_panel(axes: Axes, charts: Charts, cost: str, error: str, rows: Any) -> dict[str, Any]:
+    """Draw the runs of one case and their Pareto fronts, and return the legend's entries."""
     x, y = study_data.numbers(rows[cost]), study_data.numbers(rows[error])
-    pairs = np.array(study_data.methods(rows))
-    log = (charts.work.across[cost], charts.work.up[error])
-    edge = charts.axes[error].edge if log[1] else -np.inf
+    pairs, edge = np.array(study_data.methods(rows)), charts.axes[error].edge
     best, lines = study_charts.work_lines(rows, cost, error)
     broad: dict[str, Any] = {"color": "#9a9a9a", "alpha": 0.35, "linewidth": 7, "solid_capstyle": "round"}
     axes.plot(best[0], np.maximum(best[1], edge), zorder=1, **broad)
@@ -157,71 +209,82 @@ def _work_panel(axes: Axes, rows: Any, charts: Charts, cost: str, error: str) ->
             continue
         _draw_points(axes, x[pairs == pair], np.maximum(y[pairs == pair], edge), style)
         along, up = lines[pair]
-        entries[pair] = axes.plot(along, np.maximum(up, edge), markersize=4, **marked_line(style))[0]
-    _set_axes(axes, log, charts.axes[cost])
+        size = 4 if along.size > 1 else 8
+        entries[pair] = axes.plot(along, np.maximum(up, edge), markersize=size, **marked_line(style))[0]
+    _set_axis(axes, "x", charts.axes[cost])
+    _set_axis(axes, "y", charts.axes[error])
     return entries
 
 
-def varied_figure(title: str, table: Any, charts: Charts, path: str) -> Figure:
-    """Return a figure of measures over one varied value: medians as lines, and bands that hold eight of ten runs."""
-    names = [name for name in STUDY_PANELS if name in charts.varied.up][:4]
+def _name_points(axes: Axes, points: dict[str, Any], charts: Charts) -> None:
+    """Write names beside points, from below, each above the one before."""
+    last, pixels = -np.inf, 72 / axes.get_figure().dpi
+    middle = axes.transAxes.transform((0.5, 0.5))[0]
+    at = {pair: axes.transData.transform(point) for pair, point in points.items()}
+    for pair in sorted(at, key=lambda pair: float(at[pair][1])):
+        last = max(float(at[pair][1]) * pixels, last + 9)
+        right = bool(at[pair][0] > middle)
+        axes.annotate(
+            one_line(pair),
+            points[pair],
+            (-9 if right else 9, last - float(at[pair][1]) * pixels),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            va="center",
+            size=7,
+            color=charts.styles[pair].colour,
+            bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.4},
+            parse_math=False,
+        )
+
+
+def varied_figure(title: str, table: Any, charts: Charts, path: str, statistic: str) -> Figure:
+    """Return a figure over one varied value: of the first error with a panel a case, of one case with further measures.
+
+    Lines are the best or the median runs of each pair; with medians a band holds eight of ten runs.
+    """
     made = table[table["status"] != study_data.WAITING]
-    done = made[made["status"] == "done"]
-    cases, lost = made["case"].nunique(), len(made) - len(done)
-    notes = [f"against {path}: points are runs that are done; {study_charts.CAPTIONS['vary']}"]
-    notes += [f"medians are over the runs of {cases} cases together"] if cases > 1 else []
-    log = [name for name in names if charts.varied.up[name]]
-    if any(charts.axes[name].edge > np.nanmin(study_data.numbers(done[name])) for name in log):
-        notes.append("on a logarithmic axis values below 1e-10 of the largest are drawn at its lower edge")
-    notes += [f"{lost} of {len(made)} runs were lost: they are in no median"] if lost else []
-    with drawing():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12.8, 8.2 if len(names) > 2 else 5.2), facecolor="white")
-        header(figure, title, [*notes, *_sampling_note(done)], [])
-        panels = figure.subplots(-(-max(len(names), 1) // 2), min(max(len(names), 1), 2), squeeze=False)
-        bands: dict[str, dict[str, Any]] = {name: {} for name in names}
-        for pair, name, band in study_data.bands(table, names, path):
-            bands[name][pair] = band
-        entries: dict[str, Any] = {}
-        for axes, name in zip(panels.flat, names, strict=False):
-            entries |= _draw_measure(axes, made, charts, path, name, bands[name])
-            axes.set_ylabel(charts.axes[name].label)
-        for axes in panels.flat[len(names) :]:
-            axes.set_axis_off()
-        legend_below(figure, entries)
-        fix_layout(figure)
-    return figure
+    lost = int((made["status"] != "done").sum())
+    notes = [f"{statistic} run against {path}: {study_charts.CAPTIONS['vary']}", *_sampling_note(made)]
+    notes += [f"{lost} of {len(made)} runs failed: they are in no line"] if lost else []
+    of_cases = _by_case(made)
+    several = len(of_cases) > 1 and bool(charts.ranked)
+    names = charts.ranked[:1] if several else [name for name in STUDY_PANELS if name in charts.results][:4]
+    panels = {
+        case if several else charts.axes[name].label: partial(_varied_panel, charts, rows, path, name, statistic)
+        for case, rows in (of_cases if several else {"": made}).items()
+        for name in names
+    }
+    return _panels(title, notes, panels, "Nothing was measured.")
 
 
-def _draw_measure(axes: Axes, made: Any, charts: Charts, path: str, name: str, bands: dict[str, Any]) -> dict[str, Any]:
-    """Draw one measure over one varied value, which is a number or a word; return the legend entries."""
-    across, log = charts.axes[path], (charts.varied.across[path], charts.varied.up[name])
-    edge = charts.axes[name].edge if log[1] else -np.inf
+def _varied_panel(charts: Charts, made: Any, path: str, name: str, statistic: str, axes: Axes) -> dict[str, Any]:
+    """Draw one measure over one varied value, which is a number or a word; return the legend's entries."""
+    across, up = charts.axes[path], charts.axes[name]
+    row = 1 if statistic == "best" and name in charts.ranked else 3
+    bands = {pair: band for pair, _, band in study_data.bands(made, [name], path) if band[5].any()}
+    seen = [pair for pair in charts.styles if pair in bands]
     pairs, places = np.array(study_data.methods(made)), _places(made[path], across)
-    measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), edge)
-    seen = [pair for pair in charts.styles if pair in bands and bands[pair][4].any()]
-    level = [pair for pair in seen if np.isnan(bands[pair][0]).all()]
-    filled = len(seen) <= study_charts.MOST_BANDS
+    measured = np.maximum(study_data.numbers(made[name].where(made["status"] == "done")), up.edge)
     entries: dict[str, Any] = {}
     for turn, pair in enumerate(seen):
-        style, (place, *quantiles, measured_runs, made) = charts.styles[pair], bands[pair]
-        band = np.array([place, *np.maximum(quantiles, edge), measured_runs, made])
-        if pair in level:
-            share = (level.index(pair) + 1) / (len(level) + 1)
-            entries[pair] = _draw_level_line(axes, band[:, 0], style, path, share)
+        style, band = charts.styles[pair], bands[pair][:, bands[pair][5] > 0]
+        low, high, line = (np.maximum(band[k], up.edge) for k in (2, 4, row))
+        if np.isnan(band[0]).all():
+            entries[pair] = axes.axhline(line[0], **{**marked_line(style), "marker": ""})
             continue
         aside = study_charts.place_aside(turn, len(seen)) if across.words else 0.0
-        own = pairs == pair
-        _draw_points(axes, places[own] + aside, measured[own], style)
-        bands_of_pair = band[:, band[4] > 0]
-        entries[pair] = _draw_median_band(axes, bands_of_pair, aside, style, joined=not across.words, filled=filled)
-    _set_axes(axes, log, across)
-    if across.words:
-        words = [study_data.as_label(one_line(word)) or f"no {_last_part(path)}" for word in across.words]
-        axes.set_xticks(range(len(words)), words)
-        for label in axes.get_xticklabels():
-            label.set_parse_math(False)
+        _draw_points(axes, places[pairs == pair] + aside, measured[pairs == pair], style)
+        filled = row == 3 and len(seen) <= study_charts.MOST_BANDS and not across.words
+        if filled and (high > low).any():
+            axes.fill_between(band[0], low, high, color=style.colour, alpha=0.14, lw=0)
+        marked = marked_line(style) | ({"linestyle": "none"} if across.words else {})
+        entries[pair] = axes.plot(band[0] + aside, line, markersize=5, **marked)[0]
+        partly = band[5] < band[6]
+        ring: dict[str, Any] = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
+        axes.plot(band[0, partly] + aside, line[partly], "o", **ring)
+    _set_axis(axes, "x", across)
+    _set_axis(axes, "y", up)
     return entries
 
 
@@ -232,95 +295,20 @@ def _places(column: Any, across: Axis) -> Any:
     return np.array([float(across.words.index(text)) for text in study_data.texts(column)])
 
 
-def _last_part(path: str) -> str:
-    return one_line(path).split(".")[-1]
-
-
-def _draw_level_line(axes: Axes, band: Any, style: LineStyle, path: str, share: float) -> Any:
-    """Draw and return a labelled horizontal line at the median of a pair of methods that lacks the varied value."""
-    height, measured, made = band[2], int(band[4]), int(band[5])
-    lost = f", median of {measured} of {made}" if measured < made else ""
-    text_style: dict[str, Any] = {
-        "xycoords": axes.get_yaxis_transform(),
-        "textcoords": "offset points",
-        "ha": "center",
-        "size": 9,
-    }
-    text = axes.annotate(f"no {_last_part(path)}{lost}", (share, height), (0, 3), **text_style)
-    text.set_parse_math(False)
-    return axes.axhline(height, **{**marked_line(style), "marker": ""})
-
-
-def _draw_median_band(axes: Axes, band: Any, aside: float, style: LineStyle, *, joined: bool, filled: bool) -> Any:
-    """Draw medians, and a ring where some runs have no number; return the line of medians.
-
-    The quantiles are a band beside the line, if it is `filled`. No line joins words: there a bar holds them.
-    """
-    place, low, middle, high, measured, made = band
-    at = place + aside
-    if joined and filled:
-        axes.fill_between(at, low, high, color=style.colour, alpha=0.14, lw=0)
-    elif not joined:
-        axes.vlines(at, low, high, color=style.colour, alpha=0.5, lw=3)
-    marked = marked_line(style) | ({} if joined else {"linestyle": "none"})
-    line = axes.plot(at, middle, markersize=4, **marked)
-    ring: dict[str, Any] = {"color": style.colour, "fillstyle": "none", "markersize": 10, "zorder": 4}
-    axes.plot(at[measured < made], middle[measured < made], "o", **ring)
-    return line[0]
-
-
-def cases_figure(title: str, table: Any, charts: Charts, name: str) -> Figure:
-    """Return a coloured table of pairs of methods and cases, with the median of one measure and its number of runs."""
-    shown = study_charts.pairs_table(table, name)
-    cases, rows = shown.cases, shown.rows
-    with drawing():
-        from matplotlib.figure import Figure
-        from matplotlib.patches import Rectangle
-
-        figure = Figure(figsize=(max(12.8, 3.5 + 1.7 * len(cases)), 1.8 + 0.55 * len(rows)), facecolor="white")
-        header(figure, title, [f"{charts.axes[name].label}: {study_charts.CAPTIONS['pairs']}. {shown.note}"], [])
-        axes = figure.subplots()
-        centred: dict[str, Any] = {"ha": "center", "va": "center", "parse_math": False}
-        for (j, row), (i, _) in itertools.product(enumerate(rows.values()), enumerate(cases)):
-            cell = row[i]
-            axes.add_patch(Rectangle((i, j), 1, 1, facecolor=cell.colour or "#ffffff", edgecolor="#d5d5d5"))
-            weight = "bold" if cell.best else "normal"
-            axes.text(i + 0.5, j + 0.33, cell.text, size=11, weight=weight, **centred)
-            small = "\n".join(wrapped(cell.small, 26, 2))
-            axes.text(i + 0.5, j + (0.73 if cell.text else 0.5), small, size=7, **centred)
-        axes.set(xlim=(0, len(cases)), ylim=(len(rows), 0))
-        axes.set_xticks(np.arange(len(cases)) + 0.5, [one_line(case) for case in cases])
-        axes.set_yticks(np.arange(len(rows)) + 0.5, [one_line(pair) for pair in rows])
-        axes.tick_params(length=0, labeltop=True, labelbottom=False)
-        axes.grid(visible=False)
-        axes.spines[:].set_visible(False)
-        for label in (*axes.get_xticklabels(), *axes.get_yticklabels()):
-            label.set_parse_math(False)
-        fix_layout(figure)
-    return figure
-
-
 def profile_figure(title: str, profile: ProfileChart, charts: Charts) -> Figure:
     """Return a figure of the performance profiles of the pairs of methods by one measure."""
-    with drawing():
-        from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(12.8, 6.2), facecolor="white")
-        header(figure, title, [study_charts.CAPTIONS["profile"], profile.note], [])
-        axes = figure.subplots()
-        entries: dict[str, Any] = {}
-        if profile.empty:
-            write_reason(axes, profile.empty)
+    def draw(axes: Axes) -> dict[str, Any]:
+        entries = {}
         for pair, (factors, shares) in profile.lines.items():
             style = {**marked_line(charts.styles[pair]), "marker": ""}
             entries[pair] = axes.step(factors, shares, where="post", **style)[0]
-        if not profile.empty:
-            axes.set(xlim=(1, profile.end), ylim=(0, 1.03), ylabel="share of problems")
-            log_axis(axes, "x")
-            axes.set_xlabel(profile.label)
-        legend_below(figure, entries)
-        fix_layout(figure)
-    return figure
+        axes.set(xlim=(1, profile.end), ylim=(0, 1.03), xlabel=profile.label, ylabel="share of problems")
+        log_axis(axes, "x")
+        return entries
+
+    notes = [study_charts.CAPTIONS["profile"], profile.note]
+    return _panels(title, notes, {} if profile.empty else {"": draw}, profile.empty, 4.8)
 
 
 def marked_line(style: LineStyle) -> dict[str, Any]:
@@ -359,17 +347,24 @@ def _draw_points(axes: Axes, x: Any, y: Any, style: LineStyle) -> None:
     )
 
 
-def _set_axes(axes: Axes, log: tuple[bool, bool], across: Axis) -> None:
-    """Name the axis across, make axes logarithmic, and put ticks at the values where there are few."""
-    axes.set_xlabel(one_line(across.label), parse_math=False)
-    for which, wanted in zip("xy", log, strict=True):
-        if wanted:
-            log_axis(axes, which)
-    if across.ticks:
-        axes.set_xticks(across.ticks, [tick_text(tick) for tick in across.ticks])
+def _set_axis(axes: Axes, which: str, axis: Axis) -> None:
+    """Name an axis, make it logarithmic where it is, and put ticks at its words or at its values where they are few."""
+    axes.set(**{f"{which}label": one_line(axis.label)})
+    side = axes.xaxis if which == "x" else axes.yaxis
+    side.label.set_parse_math(False)
+    if axis.log:
+        log_axis(axes, which)
+    if axis.ticks:
+        side.set_ticks(axis.ticks, [tick_text(tick) for tick in axis.ticks])
+    if axis.words:
+        none = f"no {axis.label.rpartition('.')[2]}"
+        words = [study_data.as_label(one_line(word)) or none for word in axis.words]
+        side.set_ticks(range(len(words)), words)
+        for label in side.get_ticklabels():
+            label.set_parse_math(False)
 
 
-def _sampling_note(done: Any) -> list[str]:
+def _sampling_note(rows: Any) -> list[str]:
     """Return a note for the figure if a pair of methods has more runs than are drawn as points, else nothing."""
-    most = max(Counter(study_data.methods(done)).values(), default=0)
+    most = max(Counter(study_data.methods(rows)).values(), default=0)
     return [f"of each pair of methods {MOST_MARKS} points at most are drawn, at random"] if most > MOST_MARKS else []

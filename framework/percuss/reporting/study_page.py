@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import json
 import os
 import re
@@ -19,7 +20,7 @@ from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import plain
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import number, one_line
-from percuss.reporting.study_charts import Charts, PairsTable, TableCell, count_of
+from percuss.reporting.study_charts import Charts, count_of
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
 if TYPE_CHECKING:
@@ -73,15 +74,14 @@ def report_html(study: StudyLike, beside: str = "") -> str:
     """
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
-    charts = study_charts.study_charts(study.table, roles)
+    shown = study_data.in_per_cent(study.table, roles)
+    charts = study_charts.study_charts(shown, roles)
     data = payload(study, roles, charts)
-    several_cases = study.table["case"].nunique() > 1
     parts = {
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question_html(study, data),
         "sampled": _sampling_notice(data, beside),
-        "stacked": " stacked" if several_cases and charts.ranked else "",
-        "overview": _pairs_tables(study.table, charts) if several_cases else "",
+        "answer": "".join(f"<li>{escape(sentence)}</li>" for sentence in study_data.answer(shown, roles)),
         **{f"{name}_caption": escape(caption) for name, caption in study_charts.CAPTIONS.items()},
         "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
@@ -112,6 +112,7 @@ def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, A
     in_order = ("case", "integrator", "contact", *roles.varied, "status", *roles.measures)
     names = [name for name in (*in_order, "fragile", "reason", "said_by", "key") if name in study.table]
     several_cases = study.table["case"].nunique() > 1
+    kept = study_data.kept_histories(study, carried.table, charts.ranked)
     return {
         "total": len(study.table),
         "rows": len(carried.table),
@@ -119,25 +120,22 @@ def payload(study: StudyLike, roles: ColumnRoles, charts: Charts) -> dict[str, A
         "methods": list(charts.styles),
         "most_forces": study_charts.MOST_FORCES,
         "most_bands": study_charts.MOST_BANDS,
-        "styles": [
-            asdict(study_charts.line_style(k)) for k in range(max(len(charts.styles), study_charts.MOST_FORCES))
-        ],
+        "styles": [asdict(study_charts.line_style(k)) for k in range(len(charts.styles) + study_charts.MOST_FORCES)],
         "references": study_data.references(study.table),
         "lacking": {path: sorted(study_data.lacking(study.table, path)) for path in roles.varied},
         "added": np.flatnonzero(~carried.drawn).tolist(),
         "best": carried.best,
         "columns": [_packed_column(study.table, carried.kept, name, roles, charts) for name in names],
         "commands": _packed_commands(study, carried.kept),
-        "charts": {"work": asdict(charts.work), "varied": asdict(charts.varied), "mapped": charts.mapped},
+        "charts": {name: getattr(charts, name) for name in ("costs", "results", "varied", "mapped", "ranked")},
         "stayed": study_charts.STAYED,
-        "ranked": charts.ranked,
         "spread": study_charts.SPREAD,
         "outcomes": [[kind, study_charts.outcome(kind)] for kind in ("done", "unstable", "other")],
-        # A page with a sample of the rows cannot compute bands and maps of all rows itself.
-        "bands": _packed_bands(study.table, roles) if sampled else {},
-        "maps": _packed_maps(study.table, roles) if sampled else {},
         "profiles": _packed_profiles(study.table, roles, charts) if several_cases else {},
-        "histories": study_data.kept_histories(study, carried.table),
+        "histories": kept,
+        "not_in_page": [
+            row for row, key in enumerate(carried.table["key"]) if key in study.with_histories and row not in kept
+        ],
     }
 
 
@@ -148,12 +146,12 @@ def _packed_column(table: Any, kept: Any, name: str, roles: ColumnRoles, charts:
     values = study_data.numbers(table[name]) if role != "about" else None
     if name in charts.axes:
         axis = charts.axes[name]
-        column |= {"ticks": axis.ticks, "no_log": axis.no_log, "edge": None if axis.no_log else axis.edge}
+        column |= {"ticks": axis.ticks, "log": axis.log, "edge": axis.edge if axis.log else None}
+    if role == "measure" and study_data.is_share(name):
+        column["scale"] = 100.0
     if role == "varied" and values is not None:
-        fine = _packed_bins(values, kept, study_data.DISTINCT, study_data.BINS)
-        sampled = len(table) > study_data.MOST_ROWS
-        coarse = (study_data.MAP_DISTINCT, study_data.MAP_BINS)
-        column |= {"bins": fine, "cells": _packed_bins(values, kept, *coarse) if sampled else fine}
+        places, bin_of = study_data.binned(values)
+        column["bins"] = {"places": places.tolist(), "of": study_data.packed(bin_of[kept], "<i2")}
     if values is not None:
         # Double precision, so that the csv file saved from the page holds the same numbers as the study.
         return column | {"kind": "<f8", "data": study_data.packed(values[kept], "<f8")}
@@ -187,39 +185,14 @@ def _packed_commands(study: StudyLike, kept: Any) -> dict[str, Any] | None:
     return {"templates": pieces, "data": study_data.packed(index_of_row, "<u2")}
 
 
-def _packed_bins(values: Any, kept: Any, most: int, bins: int) -> dict[str, Any]:
-    """Return the places of the bins of all values, and the bins of the kept ones."""
-    places, bin_of = study_data.binned(values, most, bins)
-    return {"places": places.tolist(), "of": study_data.packed(bin_of[kept], "<i2")}
-
-
-def _packed_bands(table: Any, roles: ColumnRoles) -> dict[str, dict[str, str]]:
-    out: dict[str, dict[str, str]] = {}
-    for path in roles.varied:
-        for method, measure, band in study_data.bands(table, list(roles.measures), path):
-            out.setdefault(f"{measure}|{path}", {})[method] = study_data.packed(band)
-    return out
-
-
-def _packed_maps(table: Any, roles: ColumnRoles) -> dict[str, Any]:
-    """Return the maps over each two varied numbers; their cells are those of the columns."""
-    return {
-        f"{x}|{y}": {
-            method: {name: study_data.packed(values) for name, values in cells.items()}
-            for method, cells in map_of_paths["methods"].items()
-        }
-        for x, y, map_of_paths in study_data.maps(table, list(roles.measures), roles.varied)
-    }
-
-
 def _packed_profiles(table: Any, roles: ColumnRoles, charts: Charts) -> dict[str, Any]:
-    """Return the chart of the performance profile of each measure by which runs are ranked, in the types of JSON."""
+    """Return the performance profiles by the best and by the median of each measure that ranks runs."""
     problem_set = study_data.problems(table, roles.varied)
     out = {}
-    for name in charts.ranked:
-        chart = study_charts.profile_chart(table, roles, name, problem_set)
+    for name, statistic in itertools.product(charts.ranked, study_data.STATISTICS):
+        chart = study_charts.profile_chart(table, roles, name, problem_set, statistic)
         lines = {pair: [study_data.packed(part) for part in line] for pair, line in chart.lines.items()}
-        out[name] = asdict(chart) | {"lines": lines}
+        out[f"{name}|{statistic}"] = asdict(chart) | {"lines": lines}
     return out
 
 
@@ -255,16 +228,14 @@ def _question_html(study: StudyLike, data: dict[str, Any]) -> str:
 def _sampling_notice(data: dict[str, Any], beside: str) -> str:
     if data["seed"] is None:
         return ""
-    where = f" Every row is in <code>{escape(beside)}</code>, beside this page." if beside else ""
+    where = f" The file <code>{escape(beside)}</code> beside this page has every row." if beside else ""
     return (
         f'<p class="notice">This page carries {data["rows"]:,} of the {data["total"]:,} rows: a random sample of '
         f"{data['rows'] - len(data['added']):,} (seed {data['seed']}), and all {data['best']:,} best runs, of which "
-        f"the sample lacked {len(data['added']):,}. The best are those that no other run of their case and pair of "
-        "methods beats: the least of each error, and the least error at each cost. Medians, bands, maps, the table of "
-        "pairs and cases, the profile, the counts above and the reasons below are those of all rows; with a filter "
-        "set, medians, bands and maps are those of the sample, without the best that were added. Each chart says of "
-        f"which it is."
-        f"{where}</p>"
+        f"the sample lacked {len(data['added']):,}. No other run of its case and pair of methods has a smaller error "
+        "than a best run, or a smaller error at the same cost. The sentences above, the profile and the table of "
+        "failed runs count all rows. The other charts show the rows of this page; their medians, bands and counts "
+        f"leave out the best runs that were added.{where}</p>"
     )
 
 
@@ -289,34 +260,6 @@ def _varied_table(study: StudyLike, roles: ColumnRoles) -> str:
         shown = [*names[:MOST_VALUES], f"and {len(names) - MOST_VALUES} more"] if len(names) > MOST_VALUES else names
         lines.append([name, escape(", ".join(shown))])
     return _table_html(["what", "values"], lines)
-
-
-# ----------------------------------------------------------------------------------------- pairs and cases
-
-
-def _pairs_tables(table: Any, charts: Charts) -> str:
-    """Return a coloured table of pairs and cases for each measure that ranks runs; only the first is seen at first."""
-    return "".join(
-        f'<div class="scroll overview" data-measure="{escape(name)}"{" hidden" if k else ""}>'
-        f"{_pairs_table(study_charts.pairs_table(table, name))}</div>"
-        for k, name in enumerate(charts.ranked)
-    )
-
-
-def _pairs_table(shown: PairsTable) -> str:
-    lines = "".join(
-        f"<tr><th>{escape(pair)}</th>{''.join(map(_cell, cells))}</tr>" for pair, cells in shown.rows.items()
-    )
-    top = "".join(f"<th>{escape(case)}</th>" for case in shown.cases)
-    return f'<table class="plain cells"><tr><th></th>{top}</tr>{lines}</table><p class="note">{escape(shown.note)}</p>'
-
-
-def _cell(cell: TableCell) -> str:
-    small = f'<span class="few">{escape(cell.small)}</span>' if cell.small else ""
-    if not cell.text:
-        return f'<td class="soft">{small}</td>'
-    text = f"<b>{cell.text}</b>" if cell.best else cell.text
-    return f'<td class="cell" style="background:{cell.colour}">{text}{small}</td>'
 
 
 # ---------------------------------------------------------------------------------------- further sections

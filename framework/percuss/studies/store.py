@@ -337,6 +337,11 @@ class Store:
         made = {run[0]: run for run in runs}
         return [(key, row, made.get(key, NOT_MADE)) for _, key, row in plan]
 
+    def with_histories(self) -> set[str]:
+        """Return the keys of the runs whose arrays are stored."""
+        (runs,) = self._all("runs")
+        return {run[0] for run in runs if run[10] is not None}
+
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:

@@ -143,6 +143,11 @@ class Study:
         """Whether every run was made, and none was lost to the machine."""
         return not {"waiting", LOST} & set(self.counts)
 
+    @property
+    def with_histories(self) -> set[str]:
+        """Keys of the runs whose histories are kept."""
+        return self._store.with_histories()
+
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the histories of a run that are kept (`keep`), or None if there are none.
 

@@ -1,7 +1,6 @@
 // The state of the page in its address: all that was chosen and differs from how the page begins, after the #.
 
-const CHOICES = ["work-y", "work-x", "vary-y", "vary-x", "map-v", "map-x", "map-y", "pairs-v", "profile-v"];
-const beginning = { choices: {}, picked: [] };
+const beginning = {}; // the choices with which the page begins
 let addressed = null; // the state in the address; null until the page has begun
 let lastChanged = ""; // what was changed last: further changes of it are no further steps back
 let section = ""; // the part of the page that was asked for
@@ -20,18 +19,17 @@ function rowOfWord(word) {
 function stateText() {
   const state = new URLSearchParams();
   if (section) state.set("at", section);
-  for (const id of CHOICES) if ($(id).value !== beginning.choices[id]) state.set(id, $(id).value);
-  for (const [box, on] of Object.entries(wishes)) state.append(on ? "log" : "linear", box);
+  for (const id of CHOICES) if ($(id).value !== beginning[id]) state.set(id, $(id).value);
   for (const k of hidden) state.append("without", page.methods[k]);
   for (const { field, value } of table.getHeaderFilters()) if (value !== "") state.append("only", `${nameOfField(field)}=${value}`);
   for (const { field, dir } of table.getSorters()) state.append("sort", `${dir} ${nameOfField(field)}`);
   for (const shown of table.getColumns()) if (!shown.isVisible()) state.append("fold", nameOfField(shown.getField()));
-  if (picked.join() !== beginning.picked.join()) for (const word of picked.length ? picked.map(wordOfRow) : [""]) state.append("run", word);
+  if (chosen) for (const word of picked.length ? picked.map(wordOfRow) : [""]) state.append("run", word);
   if (marked !== null) state.set("row", wordOfRow(marked));
   return state.toString();
 }
 
-/** Write the state into the address; a second change in a row of the same kind takes the place of the first. */
+/** Write the state into the address; a second change in a row of the same kind replaces the first. */
 function noteChange(kind) {
   if (addressed === null) return;
   const text = stateText();
@@ -40,22 +38,15 @@ function noteChange(kind) {
   [addressed, lastChanged] = [text, kind];
 }
 
-/** Make the page what an address says; names that this page does not have are passed over. */
+/** Make the page what an address says; unknown names are ignored. */
 function restore(address) {
   const plain = !address.includes("=");
   const state = new URLSearchParams(plain ? "" : address);
   const asked = plain ? address : state.get("at") ?? "";
   addressed = null;
   for (const id of CHOICES) {
-    $(id).value = state.get(id) ?? beginning.choices[id];
-    if ($(id).selectedIndex < 0) $(id).value = beginning.choices[id];
-  }
-  for (const box of Object.keys(wishes)) delete wishes[box];
-  for (const kind of ["log", "linear"]) {
-    for (const box of state.getAll(kind)) {
-      const [id, ...name] = box.split(" ");
-      if (LOG_BOXES.includes(id) && fieldNamed(name.join(" "))) wishes[box] = kind === "log";
-    }
+    $(id).value = state.get(id) ?? beginning[id];
+    if ($(id).selectedIndex < 0) $(id).value = beginning[id];
   }
   hidden.clear();
   for (const method of state.getAll("without")) if (page.methods.includes(method)) hidden.add(page.methods.indexOf(method));
@@ -63,8 +54,8 @@ function restore(address) {
   const words = state.getAll("run");
   const rows = words.map(rowOfWord).filter((row) => page.histories[row]);
   const row = state.has("row") ? rowOfWord(state.get("row")) : -1;
-  setPicked(words.length ? rows.slice(0, page.most_forces) : beginning.picked, row < 0 ? null : row);
-  showPairs();
+  chosen = words.length > 0 || row >= 0;
+  if (chosen) setPicked(rows.slice(0, page.most_forces), row < 0 ? null : row);
   redraw();
   if (asked !== section && document.querySelector("main").contains($(asked))) $(asked).scrollIntoView({ behavior: "instant" });
   section = document.querySelector("main").contains($(asked)) ? asked : "";
@@ -89,8 +80,7 @@ function restoreTable(state) {
 
 /** Called once, when the table stands: from now on the address follows the page, and the page the address. */
 function beginAddress() {
-  for (const id of CHOICES) beginning.choices[id] = $(id).value;
-  beginning.picked = [...picked];
+  for (const id of CHOICES) beginning[id] = $(id).value;
   drawColumnChoice();
   const address = location.hash.slice(1);
   if (address) restore(address);

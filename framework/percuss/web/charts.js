@@ -4,12 +4,20 @@ const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678
 const CROSS = "path://M-1,-0.7L-0.7,-1L0,-0.3L0.7,-1L1,-0.7L0.3,0L1,0.7L0.7,1L0,0.3L-0.7,1L-1,0.7L-0.3,0Z";
 const BAR = "path://M-1,-0.16h2v0.32h-2z";
 const PAPER_WIDTH = 680;
-const MOST_PANELS = 12;
-const LOG_BOXES = ["work-logx", "work-logy", "vary-logx", "vary-logy"];
+const MOST_PANELS = 24;
+const MOST_RANKED = 16;
+const CHOICES = ["measure", "statistic", "work-x", "vary-x", "map-v", "map-x", "map-y"];
 const charts = {};
 
 const visible = (rows) => rows.filter((row) => !hidden.has(methodOf[row]));
-const whole = () => page.seed !== null && active.length === page.rows;
+/** What is shown of several runs of a pair: a smaller value of other measures is not better, and has no best run. */
+const isRanked = (y) => page.charts.ranked.includes(y.name);
+const statisticOf = (y) => (isRanked(y) ? $("statistic").value : "median");
+const measure = () => column[$("measure").value];
+/** The rows that medians and counts are of: the best runs that were added to a sample would improve them. */
+const drawnRows = (rows) => rows.filter((row) => !added.has(row));
+const casesOf = (rows) => [...new Set(rows.map((row) => column.case.codes[row]))].sort((a, b) => a - b);
+const several = (values) => values.filter(Number.isFinite).sort((a, b) => a - b);
 
 function quantile(sorted, share) {
   const place = (sorted.length - 1) * share;
@@ -21,24 +29,39 @@ const labelsOf = (side, bins) => (side.kind === "text" ? side.levels.map((level)
 
 // ---------------------------------------------------------------------------------------------- axes
 
-/** Ticks of a logarithmic axis between two powers of ten, as powers: decades, or 1 2 5, or round numbers. */
-function powersBetween(low, high) {
-  const out = [];
+/** Ticks of an axis between two places: round numbers at equal distances, or on a logarithmic axis parts of decades. */
+function ticksBetween(low, high, log) {
   const span = high - low;
-  if (span > 0.35) {
-    const step = Math.max(1, Math.ceil(span / 7));
-    const within = span > 3 ? [1] : span > 1.2 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 7];
-    for (let power = Math.floor(low); power <= high; power += 1) {
-      if (span > 3 && power % step !== 0) continue;
-      out.push(...within.map((factor) => power + Math.log10(factor)));
-    }
-  } else {
-    const [from, to] = [10 ** low, 10 ** high];
+  if (!log || span <= 0.35) {
+    const [from, to] = log ? [10 ** low, 10 ** high] : [low, high];
     const rough = 10 ** Math.floor(Math.log10((to - from) / 4 || 1e-300));
     const step = [1, 2, 5, 10].map((factor) => factor * rough).find((width) => (to - from) / width <= 6) || to - from;
-    for (let k = Math.ceil(from / step); k * step <= to && out.length < 12; k++) out.push(Math.log10(k * step));
+    const first = Math.ceil(from / step - 1e-9);
+    const many = Math.min(Math.floor(to / step + 1e-9) - first + 1, 12);
+    return Array.from({ length: Math.max(many, 0) }, (_, k) => (first + k) * step).map((value) => (log ? Math.log10(value) : value));
+  }
+  const out = [];
+  const step = Math.max(1, Math.ceil(span / 7));
+  const within = span > 3 ? [1] : span > 1.2 ? [1, 2, 5] : [1, 1.5, 2, 3, 4, 5, 7];
+  for (let power = Math.floor(low); power <= high; power += 1) {
+    if (span <= 3 || power % step === 0) out.push(...within.map((factor) => power + Math.log10(factor)));
   }
   return out.filter((power) => power >= low - 1e-9 && power <= high + 1e-9);
+}
+
+/** The labels of ticks, with as many digits as it takes to tell them apart. */
+function tickLabels(ticks, log) {
+  for (let digits = 3; ; digits += 1) {
+    const labels = ticks.map((tick) => numberText(log ? 10 ** tick : Number(tick.toPrecision(12)), digits));
+    if (digits === 12 || new Set(labels).size === labels.length) return labels;
+  }
+}
+
+/** Ticks and their labels as ECharts takes them. */
+function ticked(ticks, log, words = null) {
+  const labels = words ?? tickLabels(ticks, log);
+  const near = (value) => ticks.reduce((best, tick, k) => (Math.abs(tick - value) < Math.abs(ticks[best] - value) ? k : best), 0);
+  return { axisTick: { show: true, customValues: ticks }, axisLabel: { customValues: ticks, formatter: (value) => labels[near(value)] ?? "" } };
 }
 
 function axis(words, extent, { log = false, labels = null, gap = 30, horizontal = false, ticks = null } = {}) {
@@ -46,15 +69,13 @@ function axis(words, extent, { log = false, labels = null, gap = 30, horizontal 
   const [low, high] = extent;
   const room = labels ? 0.5 : (high - low || Math.abs(high) * 0.1 || 1) * 0.05;
   const ends = [low - room, high + room];
-  const given = labels ? labels.map((_, k) => k) : ticks || (log ? powersBetween(...ends) : undefined);
-  const formatter = labels ? (value) => labels[value] ?? "" : (value) => numberText(log ? 10 ** value : value, 3);
-  const small = { color: look.soft, fontSize: 12 };
+  const { axisTick, axisLabel } = ticked(labels ? labels.map((_, k) => k) : ticks || ticksBetween(...ends, log), log, labels);
   return {
     type: "value", min: ends[0], max: ends[1], name: words, nameLocation: "middle", nameGap: gap,
     nameTextStyle: { color: look.ink, fontSize: 13 }, axisLine: { show: true, onZero: false, lineStyle: { color: look.soft } },
-    axisTick: { show: true, customValues: given },
+    axisTick,
     axisLabel: {
-      ...small, formatter, hideOverlap: true, customValues: given, showMinLabel: Boolean(given), showMaxLabel: Boolean(given),
+      ...axisLabel, color: look.soft, fontSize: 12, hideOverlap: true, showMinLabel: true, showMaxLabel: true,
       ...(horizontal && labels ? { width: 110, overflow: "truncate", rotate: labels.join("").length > 44 ? 30 : 0 } : {}),
     },
     splitLine: { show: !labels, lineStyle: { color: look.grid } },
@@ -70,15 +91,13 @@ function extentOf(values) {
   return low <= high ? [low, high] : [0, 1];
 }
 
-/** After zooming into a logarithmic axis its ticks are set for what is seen. */
+/** After zooming into an axis its ticks are set for what is seen. */
 function followZoom(chart, logs) {
   chart.off("datazoom");
   chart.on("datazoom", () => {
     const update = {};
     for (const [name, log] of Object.entries(logs)) {
-      if (!log) continue;
-      const customValues = powersBetween(...chart.getModel().getComponent(name).axis.scale.getExtent());
-      update[name] = { axisTick: { customValues }, axisLabel: { customValues } };
+      update[name] = ticked(ticksBetween(...chart.getModel().getComponent(name).axis.scale.getExtent(), log), log);
     }
     chart.setOption(update);
   });
@@ -147,21 +166,20 @@ function say(id, words, { height = null } = {}) {
 
 const grid = { left: 64, right: 18, top: 30, bottom: 52 };
 
-/** The mark of a method as ECharts names it; small and pale among many, an open mark would be a white speck. */
-function symbolOf(k, filled = false) {
-  const { shape, open } = style(k);
-  const name = SHAPES[shape];
-  return open && !filled ? `empty${name[0].toUpperCase()}${name.slice(1)}` : name;
-}
-
 /** Points of one method, with the row behind the coordinates for clicks. */
 function points(k, data, name) {
-  const { colour } = style(k);
   const [many, very] = [data.length > 400, data.length > 1500];
   return {
-    type: "scatter", name, data, symbol: symbolOf(k, many), symbolSize: very ? 4 : many ? 5 : 8, z: 3, cursor: "pointer",
-    itemStyle: { color: colour, borderColor: colour, opacity: very || page.rows > 3000 ? 0.25 : many ? 0.5 : 0.85 }, emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
+    type: "scatter", name, data, ...markOf(k, many), symbolSize: very ? 4 : many ? 5 : 8, z: 3, cursor: "pointer",
+    emphasis: { itemStyle: { opacity: 1, borderWidth: 2 } },
+    itemStyle: { ...markOf(k, many).itemStyle, opacity: very || page.rows > 3000 ? 0.25 : many ? 0.5 : 0.85 },
   };
+}
+
+/** The mark of a method: an open one has the colour of the page inside; small among many it would be a speck. */
+function markOf(k, filled = false) {
+  const { colour, shape, open } = style(k);
+  return { symbol: SHAPES[shape], itemStyle: { color: open && !filled ? looks().paper : colour, borderColor: colour, borderWidth: 1.5 } };
 }
 
 function line(k, data, extra = {}) {
@@ -173,7 +191,9 @@ function line(k, data, extra = {}) {
 }
 
 /** What a click on the point of a run does. */
-const clickWords = (row) => (page.histories[row] ? "A click shows its force." : "No force was kept of it; a click shows its row.");
+const clickWords = (row) => (page.histories[row] ? "A click shows its force." : `${whyNoForce(row)} A click shows its row.`);
+const notInPage = new Set(page.not_in_page);
+const whyNoForce = (row) => (notInPage.has(row) ? "The study keeps its force, which is not in this page." : "The study keeps no force of it.");
 
 function tipOfRun(row, ...pairs) {
   const lines = [nameOf(row), ...pairs.map(([words, value]) => `${words}: ${numberText(value)}`), clickWords(row)];
@@ -182,37 +202,27 @@ function tipOfRun(row, ...pairs) {
 
 const counted = (many, what) => `${many.toLocaleString("en")} ${what}${many === 1 ? "" : "s"}`;
 
-const wishes = {}; // for each box and column, what the user chose
-
-/** Set a box to what its axis is, and return it. */
-function logBox(id, axisOf, byDefault) {
-  $(id).disabled = axisOf.no_log !== "";
-  $(id).checked = !axisOf.no_log && (wishes[`${id} ${axisOf.name}`] ?? byDefault);
-  $(id).dataset.column = axisOf.name;
-  $(`${id}-why`).textContent = axisOf.no_log ? `(no: ${axisOf.no_log})` : "";
-  return $(id).checked;
-}
-
-/** The place of a value on an axis; what is below the lower end of a logarithmic axis is drawn at it. */
-const onAxisOf = (value, log, edge) => (log ? Math.log10(Math.max(value, edge)) : value);
+/** The place of a value on the axis of a column; what is below the lower end of a logarithmic axis is drawn at it. */
+const onAxisOf = (value, { log, edge }) => (log ? Math.log10(Math.max(value, edge ?? 0)) : value);
 
 /** How many values are drawn at the edge of a logarithmic axis. */
-function atEdge(values, log, edge) {
-  if (!log) return "";
-  const many = values.filter((value) => value < edge).length;
+function atEdge(values, { log, edge }) {
+  const many = log ? values.filter((value) => value < edge).length : 0;
   return many ? `${counted(many, "run")} below 10⁻¹⁰ of the largest ${many === 1 ? "is" : "are"} drawn at the lower edge.` : "";
 }
 
-/** Split rows by method into points with a place on the axes, and tell of the others. */
-function placed(rows, xOf, yOf, logX, logY, edge) {
-  let gone = 0;
+/** The runs of each method with their places on two axes and their rows. */
+function placed(rows, xOf, x, y) {
   const data = page.methods.map(() => []);
   for (const row of rows) {
-    const [x, y] = [xOf(row), yOf(row)];
-    if (!Number.isFinite(x) || !Number.isFinite(y)) gone += 1;
-    else data[methodOf[row]].push([logX ? Math.log10(x) : x, onAxisOf(y, logY, edge), row]);
+    const [at, value] = [xOf(row), y.values[row]];
+    if (Number.isFinite(at) && Number.isFinite(value)) data[methodOf[row]].push([onAxisOf(at, x), onAxisOf(value, y), row]);
   }
-  return { data, words: gone ? `${counted(gone, "run")} that ${gone === 1 ? "is" : "are"} done ${gone === 1 ? "lacks" : "lack"} one of the two values, and ${gone === 1 ? "is" : "are"} neither drawn nor ranked.` : "" };
+  return data;
+}
+
+function missedWords(many) {
+  return many ? `${counted(many, "run")} that ${many === 1 ? "is" : "are"} done ${many === 1 ? "lacks" : "lack"} one of the two values, and ${many === 1 ? "is" : "are"} neither drawn nor ranked.` : "";
 }
 
 /** The grids of some panels beside and below each other in a chart. */
@@ -225,51 +235,164 @@ function gridOfPanels(id, number, { least = 330, most = 4, left = 64, right = 14
   return { panels, across, inside, up: high - top - bottom, tall: Math.ceil(number / across) * high };
 }
 
-function drawWork() {
-  const [y, x] = [column[$("work-y").value], column[$("work-x").value]];
-  if (!x || !y) {
-    for (const id of ["work-logx", "work-logy"]) $(id).disabled = true;
-    return say("work", x ? "No measure was recorded." : "No cost was recorded: measure node_steps, seconds.march or steps.");
+// ---------------------------------------------------------------------------------------------- the best
+
+/** Of one case: for each method that made runs of it the best and the median, and what became of the others. */
+function cellsOfCase(code, y) {
+  const cells = page.methods.map((_, k) => ({ k, values: [], row: -1, made: 0, lost: new Map() }));
+  for (const row of active) {
+    if (column.case.codes[row] !== code || hidden.has(methodOf[row]) || !isMade(row)) continue;
+    const cell = cells[methodOf[row]];
+    const value = isDone(row) ? y.values[row] : NaN;
+    if (Number.isFinite(value) && !(value >= y.values[cell.row])) cell.row = row;
+    if (added.has(row)) continue;
+    cell.made += 1;
+    if (Number.isFinite(value)) cell.values.push(value);
+    else {
+      const end = isDone(row) ? "without a number" : textAt(column.status, row);
+      cell.lost.set(end, (cell.lost.get(end) || 0) + 1);
+    }
   }
+  return cells
+    .filter(({ made, row }) => made || row >= 0)
+    .map((cell) => ({ ...cell, best: cell.row < 0 ? NaN : y.values[cell.row], median: cell.values.length ? quantile(several(cell.values), 0.5) : NaN }));
+}
+
+function drawBest() {
+  const y = measure();
+  const statistic = y && statisticOf(y);
+  $("best").classList.toggle("alone", column.case.levels.length === 1);
+  if (!y) return $("best").replaceChildren(element("p", "No measure was recorded.", { class: "soft" }));
+  const panels = casesOf(visible(active)).slice(0, MOST_PANELS).map((code) => bestPanel(code, y, statistic));
+  $("best").replaceChildren(...panels);
+  const left = casesOf(visible(active)).length - panels.length;
+  $("best-note").textContent = [
+    isRanked(y) ? "" : `A smaller ${y.label} is not better: pairs are in the order of their medians.`,
+    left > 0 ? `${left} more cases are not drawn; choose one above.` : "",
+    atEdge(active.filter(isDone).map((row) => y.values[row]), y),
+  ].filter(Boolean).join(" ");
+}
+
+/** One case: its pairs from the best on, each with a mark at its best run and a bar at its median. */
+function bestPanel(code, y, statistic) {
+  const reference = ({ k }) => page.references.includes(page.methods[k]);
+  const cells = cellsOfCase(code, y).sort((a, b) => reference(a) - reference(b) || (Number.isNaN(a[statistic]) - Number.isNaN(b[statistic])) || a[statistic] - b[statistic]);
+  const shown = cells.slice(0, MOST_RANKED);
+  const least = shown.find((cell) => !reference(cell))?.[statistic];
+  const [low, high] = extentOf(shown.flatMap(({ best, median }) => [best, median]).filter(Number.isFinite).map((value) => onAxisOf(value, y)));
+  const room = (high - low || 1) * 0.06;
+  const share = (value) => (100 * (onAxisOf(value, y) - low + room)) / (high - low + 2 * room);
+  const panel = element("div", "", { class: "case" });
+  const ranked = isRanked(y);
+  panel.append(element("h3", column.case.levels[code]));
+  const table = element("table", "", { class: "best" });
+  const head = table.createTHead().insertRow();
+  head.append(...["", "", ...(ranked ? ["best"] : []), "median", ""].map((words) => element("th", words)));
+  head.cells[1].append(bestScale(low - room, high + room, y.log));
+  const body = table.createTBody();
+  for (const cell of shown) {
+    const line = body.insertRow();
+    if (ranked && Math.abs(cell[statistic] - least) <= 1e-6 * Math.abs(least) && !reference(cell)) line.className = "winner";
+    const name = element("th");
+    name.append(swatch({ ...style(cell.k), dash: [], width: 0 }), element("span", page.methods[cell.k]));
+    const track = line.appendChild(element("td", "", { class: "track" }));
+    line.prepend(name);
+    if (Number.isFinite(cell.best)) track.append(bestTrack(cell, share, ranked));
+    for (const value of ranked ? [cell.best, cell.median] : [cell.median]) line.append(element("td", withUnit(value, y)));
+    line.append(element("td", [...cell.lost].map(([end, many]) => `${many} of ${cell.made} ${end}`).join(", "), { class: "few" }));
+    if (cell.row >= 0) line.addEventListener("click", () => pick(cell.row, true));
+  }
+  panel.append(table);
+  if (cells.length > shown.length) panel.append(element("p", `The first ${shown.length} of ${cells.length} pairs.`, { class: "note" }));
+  return panel;
+}
+
+/** A value with the sign of its unit, where it is a share. */
+const withUnit = (value, y) => (Number.isFinite(value) ? numberText(value, 3) + (y.scale ? " %" : "") : "");
+
+/** The axis of a panel of the best, above its rows. */
+function bestScale(low, high, log) {
+  const scale = element("div", "", { class: "ticks" });
+  const ticks = ticksBetween(low, high, log);
+  const kept = ticks.length > 5 ? ticks.filter((_, k) => k % Math.ceil(ticks.length / 5) === 0) : ticks;
+  tickLabels(kept, log).forEach((label, k) => {
+    const tick = element("span", label);
+    tick.style.left = `${(100 * (kept[k] - low)) / (high - low)}%`;
+    scale.append(tick);
+  });
+  return scale;
+}
+
+function bestTrack({ k, best, median }, share, ranked) {
+  const { colour } = style(k);
+  const holder = element("div", "", { class: "range" });
+  const [from, to] = [share(ranked ? best : median), share(Number.isFinite(median) ? median : best)];
+  const bar = element("i");
+  bar.style.cssText = `left:${Math.min(from, to)}%;width:${Math.abs(to - from)}%;border-color:${colour}`;
+  const end = element("b");
+  end.style.cssText = `left:${to}%;background:${colour}`;
+  const mark = element("span");
+  mark.style.left = `${from}%`;
+  mark.append(swatch({ ...style(k), dash: [], width: 0 }));
+  holder.append(bar, end, ...(ranked ? [mark] : []));
+  return holder;
+}
+
+// ---------------------------------------------------------------------------------------------- work and precision
+
+function drawWork() {
+  const [y, x] = [measure(), column[$("work-x").value]];
+  if (!x || !y) return say("work", x ? "No measure was recorded." : "No cost was recorded: measure node_steps, seconds.march or steps.");
   const rows = visible(active).filter(isDone);
   const both = rows.filter((row) => Number.isFinite(x.values[row]) && Number.isFinite(y.values[row]));
-  const log = [logBox("work-logx", x, page.charts.work.across[x.name]), logBox("work-logy", y, page.charts.work.up[y.name])];
-  const cases = [...new Set(both.map((row) => column.case.codes[row]))].sort((a, b) => a - b);
-  const { words } = placed(rows, (row) => x.values[row], (row) => y.values[row]);
+  const cases = casesOf(both);
+  const words = missedWords(rows.length - both.length);
   if (!cases.length) {
     $("work-note").textContent = words;
     return say("work", "No run with both values passes the filters.", { height: 380 });
   }
-  const ranked = page.ranked.includes(y.name);
-  const heights = both.map((row) => y.values[row]);
-  const drawn = cases.slice(0, MOST_PANELS).map((code) => workPanel(both.filter((row) => column.case.codes[row] === code), x, y, log, ranked));
-  const alone = column.case.levels.length === 1;
+  const drawn = cases.slice(0, MOST_PANELS).map((code) => workPanel(both.filter((row) => column.case.codes[row] === code), x, y));
   const { panels, across, tall } = gridOfPanels("work", drawn.length);
-  const option = drawn.length === 1 ? { grid: { ...grid, top: alone ? grid.top : 40 } } : { grid: panels };
   const tip = ({ data: [, , row] }) => tipOfRun(row, [y.label, y.values[row]], [x.label, x.values[row]]);
   show("work", {
-    ...option, toolbox: { ...tools("work-precision", drawn.length === 1) }, tooltip: tooltip(tip),
-    title: alone ? [] : drawn.map((_, n) => titleOf(column.case.levels[cases[n]], drawn.length === 1 ? { left: grid.left, top: 10, width: 400 } : { ...panels[n], top: panels[n].top - 4 })),
-    series: drawn.flatMap(({ series }, n) => series.map((item) => ({ ...item, xAxisIndex: n, yAxisIndex: n }))),
-    xAxis: drawn.map(({ all }, n) => ({ ...axis(x.label, extentOf(all.map((item) => item[0])), { log: log[0], gap: 30 }), gridIndex: n })),
-    yAxis: drawn.map(({ all }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(all.map((item) => item[1])), { log: log[1], gap: 48 }), gridIndex: n })),
+    grid: panels, toolbox: { ...tools("work-precision", drawn.length === 1) }, tooltip: tooltip(tip),
+    title: drawn.map((_, n) => titleOf(column.case.levels[cases[n]], panels[n])),
+    series: drawn.flatMap(({ series, all }, n) => [...series, ...nameSeries(series, extentOf(all.map((at) => at[0])), extentOf(all.map((at) => at[1])), panels[n])].map((item) => ({ ...item, xAxisIndex: n, yAxisIndex: n }))),
+    xAxis: drawn.map(({ all }, n) => ({ ...axis(x.label, extentOf(all.map((item) => item[0])), { log: x.log, gap: 30 }), gridIndex: n })),
+    yAxis: drawn.map(({ all }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(all.map((item) => item[1])), { log: y.log, gap: 48 }), gridIndex: n })),
   }, {
-    height: drawn.length === 1 ? 380 : tall,
-    then: (chart) => (drawn.length === 1 ? followZoom(chart, { xAxis: log[0], yAxis: log[1] }) : chart.off("datazoom")),
+    height: tall,
+    then: (chart) => (drawn.length === 1 ? followZoom(chart, { xAxis: x.log, yAxis: y.log }) : chart.off("datazoom")),
   });
-  const left = cases.length > drawn.length ? `The first ${drawn.length} of ${cases.length} cases are drawn; choose one above. ` : "";
-  const unranked = ranked ? "" : `No lines: less ${y.label} is not better. `;
-  $("work-note").textContent = `${left}${unranked}${scopeOfBest()} ${atEdge(heights, log[1], y.edge)} ${words}`;
+  const left = cases.length > drawn.length ? `The first ${drawn.length} of ${cases.length} cases are drawn; choose one above.` : "";
+  const unranked = isRanked(y) ? "" : `No lines: a smaller ${y.label} is not better.`;
+  $("work-note").textContent = [left, unranked, atEdge(both.map((row) => y.values[row]), y), words].filter(Boolean).join(" ");
 }
 
 /** The points of one case and the lines of the best, of each method and of all that are no references. */
-function workPanel(rows, x, y, log, ranked) {
-  const { data } = placed(rows, (row) => x.values[row], (row) => y.values[row], ...log, y.edge);
+function workPanel(rows, x, y) {
+  const data = placed(rows, (row) => x.values[row], x, y);
+  const all = data.flat();
+  if (!isRanked(y)) return { all, series: page.methods.map((method, k) => points(k, data[k], method)) };
   const compete = data.filter((_, k) => !page.references.includes(page.methods[k])).flat();
-  const raw = (points) => frontOf(points.map(([, , row]) => [x.values[row], y.values[row]])).map(([a, b]) => [log[0] ? Math.log10(a) : a, onAxisOf(b, log[1], y.edge)]);
+  const raw = (points) => frontOf(points.map(([, , row]) => [x.values[row], y.values[row]])).map(([a, b]) => [onAxisOf(a, x), onAxisOf(b, y)]);
   const best = { type: "line", data: raw(compete), symbol: "none", silent: true, z: 1, lineStyle: { color: looks().exact, width: 8, opacity: 0.35 } };
-  const series = page.methods.flatMap((method, k) => [points(k, data[k], method), ...(ranked ? [line(k, raw(data[k]))] : [])]);
-  return { all: data.flat(), series: ranked ? [best, ...series] : series };
+  const lines = page.methods.map((method, k) => ({ ...line(k, raw(data[k])), method }));
+  return { all, series: [best, ...page.methods.map((method, k) => points(k, data[k], method)), ...lines] };
+}
+
+/** The names of the methods whose front is one run: larger marks with names, from below, each above the one before. */
+function nameSeries(series, [left, right], [low, high], panel) {
+  const lone = series.filter(({ method, data }) => method && data.length === 1).map(({ method, data: [at] }) => ({ method, at })).sort((a, b) => a.at[1] - b.at[1]);
+  let last = -Infinity;
+  return lone.map(({ method, at }) => {
+    const k = page.methods.indexOf(method);
+    const up = ((at[1] - low) / (high - low || 1)) * panel.height;
+    last = Math.max(up, last + 13);
+    const side = at[0] > (left + right) / 2 ? "left" : "right";
+    const label = { show: true, formatter: method, position: side, distance: 9, offset: [0, up - last], color: style(k).colour, fontSize: 11, textBorderColor: looks().paper, textBorderWidth: 3, width: panel.width * 0.8, overflow: "truncate" };
+    return { type: "scatter", name: "named", data: [{ value: at, label }], ...markOf(k), symbolSize: 11, z: 5, silent: true };
+  });
 }
 
 function titleOf(text, { left, top, width }) {
@@ -284,19 +407,6 @@ function tooltip(formatter) {
   };
 }
 
-/** Of a sampled study: whether what is drawn is that of all rows or of the sample. */
-function scope(all, what) {
-  if (page.seed === null) return "";
-  return all ? `Points are the sample and the best runs, ${what.toLowerCase()} are of all ${page.total.toLocaleString("en")} rows.` : `Points are the sample and the best runs that pass the filters, ${what.toLowerCase()} are of the sample.`;
-}
-
-/** The lines of the best need no other rows than those of the page, which has all that could be on them. */
-function scopeOfBest() {
-  if (page.seed === null) return "";
-  const all = page.total.toLocaleString("en");
-  return active.length === page.rows ? `Points are the sample and the best runs, lines are of all ${all} rows.` : "Points and lines are of the rows of this page that pass the filters.";
-}
-
 function frontOf(data) {
   const out = [];
   let best = Infinity;
@@ -306,98 +416,96 @@ function frontOf(data) {
   return out;
 }
 
+// ---------------------------------------------------------------------------------------------- a varied value
+
 function drawVaried() {
-  const [y, x] = [column[$("vary-y").value], column[$("vary-x").value]];
-  if (!x || !y) {
-    for (const id of ["vary-logx", "vary-logy"]) $(id).disabled = true;
-    return say("vary", "Nothing was varied.");
-  }
+  const [y, x] = [measure(), column[$("vary-x").value]];
+  if (!x || !y) return say("vary", "Nothing was varied.");
   const words = x.kind === "text";
   const made = visible(active).filter(isMade);
-  const rows = made.filter(isDone);
-  const level = page.methods.map((_, k) => !words && lacks(k, x));
-  const measured = rows.filter((row) => Number.isFinite(y.values[row]));
-  const logX = logBox("vary-logx", x, page.charts.varied.across[x.name]);
-  const heights = measured.filter((row) => words || level[methodOf[row]] || Number.isFinite(x.values[row])).map((row) => y.values[row]);
-  const logY = logBox("vary-logy", y, page.charts.varied.up[y.name]);
-  const present = page.methods.map((_, k) => k).filter((k) => !hidden.has(k));
-  // methods stand beside each other where the axis holds words
-  const beside = (k) => (words ? (page.spread * (present.indexOf(k) - (present.length - 1) / 2)) / Math.max(present.length, 1) : 0);
-  const xOf = (row) => (words ? x.codes[row] + beside(methodOf[row]) : x.values[row]);
-  const { data, words: missed } = placed(rows.filter((row) => !level[methodOf[row]]), xOf, (row) => y.values[row], logX, logY, y.edge);
-  const stored = whole() && page.bands[`${y.name}|${x.name}`];
-  const drawn = made.filter((row) => !added.has(row));
-  const bands = page.methods.map((method, k) => {
-    if (hidden.has(k)) return [];
-    if (stored) return storedBand(stored[method], beside(k));
-    return bandOf(x, y, drawn.filter((row) => methodOf[row] === k), beside(k), level[k]);
-  });
-  const put = ([place, low, middle, high, ...many]) => [logX ? Math.log10(place) : place, ...[low, middle, high].map((v) => onAxisOf(v, logY, y.edge)), ...many, middle];
-  const full = bands.map((band) => band.filter((item) => item[4] > 0));
-  const onAxis = full.map((band) => band.filter(([place]) => Number.isFinite(place)).map(put));
-  const filled = full.filter((band) => band.length).length <= page.most_bands;
-  const levels = full.map((band) => band.filter(([place]) => !Number.isFinite(place)).map(put)[0]);
-  const leveled = present.filter((k) => levels[k]);
-  // their names stand beside each other, as the lines may lie on each other
-  const middle = (k) => spread[0] + ((leveled.indexOf(k) + 1) / (leveled.length + 1)) * (spread[1] - spread[0]);
-  const all = [...data.flat(), ...onAxis.flat().map(([place, , middle]) => [place, middle])];
-  if (!all.length && !levels.some(Boolean)) {
+  const together = x.name === "case";
+  const cases = together ? [null] : casesOf(made);
+  const present = page.methods.map((_, k) => k).filter((k) => made.some((row) => methodOf[row] === k));
+  const drawn = cases.slice(0, MOST_PANELS).map((code) => variedPanel(code === null ? made : made.filter((row) => column.case.codes[row] === code), x, y, words, present));
+  const shown = drawn.filter(({ heights }) => heights.length);
+  const missed = missedWords(made.filter((row) => isDone(row) && !(Number.isFinite(y.values[row]) && (words || lacks(methodOf[row], x) || Number.isFinite(x.values[row])))).length);
+  if (!shown.length) {
     $("vary-note").textContent = missed;
     return say("vary", "No run with both values passes the filters.");
   }
-  const ticks = x.ticks.length ? x.ticks.map((value) => (logX ? Math.log10(value) : value)) : null;
-  const spread = words ? [0, x.levels.length - 1] : extentOf(all.map((item) => item[0]));
+  const { panels, across, tall } = gridOfPanels("vary", shown.length, words ? { bottom: 76 } : {});
   const labels = words ? x.levels.map((level) => labelOf(level) || `no ${shortName(x)}`) : null;
-  const counts = ([, , , , have, of]) => (have < of ? `median of ${have} of ${of} runs, the others lost` : `median of ${counted(of, "run")}`);
-  const tipOfMedian = (k, item, where) => [page.methods[k], where, `${y.label}: ${numberText(item[6])}`, counts(item)].map(escaped).join("<br>");
-  const series = page.methods.flatMap((method, k) => [
-    points(k, data[k], method), ...bandSeries(k, onAxis[k], words, filled),
-    ...rings(k, onAxis[k].filter((item) => item[4] < item[5]), (item) => tipOfMedian(k, item, words ? "" : `${x.label}: ${numberText(logX ? 10 ** item[0] : item[0])}`)),
-    ...(levels[k] ? levelSeries(k, levels[k], spread, middle(k), `no ${shortName(x)}`, tipOfMedian(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
-  ]);
-  const ends = [...all.map((item) => item[1]), ...levels.filter(Boolean).flatMap((item) => [item[1], item[2], item[3]])];
+  const ticks = x.ticks.length ? x.ticks.map((value) => onAxisOf(value, x)) : null;
   show("vary", {
-    grid: words ? { ...grid, bottom: 76 } : grid, toolbox: tools("varied"), series,
-    xAxis: axis(x.label, spread, { log: logX, labels, gap: words ? 54 : 30, horizontal: true, ticks }),
-    yAxis: axis(y.label, extentOf(ends), { log: logY, gap: 48 }),
+    grid: panels, toolbox: tools("varied", shown.length === 1),
+    title: together ? [] : shown.map((panel, n) => titleOf(column.case.levels[cases[drawn.indexOf(panel)]], panels[n])),
+    series: shown.flatMap(({ series }, n) => series.map((item) => ({ ...item, xAxisIndex: n, yAxisIndex: n }))),
+    xAxis: shown.map(({ spread }, n) => ({ ...axis(x.label, spread, { log: x.log, labels, gap: words ? 54 : 30, horizontal: true, ticks }), gridIndex: n })),
+    yAxis: shown.map(({ heights }, n) => ({ ...axis(n % across ? "" : y.label, extentOf(heights), { log: y.log, gap: 48 }), gridIndex: n })),
     tooltip: tooltip(({ data: point }) => point.tip || tipOfRun(point[2], [y.label, y.values[point[2]]])),
-  }, { then: (chart) => followZoom(chart, { xAxis: logX, yAxis: logY }) });
-  const cases = new Set(made.map((row) => column.case.codes[row])).size;
+  }, { height: tall, then: (chart) => (shown.length === 1 ? followZoom(chart, { xAxis: x.log, yAxis: y.log }) : chart.off("datazoom")) });
   const notes = [
-    scope(Boolean(stored), "Medians and bands"),
-    cases > 1 ? `Medians are over the runs of ${cases} cases together; choose one above.` : "",
-    lostWords(bands.flat()), atEdge(heights, logY, y.edge), missed,
-    cases === 1 && x.name === "refine" && logX && logY ? ordersOf(onAxis) : "",
+    isRanked(y) ? "" : `Lines are medians: a smaller ${y.label} is not better.`,
+    cases.length > drawn.length ? `The first ${drawn.length} of ${cases.length} cases are drawn; choose one above.` : "",
+    lostWords(drawn.flatMap(({ bands }) => bands.flat())), atEdge(made.filter(isDone).map((row) => y.values[row]), y), missed,
+    cases.length === 1 && x.name === "refine" && x.log && y.log ? ordersOf(drawn[0].bands.map((band) => band.filter(hasLine).map((item) => putOn(x, y, item, statisticOf(y))))) : "",
   ];
   $("vary-note").textContent = notes.filter(Boolean).join(" ");
 }
 
-/** How many of the runs behind some medians have no part in them. */
-function lostWords(band) {
-  const [have, of] = [4, 5].map((place) => band.reduce((sum, item) => sum + item[place], 0));
-  return of > have ? `${(of - have).toLocaleString("en")} of ${counted(of, "run")} were lost or have no such number, and are in no median; at a ring some were.` : "";
+const hasLine = (item) => item[5] > 0 && Number.isFinite(item[0]);
+
+/** Place, lower end and upper end of the band, height of the line, and counts of a bin on the axes. */
+function putOn(x, y, [place, best, low, median, high, have, of], statistic) {
+  const chosen = statistic === "best" ? best : median;
+  return { at: x.kind === "text" ? place : onAxisOf(place, x), low: onAxisOf(low, y), high: onAxisOf(high, y), height: onAxisOf(chosen, y), have, of, value: chosen };
 }
 
-/** Over the mesh the slope of a line through the medians of each method is its observed order. */
-function ordersOf(bands) {
-  const orders = bands.map((band, k) => {
-    if (band.length < 2) return "";
-    const [x, y] = [0, 2].map((place) => band.reduce((sum, item) => sum + item[place], 0) / band.length);
-    const slope = band.reduce((sum, item) => sum + (item[0] - x) * (item[2] - y), 0) / band.reduce((sum, item) => sum + (item[0] - x) ** 2, 0);
+/** The series of one case over one varied value, and the heights that its axis is to hold. */
+function variedPanel(made, x, y, words, present) {
+  const statistic = statisticOf(y);
+  // methods stand beside each other where the axis holds words
+  const beside = (k) => (words ? (page.spread * (present.indexOf(k) - (present.length - 1) / 2)) / Math.max(present.length, 1) : 0);
+  const level = page.methods.map((_, k) => !words && lacks(k, x));
+  const xOf = (row) => (words ? x.codes[row] + beside(methodOf[row]) : x.values[row]);
+  const data = placed(made.filter((row) => isDone(row) && !level[methodOf[row]]), xOf, words ? { log: false } : x, y);
+  const rows = statistic === "best" ? made : drawnRows(made);
+  const bands = page.methods.map((_, k) => bandOf(x, y, rows.filter((row) => methodOf[row] === k), beside(k), level[k]));
+  const lines = bands.map((band) => band.filter(hasLine).map((item) => putOn(x, y, item, statistic)));
+  const levels = bands.map((band) => band.filter((item) => item[5] > 0 && !Number.isFinite(item[0])).map((item) => putOn(x, y, item, statistic))[0]);
+  const leveled = present.filter((k) => levels[k]);
+  const filled = statistic === "median" && !words && present.length <= page.most_bands;
+  const spread = words ? [0, x.levels.length - 1] : extentOf([...data.flat().map(([at]) => at), ...lines.flat().map(({ at }) => at), ...x.ticks.map((tick) => onAxisOf(tick, x))]);
+  const counts = ({ have, of }) => (have < of ? `${statistic} of ${have} of ${of} runs, the others failed` : `${statistic} of ${counted(of, "run")}`);
+  const tipOf = (k, item, where) => [page.methods[k], where, `${y.label}: ${numberText(item.value)}`, counts(item)].map(escaped).join("<br>");
+  const series = page.methods.flatMap((method, k) => [
+    points(k, data[k], method), ...bandSeries(k, lines[k], words, filled),
+    ...rings(k, lines[k].filter(({ have, of }) => have < of), (item) => tipOf(k, item, words ? "" : `${x.label}: ${numberText(x.log ? 10 ** item.at : item.at)}`)),
+    ...(levels[k] ? levelSeries(k, levels[k], spread, spread[0] + ((leveled.indexOf(k) + 1) / (leveled.length + 1)) * (spread[1] - spread[0]), `no ${shortName(x)}`, tipOf(k, levels[k], `no ${shortName(x)}: the same at each value`)) : []),
+  ]);
+  const ends = [...lines.flat(), ...levels.filter(Boolean)].flatMap(({ height, low, high }) => (filled ? [height, low, high] : [height]));
+  return { series, bands, spread, heights: [...data.flat().map((at) => at[1]), ...ends] };
+}
+
+/** How many of the runs behind some lines have no part in them. */
+function lostWords(band) {
+  const [have, of] = [5, 6].map((place) => band.reduce((sum, item) => sum + item[place], 0));
+  return of > have ? `${(of - have).toLocaleString("en")} of ${counted(of, "run")} failed or have no such number: they are in no line, and rings mark where.` : "";
+}
+
+/** Over the mesh the slope of a line of each method is its observed order. */
+function ordersOf(lines) {
+  const orders = lines.map((line, k) => {
+    if (line.length < 2) return "";
+    const [x, y] = ["at", "height"].map((part) => line.reduce((sum, item) => sum + item[part], 0) / line.length);
+    const slope = line.reduce((sum, item) => sum + (item.at - x) * (item.height - y), 0) / line.reduce((sum, item) => sum + (item.at - x) ** 2, 0);
     return `${page.methods[k]} ${numberText(-slope, 2)}`;
   });
   const fitted = orders.filter(Boolean);
-  return fitted.length ? `Observed orders, fitted to the medians: ${fitted.join("; ")}.` : "";
+  return fitted.length ? `Observed orders, fitted to the lines: ${fitted.join("; ")}.` : "";
 }
 
-function storedBand(text, offset) {
-  if (!text) return [];
-  const all = unpacked(text, "<f4");
-  const n = all.length / 6;
-  return Array.from({ length: n }, (_, j) => Array.from({ length: 6 }, (_, part) => all[j + part * n] + (part ? 0 : offset)));
-}
-
-/** Place, quantiles, number of values and number of runs of each bin; one bin without place for a method that lacks x. */
+/** Place, best, quantiles, number of values and number of runs of each bin; one bin without place for a method that lacks x. */
 function bandOf(x, y, rows, offset, level) {
   const bins = level ? { places: [NaN] } : x.bins;
   const groups = bins.places.map(() => ({ values: [], of: 0 }));
@@ -410,53 +518,48 @@ function bandOf(x, y, rows, offset, level) {
   return groups.flatMap(({ values, of }, j) => {
     if (!of) return [];
     values.sort((a, b) => a - b);
-    return [[bins.places[j] + offset, quantile(values, 0.1), quantile(values, 0.5), quantile(values, 0.9), values.length, of]];
+    return [[bins.places[j] + offset, ...[0, 0.1, 0.5, 0.9].map((share) => quantile(values, share)), values.length, of]];
   });
 }
 
-/** Rings around the medians over fewer runs than were made. */
-function rings(k, band, tip) {
+/** Rings around the places at which some runs failed. */
+function rings(k, items, tip) {
   const { colour } = style(k);
-  const data = band.map((item) => ({ value: [item[0], item[2]], tip: tip(item) }));
+  const data = items.map((item) => ({ value: [item.at, item.height], tip: tip(item) }));
   return [{ type: "scatter", name: "ring", data, symbol: "circle", symbolSize: 13, z: 5, itemStyle: { color: "transparent", borderColor: colour, borderWidth: 2 } }];
 }
 
 /** A level line for a method that has no such option, and what it lacks at one place of it. */
-function levelSeries(k, [, low, middle, high], [from, to], place, words, tip) {
-  const { colour } = style(k);
-  const mark = { value: [place, middle], tip, label: { show: true, position: "top", formatter: words, color: looks().ink, fontSize: 12 } };
-  const edge = (height) => line(k, [[from, height], [to, height]], { lineStyle: { color: colour, width: 1, opacity: 0.5 } });
-  return [
-    ...(high > low ? [edge(low), edge(high)] : []),
-    line(k, [[from, middle], [to, middle]]),
-    { type: "scatter", name: "level", data: [mark], symbol: symbolOf(k), symbolSize: 9, z: 5, itemStyle: { color: colour } },
-  ];
+function levelSeries(k, { height }, [from, to], place, words, tip) {
+  const mark = { value: [place, height], tip, label: { show: true, position: "top", formatter: words, color: looks().ink, fontSize: 12, textBorderColor: looks().paper, textBorderWidth: 2 } };
+  return [line(k, [[from, height], [to, height]]), { type: "scatter", name: "level", data: [mark], ...markOf(k), symbolSize: 9, z: 5 }];
 }
 
-function bandSeries(k, band, words, filled) {
+function bandSeries(k, items, words, filled) {
   const { colour } = style(k);
   if (words) {
-    // no line joins words: a bar from the tenth to the ninetieth of a hundred, and the median across it
-    return band.flatMap(([x, low, middle, high]) => [
-      line(k, [[x, low], [x, high]], { lineStyle: { color: colour, width: 3, opacity: 0.5 } }),
-      { ...line(k, [[x, middle]]), symbol: "rect", symbolSize: [18, 3] },
+    // No line joins words: a bar holds eight of ten runs, and the chosen run stands across it.
+    return items.flatMap(({ at, low, high, height }) => [
+      line(k, [[at, low], [at, high]], { lineStyle: { color: colour, width: 3, opacity: 0.5 } }),
+      { ...line(k, [[at, height]]), symbol: "rect", symbolSize: [18, 3] },
     ]);
   }
   const edges = { symbol: "none", lineStyle: { width: 0 }, stackStrategy: "all", stack: `band${k}`, z: 2 };
-  const wide = filled && band.some(([, low, , high]) => high > low);
-  const area = wide
+  const area = filled && items.some(({ low, high }) => high > low)
     ? [
-        line(k, band.map(([x, low]) => [x, low]), edges),
-        line(k, band.map(([x, low, , high]) => [x, high - low]), { ...edges, areaStyle: { color: colour, opacity: 0.16 } }),
+        line(k, items.map(({ at, low }) => [at, low]), edges),
+        line(k, items.map(({ at, low, high }) => [at, high - low]), { ...edges, areaStyle: { color: colour, opacity: 0.16 } }),
       ]
     : [];
-  return [...area, line(k, band.map(([x, , middle]) => [x, middle]), { symbol: band.length > 1 ? "none" : symbolOf(k) })];
+  return [...area, line(k, items.map(({ at, height }) => [at, height]), { ...markOf(k), symbolSize: 7, showAllSymbol: true })];
 }
 
 // ---------------------------------------------------------------------------------------------- profile
 
 function drawProfile() {
-  const profile = page.profiles[$("profile-v").value];
+  const y = measure();
+  const profile = y && page.profiles[`${y.name}|${statisticOf(y)}`];
+  $("profiles").hidden = !profile;
   if (!profile) return;
   $("profile-note").textContent = profile.note;
   if (profile.empty) return say("profile", profile.empty, { height: 120 });
@@ -488,11 +591,10 @@ const mixed = (share) => {
   return `rgb(${both.join(",")})`;
 };
 
-/** The cells of a map for one method: its runs by what became of them, and the median over those that have the value. */
-function cellsOf(k, rows, x, y, value) {
+/** The cells of a map for some rows: the runs by what became of them, and the best or the median of the value. */
+function cellsOf(rows, x, y, value) {
   const cells = new Map();
   for (const row of rows) {
-    if (methodOf[row] !== k) continue;
     const [i, j] = [x.of ? x.of[row] : 0, y.of ? y.of[row] : 0];
     if (i < 0 || j < 0) continue;
     const key = j * x.places.length + i;
@@ -507,94 +609,66 @@ function cellsOf(k, rows, x, y, value) {
     }
   }
   for (const cell of cells.values()) {
-    cell.values.sort((a, b) => a - b);
-    finishCell(cell, value, value ? quantile(cell.values, 0.5) : NaN, value ? cell.values.length : null);
+    const { done = 0, unstable = 0 } = cell.counts;
+    cell.made = Object.values(cell.counts).reduce((sum, many) => sum + many, 0);
+    cell.measured = value ? cell.values.length : done + unstable;
+    cell.value = value ? quantile(several(cell.values), statisticOf(value) === "best" ? 0 : 0.5) : done / (done + unstable);
   }
   return [...cells.values()];
 }
 
-/** Give a cell its value, and of how many of its runs that is. */
-function finishCell(cell, value, median, measured) {
-  const { done = 0, unstable = 0 } = cell.counts;
-  cell.made = Object.values(cell.counts).reduce((sum, many) => sum + many, 0);
-  cell.measured = value ? measured : done + unstable;
-  cell.value = value ? median : done / (done + unstable);
-  return cell;
-}
-
 /** The cells of a map along one side: those of the column, or a single one for a method that has no such value. */
 function sideOf(k, side) {
-  return lacks(k, side) ? { places: [0], labels: [`no ${shortName(side)}`] } : { ...side.cells, labels: labelsOf(side, side.cells) };
+  return lacks(k, side) ? { places: [0], labels: [`no ${shortName(side)}`] } : { ...side.bins, labels: labelsOf(side, side.bins) };
 }
 
 function drawMap() {
   const [x, y] = [column[$("map-x").value], column[$("map-y").value]];
-  const value = column[$("map-v").value];
-  const rows = visible(active).filter(isMade).filter((row) => !added.has(row));
-  const present = page.methods.map((_, k) => k).filter((k) => rows.some((row) => methodOf[row] === k));
-  const shown = present.slice(0, MOST_PANELS);
-  if (!x || !y || x === y || !shown.length) {
+  const value = $("map-v").value === "measure" ? measure() : null;
+  const rows = drawnRows(visible(active)).filter(isMade);
+  if (!x || !y || x === y || !rows.length) {
     $("map-scale").replaceChildren();
     return say("map", x && y && x !== y ? "No run passes the filters." : "A map needs two different varied values.", { height: 120 });
   }
-  const stored = whole() ? storedMap(x, y) : null;
-  const every = shown.map((k) => {
-    const bins = [sideOf(k, x), sideOf(k, y)];
-    return { k, bins, cells: stored ? stored(k, value) : cellsOf(k, rows, ...bins, value) };
-  });
-  const panels = every.filter(({ cells }) => cells.length);
+  const together = [x.name, y.name].includes("case");
+  const every = (together ? [null] : casesOf(rows)).flatMap((code) =>
+    page.methods.map((method, k) => {
+      const own = rows.filter((row) => methodOf[row] === k && (code === null || column.case.codes[row] === code));
+      const bins = [sideOf(k, x), sideOf(k, y)];
+      const of = together || column.case.levels.length === 1 ? "" : `${column.case.levels[code]}: `;
+      return { title: of + method.replace(" + ", "\n+ "), method, made: own.length, bins, cells: cellsOf(own, ...bins, value) };
+    }),
+  ).filter(({ made }) => made);
+  const panels = every.filter(({ cells }) => cells.length).slice(0, MOST_PANELS);
   if (!panels.length) return say("map", "No run has both values.", { height: 120 });
   const drawn = panels.flatMap(({ cells }) => cells.map((cell) => cell.value)).filter(Number.isFinite);
-  const log = Boolean(value && page.charts.varied.up[value.name]);
+  const log = Boolean(value && value.log);
   const ends = value ? extentOf(drawn) : [0, 1];
   const scale = (v) => (log ? Math.log10(v) : v);
   const share = (v) => (ends[1] > ends[0] ? (scale(v) - scale(ends[0])) / (scale(ends[1]) - scale(ends[0])) : 0.5);
-  const words = value ? `median ${value.label}` : page.stayed;
+  const words = value ? `${statisticOf(value)} ${value.label}` : page.stayed;
   const roomy = drawMapPanels(panels, x, y, share, words, value);
   drawScale(words + (log ? " (logarithmic)" : ""), drawn.length ? ends : null, panels, roomy, value);
-  const bare = every.filter(({ cells }) => !cells.length).map(({ k }) => page.methods[k]);
-  const lacking = bare.length ? `No run with both values: ${bare.join(", ")}. ` : "";
-  const left = present.length > MOST_PANELS ? `The first ${MOST_PANELS} of ${present.length} methods are shown. ` : "";
-  const lost = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made - (value ? cell.measured : cell.counts.done || 0), 0);
-  const made = panels.flatMap(({ cells }) => cells).reduce((sum, cell) => sum + cell.made, 0);
-  const partial = lost ? `${lost.toLocaleString("en")} of the ${counted(made, "run")} on the map ${value ? "have no such number, and are in no median" : "are not done"}. ` : "";
-  const cases = new Set(rows.map((row) => column.case.codes[row])).size;
-  const together = value && cases > 1 && x.name !== "case" && y.name !== "case" ? `Medians are over the runs of ${cases} cases together; choose one above. ` : "";
-  $("map-note").textContent = lacking + left + partial + together + (page.seed === null ? "" : stored ? `The map is of all ${page.total.toLocaleString("en")} rows.` : "The map is of the sample.");
-}
-
-/** Of a sampled study the cells of a map of all its rows over two varied values, whichever of them lies across. */
-function storedMap(x, y) {
-  const turned = !page.maps[`${x.name}|${y.name}`];
-  const methods = page.maps[turned ? `${y.name}|${x.name}` : `${x.name}|${y.name}`];
-  if (!methods) return null;
-  const across = turned ? y : x;
-  return (k, value) => {
-    const method = methods[page.methods[k]];
-    if (!method) return [];
-    const part = (name) => (method[name] ? unpacked(method[name], "<f4") : null);
-    const kinds = page.outcomes.map(([name, outcome]) => [outcome, part(name)]);
-    const [medians, measured] = value ? [part(value.name), part(`${value.name}|known`)] : [null, null];
-    const wide = lacks(k, across) ? 1 : across.cells.places.length;
-    return Array.from(kinds[0][1], (_, at) => at).flatMap((at) => {
-      const counts = Object.fromEntries(kinds.map(([outcome, many]) => [outcome, many[at]]).filter(([, many]) => many));
-      if (!Object.keys(counts).length) return [];
-      const [i, j] = [at % wide, Math.floor(at / wide)];
-      const cell = { i: turned ? j : i, j: turned ? i : j, counts };
-      return [finishCell(cell, value, medians ? medians[at] : NaN, medians ? (measured ? measured[at] : counts.done || 0) : 0)];
-    });
-  };
+  const cells = panels.flatMap((panel) => panel.cells);
+  const made = cells.reduce((sum, cell) => sum + cell.made, 0);
+  const lost = cells.reduce((sum, cell) => sum + cell.made - (value ? cell.measured : cell.counts.done || 0), 0);
+  const bare = [...new Set(every.filter((panel) => !panel.cells.length).map(({ method }) => method))];
+  $("map-note").textContent = [
+    bare.length ? `No run with both values: ${bare.join(", ")}.` : "",
+    every.length > MOST_PANELS ? `The first ${MOST_PANELS} of ${every.length} panels are drawn; choose a case above.` : "",
+    lost ? `${lost.toLocaleString("en")} of the ${counted(made, "run")} on the map ${value ? "failed or have no such number" : "are not done"}.` : "",
+  ].filter(Boolean).join(" ");
 }
 
 /** Draw the panels, and return whether there was room for the counts of runs in the cells. */
 function drawMapPanels(panels, x, y, share, words, value) {
   const look = looks();
-  const { panels: grids, across, inside, up, tall } = gridOfPanels("map", panels.length, { least: 290, top: 46, bottom: 62, high: 330, widest: 520 });
+  const { panels: grids, across, inside, up, tall } = gridOfPanels("map", panels.length, { least: 250, top: 46, bottom: 56, high: 230, widest: 420 });
   const option = { grid: grids, xAxis: [], yAxis: [], series: [], title: [] };
   let roomy = false;
-  panels.forEach(({ k, bins, cells }, n) => {
+  panels.forEach(({ title, bins, cells }, n) => {
     option.title.push({
-      text: page.methods[k].replace(" + ", "\n+ "), left: grids[n].left - 4, top: grids[n].top - 42,
+      text: title, left: grids[n].left - 4, top: grids[n].top - 42,
       textStyle: { color: look.ink, fontSize: 13, lineHeight: 16, fontWeight: "bold", width: inside, overflow: "truncate" },
     });
     const category = { type: "category", axisTick: { show: false }, axisLine: { lineStyle: { color: look.soft } }, splitLine: { show: false }, nameLocation: "middle", nameTextStyle: { color: look.ink, fontSize: 12 } };
@@ -663,11 +737,10 @@ function drawScale(words, ends, panels, roomy, value) {
     return both;
   };
   const partial = cells.find(isPartial);
-  const what = value ? "the median is that of the others" : "they are not done";
-  if (partial && roomy) made.push(entry(countOf(partial), `done ${value ? "and in the median" : ""} of all runs of the cell; some were lost`));
-  else if (partial) made.push(entry("✕", `in a colour: some runs of the cell were lost, ${what}`));
+  if (partial && roomy) made.push(entry(countOf(partial), `done of all runs of the cell; some failed`));
+  else if (partial) made.push(entry("✕", "in a colour: some runs of the cell failed"));
   if (cells.some((cell) => !hasValue(cell) && cell.counts.unstable)) made.push(entry("✕", "unstable: no run of the cell has a number"));
-  if (cells.some((cell) => !hasValue(cell) && !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "refused, failed or lost, all runs of the cell"));
+  if (cells.some((cell) => !hasValue(cell) && !cell.counts.done && !cell.counts.unstable)) made.push(entry("–", "all runs of the cell refused, failed or lost"));
   if (cells.some((cell) => !hasValue(cell) && cell.counts.done && !cell.counts.unstable)) made.push(entry("○", "done, without this number"));
   if (panels.some(({ cells: own, bins }) => own.length < bins[0].places.length * bins[1].places.length)) made.push(element("span", "blank: no run"));
   $("map-scale").replaceChildren(...made);
@@ -683,22 +756,21 @@ function pick(row, from = false) {
 }
 
 function pickRow(row, from) {
+  chosen = true;
   const before = marked;
   marked = page.histories[row] ? null : row;
   if (before !== null) reformat(before);
-  if (marked !== null) {
-    reformat(row);
-    drawForce();
-    if (from) showRow(row);
-    return;
+  if (marked === null) {
+    const at = picked.indexOf(row);
+    if (at >= 0 && !from) picked.splice(at, 1);
+    else if (at < 0) picked.push(row);
+    if (picked.length > page.most_forces) reformat(picked.shift());
   }
-  const at = picked.indexOf(row);
-  if (at >= 0 && !from) picked.splice(at, 1);
-  else if (at < 0) picked.push(row);
-  if (picked.length > page.most_forces) reformat(picked.shift());
   reformat(row);
   drawForce();
-  if (from) $("force").closest("figure").scrollIntoView({ behavior: "smooth", block: "nearest" });
+  if (!from) return;
+  if (marked !== null) showRow(row);
+  else $("force").closest("figure").scrollIntoView({ behavior: "smooth", block: "nearest" });
 }
 
 /** Choose the runs whose forces are shown, and the row that is marked as none was kept of it. */
@@ -715,7 +787,7 @@ function showRow(row) {
 }
 
 function reformat(row) {
-  const line = table.getRow(row);
+  const line = table.initialized && table.getRow(row); // there are no rows before
   if (line) line.reformat();
 }
 
@@ -730,28 +802,30 @@ function drawForce() {
     for (const id of ["force", "force-legend", "unpick"]) $(id).hidden = true;
     return;
   }
-  const [series, entries] = [[], []];
-  const exact = new Set();
+  const entries = [];
+  const panels = new Map(); // the series of each case and contact
+  const used = new Set();
   picked.forEach((row, n) => {
     const history = page.histories[row];
-    const { colour, dash } = style(n);
+    // A run has the look of its method, further runs of a method have looks that no method of this page has.
+    const look = { ...style(used.has(methodOf[row]) ? page.methods.length + n : methodOf[row]) };
+    used.add(methodOf[row]);
     const words = nameOf(row) + (isDone(row) ? "" : ` (${textAt(column.status, row)})`);
-    const what = textAt(column.case, row);
-    if (history.exact.length && !exact.has(what)) {
-      exact.add(what);
-      const look = { color: looks().exact, width: 5 };
-      series.push(...history.exact.map((item) => ({ type: "line", name: `exact, ${what}`, data: pairs(item), symbol: "none", z: 1, lineStyle: look, itemStyle: { color: look.color } })));
-      entries.push([{ colour: look.color, dash: [], width: 5 }, `exact, ${what}`]);
-    }
+    const what = column.case.levels.length > 1 ? `${textAt(column.case, row)}: ` : "";
     history.force.forEach((item, contact) => {
-      const name = history.force.length > 1 ? `${words}, ${history.contacts[contact] ?? `contact ${contact + 1}`}` : words;
-      series.push({
-        type: "line", name, data: pairs(item), symbol: "none", z: 3, itemStyle: { color: colour },
-        lineStyle: { color: colour, width: contact ? 1 : 2, type: dashOf(dash, contact ? 1 : 2) },
-      });
+      const title = what + (history.contacts[contact] ?? `contact ${contact + 1}`);
+      if (!panels.has(title)) panels.set(title, []);
+      const series = panels.get(title);
+      const exact = history.exact[contact];
+      if (exact && !series.some(({ name }) => name === "exact")) {
+        series.push({ type: "line", name: "exact", data: pairs(exact), symbol: "none", z: 1, lineStyle: { color: looks().exact, width: 5 }, itemStyle: { color: looks().exact } });
+      }
+      series.push({ type: "line", name: words, data: pairs(item), symbol: "none", z: 3, itemStyle: { color: look.colour }, lineStyle: { color: look.colour, width: 2, type: dashOf(look.dash, 2) } });
     });
-    entries.push([{ colour, dash }, words]);
+    entries.push([{ ...look, shape: "" }, words]);
   });
+  const anyExact = [...panels.values()].some((series) => series[0].name === "exact");
+  if (anyExact) entries.unshift([{ colour: looks().exact, dash: [], width: 5 }, "exact"]);
   $("force-legend").replaceChildren(
     ...entries.map(([look, words]) => {
       const entry = element("span", "", { class: "entry" });
@@ -760,14 +834,17 @@ function drawForce() {
     }),
   );
   $("force-note").textContent = forceNote();
-  if (!series.length) return say("force", "No run is chosen.", { height: 90 });
-  const all = series.flatMap((item) => item.data);
+  if (!panels.size) return say("force", "No run is chosen.", { height: 90 });
+  const drawn = [...panels].slice(0, MOST_PANELS);
+  const { panels: grids, across, tall } = gridOfPanels("force", drawn.length, { left: 74, least: 420, most: 2 });
   show("force", {
-    grid: { left: 74, right: 18, top: 30, bottom: 48 }, toolbox: tools("force"), series,
-    xAxis: axis("time", extentOf(all.map((item) => item[0])), { gap: 28 }),
-    yAxis: { ...axis("contact force", boundOf(series), { gap: 56 }) },
+    grid: grids, toolbox: tools("force", drawn.length === 1),
+    title: drawn.map(([title], n) => titleOf(title, grids[n])),
+    series: drawn.flatMap(([, series], n) => series.map((item) => ({ ...item, xAxisIndex: n, yAxisIndex: n }))),
+    xAxis: drawn.map(([, series], n) => ({ ...axis("time", extentOf(series.flatMap(({ data }) => data.map(([time]) => time))), { gap: 28 }), gridIndex: n })),
+    yAxis: drawn.map(([, series], n) => ({ ...axis(n % across ? "" : "contact force", boundOf(series), { gap: 56 }), gridIndex: n })),
     tooltip: { ...tooltip(tipOfTime), trigger: "axis" },
-  }, { height: 340 });
+  }, { height: tall, then: (chart) => (drawn.length === 1 ? followZoom(chart, { xAxis: false, yAxis: false }) : chart.off("datazoom")) });
 }
 
 /** Keep what the exact force tells, or the runs that are done, from being flattened by a run that ran away. */
@@ -785,93 +862,79 @@ function tipOfTime(items) {
 function markedWords() {
   if (marked === null) return "";
   const key = column.key ? ` (${textAt(column.key, marked)})` : "";
-  return ` No history is in the page of the run asked for last${key}: ${nameOf(marked)}. Its row is marked in the table.`;
+  return ` ${nameOf(marked)}${key}: ${whyNoForce(marked)} The table marks its row.`;
 }
 
 function forceNote() {
   const kept = Object.keys(page.histories).length;
-  return `The page has the histories of ${counted(kept, "run")}; ${firstWords} ${page.most_forces} at most are shown.${markedWords()}`;
+  const left = page.not_in_page.length;
+  const without = left ? ` The study keeps those of ${counted(left, "more run")}, the worst of each pair and case, which are not in this page.` : "";
+  const first = chosen ? "" : " Shown is the best run of each pair that passes the filters, in the first case.";
+  return `The page has the forces of ${counted(kept, "run")}.${without}${first} At most ${page.most_forces} are drawn.${markedWords()}`;
 }
 
-let firstWords = "";
+let chosen = false; // whether the user chose the runs whose forces are drawn
 
-/** The run of least error of each method in one case, so that something is seen before anything is chosen. */
-function pickFirst() {
-  const rows = Object.keys(page.histories).map(Number).filter(isDone);
-  const error = column.force_error_l1;
-  const ranked = rows.filter((row) => error && Number.isFinite(error.values[row]));
-  firstWords = ranked.length ? "it begins with the least force error of each method in one case." : rows.length ? "no force error is known, and it begins with the first run of each method." : "";
+/** The best run of each method in the first case that passes the filters, until the user chooses runs. */
+function pickBest() {
+  if (chosen) return;
+  const y = column[page.charts.ranked[0]];
+  const rows = visible(active).filter((row) => page.histories[row] && isDone(row));
+  const value = (row) => (y && Number.isFinite(y.values[row]) ? y.values[row] : Infinity);
   const best = new Map();
-  // a run without a true error is not ranked among those that have one
-  for (const row of ranked.length ? ranked : rows) {
-    const method = methodOf[row];
-    if (column.case.codes[row] !== column.case.codes[(ranked.length ? ranked : rows)[0]]) continue;
-    if (!best.has(method) || (ranked.length && error.values[row] < error.values[best.get(method)])) best.set(method, row);
+  for (const row of rows.filter((row) => column.case.codes[row] === casesOf(rows)[0])) {
+    if (!best.has(methodOf[row]) || value(row) < value(best.get(methodOf[row]))) best.set(methodOf[row], row);
   }
-  picked.push(...[...best.values()].slice(0, 4));
+  const known = [...best.values()].filter((row) => !y || value(row) < Infinity);
+  setPicked((known.length ? known : [...best.values()]).sort((a, b) => value(a) - value(b)).slice(0, page.most_forces), null);
 }
 
 // ---------------------------------------------------------------------------------------------- the whole
 
 function drawStudy() {
+  drawBest();
   drawWork();
   drawVaried();
   drawMap();
   drawProfile();
+  pickBest();
+  drawForce();
 }
 
 /** Fill a box with the names of columns, and choose one of them. */
 function fill(id, names, place = 0) {
-  $(id).replaceChildren(...names.map((name) => element("option", name ? column[name].label : page.stayed, { value: name })));
+  $(id).replaceChildren(...names.map((name) => element("option", column[name].label, { value: name })));
   if (names.length) $(id).value = names[place] ?? names[0];
-  $(id).addEventListener("change", () => {
-    drawStudy();
-    noteChange(id);
-  });
-}
-
-/** Show the table of pairs and cases of the chosen measure. */
-function showPairs() {
-  for (const item of document.querySelectorAll(".overview")) item.hidden = item.dataset.measure !== $("pairs-v").value;
 }
 
 function start() {
-  const { work, varied, mapped } = page.charts;
-  fill("work-y", Object.keys(work.up));
-  fill("work-x", Object.keys(work.across));
-  fill("vary-y", Object.keys(varied.up));
-  fill("vary-x", Object.keys(varied.across));
-  fill("map-v", [...Object.keys(varied.up), ""]);
+  const { costs, results, varied, mapped, ranked } = page.charts;
+  fill("measure", [...ranked, ...results.filter((name) => !ranked.includes(name))]);
+  fill("work-x", costs);
+  fill("vary-x", varied);
   fill("map-x", mapped);
   fill("map-y", mapped, 1);
+  $("map-v").lastElementChild.textContent = page.stayed;
   $("map").closest("figure").hidden = mapped.length < 2;
-  fill("pairs-v", page.ranked);
-  fill("profile-v", page.ranked);
-  $("pairs").hidden = !document.querySelector(".overview");
-  $("profiles").hidden = !Object.keys(page.profiles).length;
-  $("pairs-v").addEventListener("change", showPairs);
-  showPairs();
-  for (const id of LOG_BOXES) {
+  for (const id of CHOICES) {
     $(id).addEventListener("change", () => {
-      wishes[`${id} ${$(id).dataset.column}`] = $(id).checked;
       drawStudy();
       noteChange(id);
     });
   }
   $("unpick").addEventListener("click", () => {
+    chosen = true;
     setPicked([], null);
     drawForce();
     noteChange("runs");
   });
   drawFilters();
-  pickFirst();
   redraw();
 }
 
 function redraw() {
   drawLegend();
   drawStudy();
-  drawForce();
 }
 
 let folded = [];

@@ -13,13 +13,16 @@ function unpacked(text, kind) {
   return new { "<f4": Float32Array, "<f8": Float64Array, "<u2": Uint16Array, "<i2": Int16Array }[kind](bytes.buffer);
 }
 
-/** Bins of the values of a column: their places on an axis, and the bin of each row, -1 for a row without one. */
-const unpackedBins = (bins) => bins && { places: bins.places, of: unpacked(bins.of, "<i2") };
+/** Shares are fractions in the data and per cent on the page: `raw` are the numbers of the study, `values` those shown. */
 const columns = page.columns.map((column) => {
-  if (column.kind !== "text") return { ...column, values: unpacked(column.data, column.kind), bins: unpackedBins(column.bins), cells: unpackedBins(column.cells) };
+  if (column.kind !== "text") {
+    const raw = unpacked(column.data, column.kind);
+    // Bins: their places on an axis, and the bin of each row, -1 for a row without one.
+    const bins = column.bins && { places: column.bins.places, of: unpacked(column.bins.of, "<i2") };
+    return { ...column, raw, values: column.scale ? raw.map((value) => column.scale * value) : raw, bins };
+  }
   const codes = unpacked(column.data, "<u2");
-  const bins = { places: column.levels.map((_, k) => k), of: codes };
-  return { ...column, codes, bins, cells: bins };
+  return { ...column, codes, bins: { places: column.levels.map((_, k) => k), of: codes } };
 });
 const column = Object.fromEntries(columns.map((field) => [field.name, field]));
 const textAt = (field, row) => (field.kind === "text" ? field.levels[field.codes[row]] : numberText(field.values[row]));
@@ -126,7 +129,7 @@ async function copyCommand() {
 const LIGHT = { ink: "#1a1a1a", soft: "#5a5a5a", grid: "#e4e4e4", paper: "#ffffff", alarm: "#b33a00", exact: "#9a9a9a", swap: {} };
 const DARK = {
   ink: "#e8e8e8", soft: "#a9aeb4", grid: "#2b3035", paper: "#15181b", alarm: "#ff8f57", exact: "#8d949b",
-  swap: { "#0072B2": "#3f97d3", "#000000": "#ffffff" }, // the darkest of the colours are lost on a dark page
+  swap: { "#0072B2": "#3f8fe0", "#009E73": "#17b98a", "#D55E00": "#ff7b29", "#56B4E9": "#9ad8ff", "#CC79A7": "#e59ac4", "#000000": "#ffffff" }, // dark colours are lost on a dark page
 };
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 let printing = false;
@@ -149,24 +152,27 @@ const dashOf = (dash, width) => (dash.length ? dash.map((length) => length * wid
 
 function swatch({ colour, shape, open, dash, width = 2 }) {
   const holder = document.createElement("template");
-  holder.innerHTML = `<svg width="34" height="14" aria-hidden="true"><path d="M0 7h34" stroke="${colour}" stroke-width="${width}"
-    stroke-dasharray="${dash.map((length) => length * width).join(" ")}"/><g fill="${open ? "#ffffff" : colour}" stroke="${colour}" stroke-width="1.5">${OUTLINES[shape] ?? ""}</g></svg>`;
+  const view = width ? "0 0 34 14" : "9 0 16 14"; // a mark without a line is narrower
+  holder.innerHTML = `<svg width="${width ? 34 : 16}" height="14" viewBox="${view}" aria-hidden="true"><path d="M0 7h34" stroke="${colour}" stroke-width="${width}"
+    stroke-dasharray="${dash.map((length) => length * width).join(" ")}"/><g fill="${open ? looks().paper : colour}" stroke="${colour}" stroke-width="1.5">${OUTLINES[shape] ?? ""}</g></svg>`;
   return holder.content.firstChild;
 }
 
+/** The legend of the methods, beside each chart that has one; a click hides a method in all charts. */
 function drawLegend() {
-  const entries = page.methods.map((method, k) => {
-    const entry = element("button", "", { type: "button", "aria-pressed": String(!hidden.has(k)) });
-    entry.append(swatch(style(k)), element("span", method));
-    entry.addEventListener("click", () => {
-      if (!hidden.delete(k)) hidden.add(k);
-      drawLegend();
-      drawStudy();
-      noteChange("methods");
+  for (const legend of document.querySelectorAll(".legend.methods")) {
+    const entries = page.methods.map((method, k) => {
+      const entry = element("button", "", { type: "button", "aria-pressed": String(!hidden.has(k)) });
+      entry.append(swatch(style(k)), element("span", method));
+      entry.addEventListener("click", () => {
+        if (!hidden.delete(k)) hidden.add(k);
+        redraw();
+        noteChange("methods");
+      });
+      return entry;
     });
-    return entry;
-  });
-  $("legend").replaceChildren(...entries);
+    legend.replaceChildren(...entries);
+  }
 }
 
 // ---------------------------------------------------------------------------------------------- table
@@ -277,7 +283,7 @@ function count() {
 }
 
 $("clear").addEventListener("click", () => {
-  for (const chosen of document.querySelectorAll("#filters select")) chosen.value = "";
+  for (const box of document.querySelectorAll("#filters select")) box.value = "";
   table.clearHeaderFilter();
 });
 
@@ -285,7 +291,7 @@ $("copy").addEventListener("click", copyCommand);
 
 $("csv").addEventListener("click", () => {
   const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const raw = (field, row) => (field.kind === "text" ? textAt(field, row) : Number.isNaN(field.values[row]) ? "" : String(field.values[row]));
+  const raw = (field, row) => (field.kind === "text" ? textAt(field, row) : Number.isNaN(field.raw[row]) ? "" : String(field.raw[row]));
   const lines = table.getRows("active").map((row) => columns.map((field) => quoted(raw(field, row.getData().i))).join(","));
   const text = [columns.map((field) => quoted(field.name)).join(","), ...lines, ""].join("\n");
   const link = element("a", "", { download: "runs.csv", href: URL.createObjectURL(new Blob([text], { type: "text/csv" })) });

@@ -1,10 +1,11 @@
 """Data behind the report of a study: columns and their roles, rows of a page, bins, statistics, histories."""
 
+from percuss.reporting.study_data.answer import answer, value_words, winners
 from percuss.reporting.study_data.axis_bins import BINS, DISTINCT, binned, binned_column, is_log, lowest, may_be_log
-from percuss.reporting.study_data.bands_and_maps import MAP_BINS, MAP_DISTINCT, QUANTILES, bands, lacking, maps
+from percuss.reporting.study_data.bands import QUANTILES, bands, lacking
 from percuss.reporting.study_data.carried_rows import MOST_ROWS, SEED, best_runs, carried, front
+from percuss.reporting.study_data.cells import Cell, cells
 from percuss.reporting.study_data.lost_runs import lost
-from percuss.reporting.study_data.overview_table import Cell, counted, largest_factor, least_medians, overview, shade
 from percuss.reporting.study_data.page_histories import (
     MOST_CONTACTS,
     MOST_HISTORIES,
@@ -14,14 +15,21 @@ from percuss.reporting.study_data.page_histories import (
     packed,
 )
 from percuss.reporting.study_data.performance_profile import Problems, problems, profile
-from percuss.reporting.study_data.roles import ColumnRoles, StudyLike, columns, ranking, references, words
-from percuss.reporting.study_data.values import WAITING, as_label, in_order, methods, numbers, texts
+from percuss.reporting.study_data.roles import (
+    ColumnRoles,
+    StudyLike,
+    columns,
+    in_per_cent,
+    is_share,
+    ranking,
+    references,
+    words,
+)
+from percuss.reporting.study_data.values import STATISTICS, WAITING, as_label, in_order, methods, numbers, texts
 
 __all__ = [
     "BINS",
     "DISTINCT",
-    "MAP_BINS",
-    "MAP_DISTINCT",
     "MOST_CONTACTS",
     "MOST_HISTORIES",
     "MOST_LETTERS",
@@ -29,39 +37,40 @@ __all__ = [
     "POINTS",
     "QUANTILES",
     "SEED",
+    "STATISTICS",
     "WAITING",
     "Cell",
     "ColumnRoles",
     "Problems",
     "StudyLike",
+    "answer",
     "as_label",
     "bands",
     "best_runs",
     "binned",
     "binned_column",
     "carried",
+    "cells",
     "columns",
-    "counted",
     "front",
     "in_order",
+    "in_per_cent",
     "is_log",
+    "is_share",
     "kept_histories",
     "lacking",
-    "largest_factor",
-    "least_medians",
     "lost",
     "lowest",
-    "maps",
     "may_be_log",
     "methods",
     "numbers",
-    "overview",
     "packed",
     "problems",
     "profile",
     "ranking",
     "references",
-    "shade",
     "texts",
+    "value_words",
+    "winners",
     "words",
 ]

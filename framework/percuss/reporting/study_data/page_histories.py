@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,6 @@ MOST_HISTORIES = 120
 
 MOST_LETTERS = 2_000_000  # The histories of a page may take this many letters of base64.
 
-MOST_ASKED = 1000  # At most this many runs are asked for their histories.
-
 MOST_CONTACTS = 4
 
 POINTS = 400  # A history is thinned to this many points, which include its extremes.
@@ -29,46 +28,30 @@ def packed(values: Any, kind: str = "<f4") -> str:
         return base64.b64encode(np.asarray(values, dtype=float).astype(kind).tobytes()).decode("ascii")
 
 
-def kept_histories(study: StudyLike, table: Any) -> dict[int, dict[str, Any]]:
-    """Return thinned histories by row number, for some of the rows.
+def kept_histories(study: StudyLike, table: Any, ranked: Sequence[str]) -> dict[int, dict[str, Any]]:
+    """Return thinned histories by row number, for as many of the rows as a page can carry.
 
-    The rows are taken from each pair of methods in turn, its best run first and then spread over its runs.
+    The rows are taken from each pair of methods in each case in turn, by the first of the `ranked` measures: what a
+    page leaves out are the worst runs of each pair.
     """
-    turns: dict[str, list[int]] = {}
-    for row, (method, status) in enumerate(zip(methods(table), texts(table["status"]), strict=True)):
-        if status in {"done", "unstable", "interrupted"}:
-            turns.setdefault(method, []).append(row)
-    queues = [
-        iter(dict.fromkeys([*_best_run(table, rows), *_spread_rows(rows, MOST_ASKED)])) for rows in turns.values()
-    ]
-    # More rows are asked for than are wanted, because a study may have kept the histories of some runs only.
-    in_turn = (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None)
+    kept, turns = study.with_histories, dict[Any, list[int]]()
+    errors = numbers(table[ranked[0]].where(table["status"] == "done")) if ranked else np.zeros(len(table))
+    names = zip(texts(table["case"]), methods(table), table["key"], strict=True)
+    for row, (case, method, key) in enumerate(names):
+        if key in kept:
+            turns.setdefault((case, method), []).append(row)
+    queues = [np.array(rows)[np.argsort(errors[rows], kind="stable")].tolist() for rows in turns.values()]
     out: dict[int, dict[str, Any]] = {}
     letters = 0
-    for row in itertools.islice(in_turn, MOST_ASKED):
+    for row in (row for turn in itertools.zip_longest(*queues) for row in turn if row is not None):
         history = study.histories(table["key"].iloc[row])
-        if history is not None:
-            out[row] = _packed_history(history)
-            letters += sum(len(part) for name in ("force", "exact") for line in out[row][name] for part in line)
+        if history is None:
+            continue
+        out[row] = _packed_history(history)
+        letters += sum(len(part) for name in ("force", "exact") for line in out[row][name] for part in line)
         if len(out) == MOST_HISTORIES or letters > MOST_LETTERS:
             break
     return dict(sorted(out.items()))
-
-
-def _best_run(table: Any, rows: list[int]) -> list[int]:
-    """Return the done run with the smallest force error among some rows, as a list of one row or none."""
-    if "force_error_l1" not in table:
-        return []
-    own = table.iloc[rows]
-    errors = numbers(own["force_error_l1"].where(own["status"] == "done"))
-    return [rows[int(np.nanargmin(errors))]] if errors is not None and np.isfinite(errors).any() else []
-
-
-def _spread_rows(rows: list[int], most: int) -> list[int]:
-    """Return at most `most` rows in an order in which any beginning of the list is spread over all rows."""
-    steps = np.arange(1, min(most, len(rows)) + 1)
-    golden = np.floor(np.modf(steps * 0.6180339887498949)[0] * len(rows)).astype(int)
-    return [rows[k] for k in dict.fromkeys([0, *golden.tolist(), *range(min(most, len(rows)))])]
 
 
 def _packed_history(history: dict[str, Any]) -> dict[str, Any]:

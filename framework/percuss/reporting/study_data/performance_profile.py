@@ -1,4 +1,4 @@
-"""Performance profile of the pairs of methods, over the problems that every pair was set once."""
+"""Performance profile of the pairs of methods, over the problems that every pair was set."""
 
 from __future__ import annotations
 
@@ -8,62 +8,45 @@ from typing import Any
 
 import numpy as np
 
-from percuss.reporting.study_data.bands_and_maps import lacking
 from percuss.reporting.study_data.roles import references
-from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
+from percuss.reporting.study_data.values import STATISTICS, WAITING, methods, numbers, texts
 
-# These varied paths choose the pair of methods itself, so they do not define a problem.
-CHOICES = ("method.integrator", "method.integrator.name", "method.contact", "method.contact.name")
 PENDING = (WAITING, "lost")  # Nothing is known of these runs, which are still to be made or to be made again.
 
 
 @dataclass(frozen=True)
 class Problems:
-    """The problems of a study that every pair of methods was set once: a case with one value of each varied path.
+    """The problems of a study that every pair of methods was set.
+
+    A problem is a case with one value of each varied path that is not an option of a method: a pair may have several
+    runs of it, one for each value of its options.
 
     Attributes
     ----------
     solvers
         The pairs of methods; the references with mesh tying are not among them.
     rows
-        Row number of the run of each pair on each problem, (problems, solvers).
+        For each problem the row numbers of the runs of each pair.
     left_out
-        Number of problems that some pair was not set, or was set more than once.
+        Number of problems that some pair was not set.
     """
 
     solvers: list[str]
-    rows: Any
+    rows: list[list[list[int]]]
     left_out: int
 
 
 def problems(table: Any, varied: Sequence[str]) -> Problems:
-    """Return the problems of a study; the one run of a pair that lacks a varied value counts at each value of it."""
+    """Return the problems of a study."""
     method_of_row, excluded = methods(table), set(references(table))
     solvers = [method for method in dict.fromkeys(method_of_row) if method not in excluded]
-    paths = [path for path in varied if path not in CHOICES]
-    without = {path: lacking(table, path) & set(solvers) for path in paths}
-    # A pair that lacks a value which other pairs have does not define problems of its own.
-    partial = {method for pairs in without.values() if len(pairs) < len(solvers) for method in pairs}
-    runs: dict[Any, list[int]] = {}
-    points: dict[Any, None] = {}
-    columns_of_text = [texts(table[path]) for path in paths]
-    for row, (method, *point) in enumerate(zip(method_of_row, texts(table["case"]), *columns_of_text, strict=True)):
-        runs.setdefault((method, *point), []).append(row)
-        if method not in partial and method not in excluded:
-            points[tuple(point)] = None
-    kept = []
-    for case, *values in points:
-        own = []
-        for method in solvers:
-            point = ["" if method in without[path] else value for path, value in zip(paths, values, strict=True)]
-            rows_of_point = runs.get((method, case, *point), [])
-            if len(rows_of_point) != 1:
-                break
-            own.append(rows_of_point[0])
-        else:
-            kept.append(own)
-    rows = np.array(kept, dtype=int).reshape(len(kept), len(solvers))
-    return Problems(solvers, rows, len(points) - len(kept))
+    paths = ["case", *(path for path in varied if path.split(".")[0] != "method")]
+    runs: dict[Any, dict[str, list[int]]] = {}
+    for row, (method, *point) in enumerate(zip(method_of_row, *(texts(table[path]) for path in paths), strict=True)):
+        if method not in excluded:
+            runs.setdefault(tuple(point), {}).setdefault(method, []).append(row)
+    kept = [[own[method] for method in solvers] for own in runs.values() if len(own) == len(solvers)]
+    return Problems(solvers, kept, len(runs) - len(kept))
 
 
 @dataclass(frozen=True)
@@ -76,10 +59,10 @@ class Profile:
         Number of problems in the profile.
     unknown
         Number of problems left out because one of their runs is still to be made, is done without the measure or has
-        a measure below zero, or because none of their runs is done.
+        a measure below zero, or because no pair has a value.
     ratios
         For each pair of methods the ratios of its measure to that of the best pair, in rising order: at least 1,
-        infinite where its run is not done.
+        infinite where it has no value.
     """
 
     counted: int
@@ -87,16 +70,18 @@ class Profile:
     ratios: dict[str, Any]
 
 
-def profile(table: Any, name: str, problem_set: Problems) -> Profile:
+def profile(table: Any, name: str, problem_set: Problems, statistic: str = "best") -> Profile:
     """Return the performance profile of the pairs of methods by one measure that is better when smaller.
 
-    The profile of a pair at a factor tau is the fraction of problems whose ratio is at most tau (Dolan, More:
+    A pair's value on a problem is the best or the median over its runs of it; a run that is not done counts as
+    infinite. The profile of a pair at a factor tau is the fraction of problems whose ratio is at most tau (Dolan, More:
     Benchmarking optimization software with performance profiles, Math. Program. 91 (2002), doi 10.1007/s101070100263).
     """
-    status = table["status"].to_numpy()[problem_set.rows]
-    values = numbers(table[name])[problem_set.rows]
-    cost = np.where(np.isin(status, PENDING), np.nan, np.where(status == "done", values, np.inf))
+    status, values = table["status"].to_numpy(), numbers(table[name])
+    of_run = np.where(np.isin(status, PENDING), np.nan, np.where(status == "done", values, np.inf))
     with np.errstate(invalid="ignore"):
+        cost = np.array([[STATISTICS[statistic](of_run[rows]) for rows in own] for own in problem_set.rows])
+        cost = cost.reshape(-1, len(problem_set.solvers))
         good = ~np.isnan(cost).any(axis=1) & np.isfinite(cost).any(axis=1) & (cost >= 0).all(axis=1)
     cost = cost[good]
     least = cost.min(axis=1, keepdims=True, initial=np.inf)

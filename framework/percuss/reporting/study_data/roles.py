@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
+from percuss.case.quantities import IN_PER_CENT, QUANTITIES, TRUE_ERRORS
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.tasks import TIED
 
@@ -47,6 +47,10 @@ class StudyLike(Protocol):
     @property
     def table(self) -> Any:
         """The runs as a pandas DataFrame, one row per run."""
+
+    @property
+    def with_histories(self) -> set[str]:
+        """Keys of the runs whose histories are kept."""
 
     def histories(self, key: Any) -> dict[str, Any] | None:
         """Return the histories of a run, or None if they were not kept.
@@ -89,11 +93,21 @@ def columns(study: StudyLike) -> ColumnRoles:
     further = [name for name in others if name not in varied and name not in MEASURES]
     values = {name: numbers(study.table[name]) for name in (*standard, *further)}
     measured = [name for name, column in values.items() if column is not None and np.isfinite(column).any()]
-    labels = {name: MEASURES.get(name, name.replace("_", " ")) for name in measured}
+    labels = {name: MEASURES.get(name, name.replace("_", " ")) + " [%]" * is_share(name) for name in measured}
     costs = [name for name in COSTS if name in labels and (name != "seconds" or "seconds" in descriptions)]
     if "seconds" in costs:
         labels["seconds"] = SECONDS_OF_MARCH + (", the least of its repeats" if "seconds.march" in labels else "")
     return ColumnRoles(tuple(varied), labels, tuple(costs))
+
+
+def is_share(name: str) -> bool:
+    """Return whether a measure is a share: a fraction in the table of a study, per cent wherever it is shown."""
+    return name.rpartition(".")[2] in IN_PER_CENT
+
+
+def in_per_cent(table: Any, roles: ColumnRoles) -> Any:
+    """Return a table with its shares in per cent, as reports show them."""
+    return table.assign(**{name: 100.0 * numbers(table[name]) for name in roles.measures if is_share(name)})
 
 
 def words(study: StudyLike) -> dict[str, str]:
@@ -115,7 +129,7 @@ def ranking(roles: ColumnRoles) -> list[str]:
 
 
 def references(table: Any) -> list[str]:
-    """Return the pairs of methods with mesh tying in place of a contact law.
+    """Return the pairs of methods with mesh tying instead of a contact law.
 
     They need the exact solution, so they are references and do not compete with the methods.
     """

@@ -9,6 +9,9 @@ import numpy as np
 
 WAITING = "waiting"  # The status of a run that is still to be made.
 
+# What is shown of several runs of one pair of methods.
+STATISTICS = {"best": np.min, "median": np.median}
+
 
 def numbers(column: Any) -> Any:
     """Return a column as float64 with nan for missing values, or None if it holds anything but numbers."""

@@ -1,0 +1,64 @@
+"""The best, quantiles and counts of runs over a varied value of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from percuss.reporting.study_data.axis_bins import binned_column
+from percuss.reporting.study_data.values import WAITING, methods, numbers
+
+QUANTILES = (0.0, 0.1, 0.5, 0.9)  # The best, the lower end of the band, the median, and its upper end.
+
+
+def lacking(table: Any, path: str) -> set[str]:
+    """Return the pairs of methods whose runs all lack a varied value, because they have no such option or leave it out.
+
+    Their runs are the same at every value of the path.
+    """
+    present = table[path].notna().to_numpy()
+    method_of_row = methods(table)
+    return set(method_of_row) - {method for method, has_value in zip(method_of_row, present, strict=True) if has_value}
+
+
+def bands(table: Any, names: Sequence[str], path: str) -> Iterator[tuple[str, str, Any]]:
+    """Yield the best, the median and the quantile band of each measure over a varied value, for each pair of methods.
+
+    Yields
+    ------
+    tuple
+        Pair of methods, measure, and an array (7, bins): the place of each bin on the axis, the four `QUANTILES` over
+        the runs that have the measure, the number of these runs, and the number of runs made. A pair that lacks the
+        value has one bin, whose place is nan; among words it has the bin of the empty text.
+    """
+    is_made = (table["status"] != WAITING).to_numpy()
+    made = table[is_made]
+    places, bin_of = binned_column(table[path])
+    if not places.size:
+        return
+    bin_of = bin_of[is_made]
+    method_of_row, done = np.array(methods(made)), (made["status"] == "done").to_numpy()
+    without = lacking(made, path) if numbers(table[path]) is not None else set()
+    measured = made[list(names)].astype(float).to_numpy()
+    for method in dict.fromkeys(method_of_row.tolist()):
+        own = method_of_row == method
+        bins = (
+            [(np.nan, own)] if method in without else [(place, own & (bin_of == k)) for k, place in enumerate(places)]
+        )
+        runs = [(place, np.flatnonzero(in_bin & done), int(in_bin.sum())) for place, in_bin in bins]
+        for n, name in enumerate(names):
+            yield method, name, _band(runs, measured[:, n])
+
+
+def _band(runs: Sequence[tuple[float, Any, int]], values: Any) -> Any:
+    """Return place, quantiles, number of values and number of runs of each bin that has a run: array (7, bins)."""
+    out = []
+    for place, rows, count in runs:
+        own = values[rows]
+        own = own[np.isfinite(own)]
+        quantiles = np.quantile(own, QUANTILES) if own.size else np.full(len(QUANTILES), np.nan)
+        if count:
+            out.append((place, *quantiles, own.size, count))
+    return np.array(out).reshape(-1, 7).T

@@ -1,0 +1,60 @@
+"""What the pairs of methods reach in each case: the best and the median of a measure, and the runs behind them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Statistics of one measure over the runs of one pair of methods in one case.
+
+    Attributes
+    ----------
+    best, median
+        Smallest value and median over the runs that have the measure; nan where none has.
+    row
+        Row number of the run with the smallest value; -1 where none has the measure.
+    measured, made
+        Number of runs that have the measure, and number of runs made.
+    lost
+        Number of the other runs by status; ``no number`` for a run that is done without the measure.
+    """
+
+    best: float
+    median: float
+    row: int
+    measured: int
+    made: int
+    lost: dict[str, int]
+
+    @property
+    def lost_words(self) -> str:
+        """The failed runs in words, as ``4 of 12 runs unstable``; empty if there are none."""
+        of = f" of {self.made} run{'' if self.made == 1 else 's'}"
+        return ", ".join(f"{count}{of} {status}" for status, count in self.lost.items())
+
+
+def cells(table: Any, name: str) -> dict[str, dict[str, Cell]]:
+    """Return the cells of one measure: for each case a mapping from the pair of methods to its cell."""
+    pairs, cases = np.array(methods(table), dtype=object), np.array(texts(table["case"]), dtype=object)
+    status, values = np.array(texts(table["status"]), dtype=object), numbers(table[name])
+    out: dict[str, dict[str, Cell]] = {}
+    for case in dict.fromkeys(cases.tolist()):
+        for pair in dict.fromkeys(pairs[cases == case].tolist()):
+            own = np.flatnonzero((pairs == pair) & (cases == case) & (status != WAITING))
+            if not own.size:
+                continue
+            measured = (status[own] == "done") & np.isfinite(values[own])
+            valid, ends = values[own[measured]], status[own[~measured]].tolist()
+            lost = Counter("without a number" if end == "done" else end for end in ends)
+            row = int(own[measured][np.argmin(valid)]) if valid.size else -1
+            best, median = (float(valid.min()), float(np.median(valid))) if valid.size else (np.nan, np.nan)
+            out.setdefault(case, {})[pair] = Cell(best, median, row, valid.size, own.size, dict(lost))
+    return out
