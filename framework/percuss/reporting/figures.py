@@ -170,15 +170,16 @@ def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float 
         text.set_parse_math(False)
 
 
-def legend_below(figure: Figure, entries: dict[str, Any]) -> None:
-    """Put one legend below all panels; the names are texts of the user and never read as mathematical text."""
+def legend_below(figure: Figure, entries: dict[str, Any], *, beside: bool = False) -> None:
+    """Put one legend below or beside all panels; names are texts of the user and never read as mathematical text."""
     if not entries:
         return
     longest = max(map(len, entries))
-    columns = max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
+    columns = 1 if beside else max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
     # The space keeps matplotlib from dropping a label that begins with an underscore.
     names = [f" {one_line(name)}" for name in entries]
-    legend = figure.legend(list(entries.values()), names, loc="outside lower center", ncols=columns)
+    place = f"outside {'right' if beside else 'lower'} center"
+    legend = figure.legend(list(entries.values()), names, loc=place, ncols=columns, fontsize=8.5 if beside else None)
     for text in legend.get_texts():
         text.set_parse_math(False)
 

@@ -21,6 +21,7 @@ from percuss.reporting.figures import (
     drawing,
     fix_layout,
     header,
+    legend_below,
     log_axis,
     one_line,
     tick_text,
@@ -128,12 +129,7 @@ def _panels(
             write_reason(grid[0], empty)
         for axes in grid[max(len(panels), 1) :]:
             axes.set_axis_off()
-        if entries:
-            # The space keeps matplotlib from dropping a label that begins with an underscore.
-            names = [f" {one_line(name)}" for name in entries]
-            legend = figure.legend(list(entries.values()), names, loc="outside right center", fontsize=8.5)
-            for text in legend.get_texts():
-                text.set_parse_math(False)
+        legend_below(figure, entries, beside=True)
         fix_layout(figure)
     return figure
 
@@ -192,7 +188,9 @@ def work_figure(title: str, done: Any, charts: Charts, cost: str, error: str) ->
     figure = _panels(title, notes, panels, "No cost or no error was recorded.")
     for axes, rows in zip(figure.axes, of_cases.values(), strict=False):
         lines = study_charts.work_lines(rows, cost, error)[1]
-        _name_points(axes, {pair: line[:, 0] for pair, line in lines.items() if line.shape[1] == 1}, charts)
+        _name_points(
+            axes, {pair: line[:, 0] for pair, line in lines.items() if line.shape[1] == 1}, charts, 72 / figure.dpi
+        )
     return figure
 
 
@@ -216,9 +214,9 @@ def _work_panel(axes: Axes, charts: Charts, cost: str, error: str, rows: Any) ->
     return entries
 
 
-def _name_points(axes: Axes, points: dict[str, Any], charts: Charts) -> None:
-    """Write names beside points, from below, each above the one before."""
-    last, pixels = -np.inf, 72 / axes.get_figure().dpi
+def _name_points(axes: Axes, points: dict[str, Any], charts: Charts, pixels: float) -> None:
+    """Write names beside points, from below, each above the one before; a pixel is `pixels` points of print."""
+    last = -np.inf
     middle = axes.transAxes.transform((0.5, 0.5))[0]
     at = {pair: axes.transData.transform(point) for pair, point in points.items()}
     for pair in sorted(at, key=lambda pair: float(at[pair][1])):

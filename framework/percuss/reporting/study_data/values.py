@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 WAITING = "waiting"  # The status of a run that is still to be made.
 
 # What is shown of several runs of one pair of methods.
-STATISTICS = {"best": np.min, "median": np.median}
+STATISTICS: dict[str, Callable[[Any], Any]] = {"best": np.min, "median": np.median}
 
 
 def numbers(column: Any) -> Any:
