@@ -178,7 +178,7 @@ def legend_below(figure: Figure, entries: dict[str, Any], *, beside: bool = Fals
     columns = 1 if beside else max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
     # The space keeps matplotlib from dropping a label that begins with an underscore.
     names = [f" {one_line(name)}" for name in entries]
-    place = f"outside {'right' if beside else 'lower'} center"
+    place: Any = f"outside {'right' if beside else 'lower'} center"
     legend = figure.legend(list(entries.values()), names, loc=place, ncols=columns, fontsize=8.5 if beside else None)
     for text in legend.get_texts():
         text.set_parse_math(False)

@@ -1,10 +1,9 @@
 """Data behind the report of a study: columns and their roles, rows of a page, bins, statistics, histories."""
 
-from percuss.reporting.study_data.answer import answer, value_words, winners
+from percuss.reporting.study_data.answer_sentences import answer, value_words, winners
 from percuss.reporting.study_data.axis_bins import BINS, DISTINCT, binned, binned_column, is_log, lowest, may_be_log
-from percuss.reporting.study_data.bands import QUANTILES, bands, lacking
 from percuss.reporting.study_data.carried_rows import MOST_ROWS, SEED, best_runs, carried, front
-from percuss.reporting.study_data.cells import Cell, cells
+from percuss.reporting.study_data.case_cells import Cell, cells
 from percuss.reporting.study_data.lost_runs import lost
 from percuss.reporting.study_data.page_histories import (
     MOST_CONTACTS,
@@ -25,6 +24,7 @@ from percuss.reporting.study_data.roles import (
     references,
     words,
 )
+from percuss.reporting.study_data.value_bands import QUANTILES, bands, lacking
 from percuss.reporting.study_data.values import STATISTICS, WAITING, as_label, in_order, methods, numbers, texts
 
 __all__ = [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from percuss.reporting.figures import number
-from percuss.reporting.study_data.cells import Cell, cells
+from percuss.reporting.study_data.case_cells import Cell, cells
 from percuss.reporting.study_data.roles import ColumnRoles, is_share, ranking, references
 from percuss.reporting.study_data.values import WAITING, as_label, methods, numbers, texts
 
