@@ -7,7 +7,9 @@ import re
 import tomllib
 from pathlib import Path
 
+import jsonschema
 import pytest
+import yaml
 
 import percuss
 from command_line import percuss_command
@@ -88,6 +90,7 @@ def test_a_measure_is_used_by_a_study(written):
 def test_a_package_is_the_same_method(written, kind):
     module, folder = f"some_{kind}", written / f"some-{kind}"
     files = {f"{module}.py", f"tests/test_{module}.py", "case.yaml", "pyproject.toml", "README.md"}
+    files |= {f"some-{kind}.schema.json"}
     files |= {"study.yaml"} if kind == "measure" else set()
     assert {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()} == files
     code = (folder / f"{module}.py").read_text()
@@ -100,6 +103,9 @@ def test_a_package_is_the_same_method(written, kind):
     assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["only-include"] == [f"{module}.py"]
     single = (written / f"some-{kind}.yaml").read_text().replace(f"plugins: [some-{kind}.py]\n", "")
     assert (folder / "case.yaml").read_text() == single
+    (schema,) = re.findall(r"^# yaml-language-server: \$schema=(\S+)$", single, re.MULTILINE)
+    editor = jsonschema.Draft202012Validator(json.loads((folder / schema).read_text()))
+    editor.validate(yaml.safe_load(single))
     test = (folder / "tests" / f"test_{module}.py").read_text()
     assert f"test_conformance = conformance_test(Some{kind.capitalize()})" in test
     for file in folder.rglob("*.*"):
@@ -206,6 +212,7 @@ def test_the_next_commands_are_told_and_work(tmp_path):
     assert [line for line in done.stdout.splitlines() if line.startswith("  ")] == [
         "  mine.py",
         "  mine.yaml",
+        "  mine.schema.json",
         "  percuss run mine.yaml",
         "  percuss verify --plugin mine.py",
     ]

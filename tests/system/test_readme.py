@@ -5,8 +5,10 @@ import re
 import shlex
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
+import yaml
 
 import held_against
 import pages
@@ -99,7 +101,7 @@ LASTING = (
 def test_a_command_runs(command: str, folder: Path) -> None:
     if "--plot" in command:
         pytest.importorskip("matplotlib")
-    words = shlex.split(command)
+    words = shlex.split(command.partition(" > ")[0])
     assert words[0] == "percuss"
     if words[1] == "report" and not (folder / words[2]).exists():  # the study may have run in another process
         (study,) = (
@@ -134,6 +136,13 @@ def test_a_case_shown_is_a_case(text: str, folder: Path) -> None:
     (folder / "shown-case.yaml").write_text(text, encoding="utf-8")
     case = percuss.load(folder / "shown-case.yaml")
     assert percuss.run(case).summary["steps"] > 100
+
+
+@pytest.mark.parametrize("text", [text for text in YAML if beginning(text).startswith("percuss")], ids=beginning)
+def test_what_is_shown_validates_in_an_editor_that_reads_yaml_1_1(text: str, folder: Path) -> None:
+    data = yaml.safe_load(text)
+    named = [file for file in folder.glob("*.py") if file.stem in text]
+    jsonschema.validate(data, percuss.schema(study="percuss-study" in data, files=named))
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from percuss.case.specs import _existing_quantity
 from percuss.case.validation import Context, mistakes_in, validate
 from percuss.methods.interfaces import AllowInf, ContactLaw, Doc, Gt, LinearLaw, Load, Unit
 from percuss.methods.registry import Registry
+from percuss.studies.json_schema import study_schema
 
 CASES = sorted(places.CASES.glob("*.yaml"))
 BASE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))["base"]
@@ -84,6 +85,15 @@ def test_a_good_case_validates(validator, text):
 @pytest.mark.parametrize("file", CASES, ids=lambda file: file.name)
 def test_every_case_validates(validator, file):
     assert [error.message for error in validator.iter_errors(lists(Source.read(file).data))] == []
+
+
+@pytest.mark.parametrize("file", sorted(places.CASES.rglob("*.yaml")), ids=lambda file: file.name)
+def test_an_editor_that_reads_yaml_1_1_finds_no_mistake(schema, file):
+    """There `on` is a truth and `2e11` a text, unless they are written as "on" and 2.0e+11."""
+    data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    known = study_schema(Registry.load()) if "percuss-study" in data else schema
+    errors = jsonschema.Draft202012Validator(known).iter_errors(data)
+    assert [f"{error.json_path}: {error.message[:100]}" for error in errors] == []
 
 
 @pytest.mark.parametrize(

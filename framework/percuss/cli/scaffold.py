@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import json
 import keyword
 import os
 import re
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import percuss
 from percuss import version
+from percuss.case.json_schema import case_schema
 from percuss.case.yaml_text import flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.files import PACKAGE, is_folder
@@ -73,7 +75,9 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
     """
     _expect_valid(name, kind, out, single_file=single_file)
     texts = _file_texts(name, kind, single_file=single_file)
-    targets = [out / file for file in texts] if single_file else [out / name]
+    code, schema = next(iter(texts)), f"{name}.schema.json"
+    files = (*texts, schema)
+    targets = [out / file for file in files] if single_file else [out / name]
     taken = [target for target in targets if target.exists() or target.is_symlink()]
     if taken:
         raise InputError(
@@ -83,6 +87,8 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
         for file, text in texts.items():
             (folder / file).parent.mkdir(exist_ok=True)
             (folder / file).write_text(text, encoding="utf-8")
+        known = case_schema(Registry.load([folder / code]))
+        (folder / schema).write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         _rename_all({(folder / target.name if single_file else folder): target for target in targets})
     root = out if single_file else out / name
     return Scaffold(
@@ -90,7 +96,7 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
         kind,
         KINDS[kind],
         _class_name(name, _template(f"{kind}.py")),
-        tuple(root / file for file in texts),
+        tuple(root / file for file in files),
         _next_commands(name, kind, root, single_file=single_file),
     )
 
@@ -145,7 +151,7 @@ def _class_name(name: str, code: str) -> str:
 def _file_texts(name: str, kind: str, *, single_file: bool) -> dict[str, str]:
     """Return the texts of the files to write, by path relative to the folder of the method."""
     code = _template(f"{kind}.py")
-    case = _template(f"{kind}.yaml")
+    case = f"# yaml-language-server: $schema={name}.schema.json\n{_template(f'{kind}.yaml')}"
     summary = re.search(r'^    summary = "(.*)"$', code, flags=re.MULTILINE)
     study = (TEMPLATES / f"{kind}.study.yaml.txt").exists()  # A component that no case can name has a study.
     file, module = (name, name) if single_file else ("case", name.replace("-", "_"))

@@ -234,7 +234,7 @@ def snippet(component: type[Component], file: str) -> list[str]:
 
 
 def _region(component: type[Component]) -> str:
-    return "" if getattr(component, "everywhere", False) else ", on: short.left"
+    return "" if getattr(component, "everywhere", False) else ', "on": short.left'
 
 
 def registry_data(registry: Registry) -> dict[str, Any]:
