@@ -50,7 +50,7 @@ MENU = {
         *("cases/TEN_MINUTES", "cases/README", "cases/GALLERY", "cases/RUNS", "cases/STUDIES"),
         *("cases/studies/README", "cases/studies/RESULTS", "cases/REFERENCE"),
     ],
-    "Methods": [f"plugins/{name}" for name in ("README", "CHOOSE", "REFERENCE")],
+    "Methods": [f"plugins/{name}" for name in ("README", "CHOOSE", "STABILITY", "REFERENCE")],
     "Write a method": [
         f"plugins/{name}" for name in ("CONTACT_LAW", "INTEGRATOR", "LOAD", "BODY", "MEASURE", "PACKAGE")
     ],

@@ -317,7 +317,7 @@ def test_a_misdeed_of_a_load_is_named(old, new, said, tmp_path):
 
 
 def test_the_critical_courant_number_of_the_page_is_true():
-    page = (places.ROOT / "plugins" / "CHOOSE.md").read_text(encoding="utf-8")
+    page = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
     case = bar({"end": ABSORBING}, integrator="velocity-verlet", courant=0.5)
     critical = certificate(Model(percuss.load(case)))["courant_critical"]
     assert f"`velocity-verlet` up to a Courant number of {critical:.3f} |" in page

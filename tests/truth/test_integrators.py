@@ -21,7 +21,7 @@ from percuss.testing.checks.integrators import check_stages
 from percuss.testing.subject import Subject
 from strategies import REGISTRY, hunek
 
-PAGE = (places.ROOT / "plugins" / "CHOOSE.md").read_text(encoding="utf-8")
+PAGE = (places.ROOT / "plugins" / "STABILITY.md").read_text(encoding="utf-8")
 
 # ------------------------------------------------------------- one step of u'' + omega^2 u = 0, x = (omega dt)^2
 
