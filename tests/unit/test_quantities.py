@@ -15,8 +15,12 @@ from percuss.case.quantities import (
     QUANTITIES,
     STUDY_PANELS,
     STUDY_TABLE,
+    unit_name,
     values_at,
+    with_unit,
 )
+from percuss.reporting.run_figure import figure_of
+from percuss.reporting.terminal import tell_result
 from percuss.studies.columns import metric
 from percuss.testing.draws import POWERS, unit_factor
 from strategies import hunek
@@ -144,3 +148,38 @@ def test_the_words_of_the_table_are_whole():
 def test_selections_of_quantities_are_of_the_table():
     assert set(COMPARED_BY_KIT) <= {name for name, quantity in QUANTITIES.items() if quantity.axis}
     assert {*COMPARISON_TABLE, *STUDY_TABLE, *STUDY_PANELS} <= set(METRICS)
+
+
+@pytest.mark.parametrize(
+    ("unit", "names", "name"),
+    [
+        ("length/time", {"length": "mm", "time": "ms"}, "mm/ms"),
+        ("length/time", {"length": "mm"}, ""),
+        ("force/length^2", {"length": "m", "force": "N"}, "N/m²"),
+        ("force/length^2", {"length": "m", "force": "N", "stress": "Pa"}, "Pa"),
+        ("energy", {"length": "m", "force": "N"}, "N·m"),
+        ("energy", {"energy": "J"}, "J"),
+        ("1", {"length": "m"}, ""),
+    ],
+)
+def test_a_unit_has_a_name_where_the_case_names_its_parts(unit, names, name):
+    assert unit_name(unit, names) == name
+    assert with_unit("words", unit, names) == (f"words [{name}]" if name else "words")
+
+
+def test_named_units_stand_in_results_figures_and_tables(tmp_path, capsys):
+    named = percuss.run(percuss.load(hunek(4, end=0.1) | {"units": {"length": "mm", "force": "kN"}}), compiled=False)
+    named.save(tmp_path / "a.nc")
+    again = percuss.open_result(tmp_path / "a.nc")
+    assert again.units == {"length": "mm", "force": "kN"}
+    assert {name: again.histories[name].attrs["units"] for name in ("contact_force", "gap", "velocity")} == {
+        "contact_force": "kN",
+        "gap": "mm",
+        "velocity": "length/time",
+    }
+    tell_result(again)
+    assert "peak force [kN]" in capsys.readouterr().out
+    pytest.importorskip("matplotlib")
+    figure = figure_of(again)
+    assert [axes.get_ylabel() for axes in figure.axes[:2]] == ["contact force [kN]", "energy [kN·mm]"]
+    assert figure.axes[1].get_xlabel() == "time"

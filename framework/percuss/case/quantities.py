@@ -6,6 +6,7 @@ Results, NetCDF files, expectations, studies, figures, tables and the conformanc
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -23,10 +24,13 @@ __all__ = [
     "STUDY_TABLE",
     "SUMMARY",
     "TRUE_ERRORS",
+    "UNIT_KINDS",
     "Quantity",
     "name_schema",
     "percent",
+    "unit_name",
     "values_at",
+    "with_unit",
 ]
 
 
@@ -421,6 +425,28 @@ SUMMARY = (
 )
 
 STATISTICS = ("mean", "max", "min", "final", "integral", "value")
+
+
+# Kinds of units that a case may name, and those that follow from others where it does not.
+UNIT_KINDS = ("length", "mass", "time", "force", "energy", "stress")
+DERIVED_UNITS = {"stress": "force/length^2", "energy": "force*length"}
+
+
+def unit_name(unit: str, names: Mapping[str, str]) -> str:
+    """Return the name of a unit, as ``N/m²`` for ``force/length^2``; empty where the case does not name all parts."""
+    kind = next((kind for kind, parts in DERIVED_UNITS.items() if unit in (kind, parts) and names.get(kind)), None)
+    if kind is not None:
+        return names[kind]
+    parts = DERIVED_UNITS.get(unit, unit)
+    if unit in ("", "1") or not all(names.get(part) for part in re.findall("[a-z]+", parts)):
+        return ""
+    return re.sub("[a-z]+", lambda part: names[part[0]], parts).replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
+def with_unit(label: str, unit: str, names: Mapping[str, str]) -> str:
+    """Return a label with its unit in brackets, as ``contact force [N]``, where the case names it."""
+    name = unit_name(unit, names)
+    return f"{label} [{name}]" if name else label
 
 
 def values_at(entry: Any, path: str) -> Iterator[Any]:

@@ -49,6 +49,7 @@ __all__ = [
     "MethodSpec",
     "RecordSpec",
     "TimeSpec",
+    "UnitsSpec",
 ]
 
 Vector = tuple[float, ...]
@@ -126,6 +127,7 @@ def _quantity_schema() -> dict[str, Any]:
 
 
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN.pattern}$")]
+UnitName = Annotated[str, Field(pattern=r"^[^\s\[\]]{1,20}$"), Expects("the name of a unit, as mm")]
 AnAddress = Annotated[Address, Expects("an address, as short.right")]
 During = Annotated[
     tuple[float, float],
@@ -426,6 +428,20 @@ class Expectation(Section):
 
 
 @dataclass(frozen=True)
+class UnitsSpec(Section):
+    """Names of the units of a case: labels of axes and tables that nothing checks."""
+
+    kind: ClassVar[str] = "units"
+
+    length: Annotated[UnitName, Doc("name of the unit of length, as m")] = ""
+    mass: Annotated[UnitName, Doc("name of the unit of mass, as kg")] = ""
+    time: Annotated[UnitName, Doc("name of the unit of time, as s")] = ""
+    force: Annotated[UnitName, Doc("name of the unit of force, as N")] = ""
+    energy: Annotated[UnitName, Doc("name of the unit of energy, as J; force times length by default")] = ""
+    stress: Annotated[UnitName, Doc("name of the unit of stress, as Pa; force over area by default")] = ""
+
+
+@dataclass(frozen=True)
 class CaseSection(Section):
     """A case of percuss."""
 
@@ -443,6 +459,12 @@ class CaseSection(Section):
         MethodSpec, Expects("a mapping as {contact: lagrange}"), EmptyIfAbsent(), Doc("the methods of a run")
     ]
     record: Annotated[RecordSpec, Expects("a mapping as {every: 1}"), EmptyIfAbsent(), Doc("what is recorded")]
+    units: Annotated[
+        UnitsSpec,
+        Expects("a mapping as {length: m, force: N}"),
+        EmptyIfAbsent(),
+        Doc("names of the units, for axes and tables; nothing is checked or converted"),
+    ]
     title: Annotated[str, Doc("one line that says what the case is")] = ""
     source: Annotated[str, Doc("where the case is from")] = ""
     plugins: Annotated[

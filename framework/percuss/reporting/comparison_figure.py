@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import QUANTITIES
+from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
@@ -86,7 +86,8 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
                 entries |= _overlay_runs(axes, runs, name, alone=len(names) < 2)
             if entries:
                 legend(panels[0], entries, room=150)
-                panels[-1].set(xlabel="time", xlim=(0, _end_time(runs)))
+                panels[-1].set_xlabel(with_unit("time", "time", runs[0][1].units), parse_math=False)
+                panels[-1].set_xlim(0, _end_time(runs))
         fix_layout(figure)
     return figure
 
@@ -114,7 +115,8 @@ def _overlay_runs(axes: Axes, runs: Sequence[tuple[str, Result]], name: str, *, 
         write_reason(axes, "These runs have no contact.")
         return entries
     _limit_forces(axes, [result for _, result in runs])
-    axes.set_ylabel(QUANTITIES["contact_force"].label if alone else f"force at {name}", parse_math=False)
+    label = QUANTITIES["contact_force"].label if alone else f"force at {name}"
+    axes.set_ylabel(with_unit(label, "force", runs[0][1].units), parse_math=False)
     powers(axes)
     return entries | draw_references(axes, _run_with_exact(runs), [name])
 
@@ -168,9 +170,9 @@ def _small_panels(panels: Sequence[Axes], runs: Sequence[tuple[str, Result]]) ->
         axes.set_title(words, loc="left", size=10, color=shade, parse_math=False)
         powers(axes)
         if k % 3 == 0:
-            axes.set_ylabel(QUANTITIES["contact_force"].label)
+            axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
         if k + 3 >= len(runs):
-            axes.set_xlabel("time")
+            axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
             axes.tick_params(labelbottom=True)
     for axes in panels[len(runs) :]:
         axes.set_axis_off()

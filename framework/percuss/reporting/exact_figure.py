@@ -27,7 +27,8 @@ def exact_figure(result: ExactSolutionResult) -> Figure:
 
 def solution_line(result: ExactSolutionResult) -> str:
     """Return the line below a title that names the solution and the time up to which it holds."""
-    return f"exact solution {result.solution_name}  ·  up to time {number(result.end)}  ·  consistent units"
+    units = "" if result.units else "  ·  consistent units"
+    return f"exact solution {result.solution_name}  ·  up to time {number(result.end)}{units}"
 
 
 def warning_lines(result: ExactSolutionResult) -> list[str]:

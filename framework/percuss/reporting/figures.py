@@ -66,7 +66,7 @@ def subtitle_lines(result: Result) -> list[str]:
     methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *laws_in_words]
     dt = f"Δt = {number(summary['dt'])}"
     steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", result.status]
-    steps.append("consistent units")
+    steps += [] if result.units else ["consistent units"]
     return ["  ·  ".join(methods if laws_in_words else [*methods, "no contact"]), "  ·  ".join(steps)]
 
 

@@ -9,7 +9,7 @@ from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import CONTACT_NUMBERS, percent
+from percuss.case.quantities import CONTACT_NUMBERS, percent, with_unit
 from percuss.errors import PercussError
 from percuss.reporting import exact_figure
 from percuss.reporting.figures import (
@@ -115,7 +115,10 @@ def _contacts(result: Drawn) -> str:
         return ""
     first = next(iter(contacts.values()))
     columns = [quantity for name, quantity in CONTACT_NUMBERS.items() if name in first]
-    head = "".join(_cell(name, head=True) for name in ("contact", *(quantity.head for quantity in columns)))
+    head = "".join(
+        _cell(name, head=True)
+        for name in ("contact", *(with_unit(quantity.head, quantity.unit, result.units) for quantity in columns))
+    )
     lines = [
         [name, *("never" if (value := q.of_contact(contact)) is None else number(value, 6) for q in columns)]
         for name, contact in contacts.items()

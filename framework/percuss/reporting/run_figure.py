@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES
+from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.reporting.figures import (
     COLOURS,
     FAINT,
@@ -107,7 +107,8 @@ def force_figure(result: Drawn, until: float) -> Figure:
         figure = Figure(figsize=(7.6, 1.6 + 1.4 * count), facecolor="white", layout="constrained")
         panels = list(figure.subplots(count, 1, sharex=True, squeeze=False).flat)
         forces(panels, result)
-        panels[-1].set_xlabel("\n".join(["time", *contacts_left_out(result.coordinates["contact"])]))
+        label = with_unit("time", "time", result.units)
+        panels[-1].set_xlabel("\n".join([label, *contacts_left_out(result.coordinates["contact"])]), parse_math=False)
         panels[-1].set_xlim(0, until)
         for k, axes in enumerate(panels):
             hatch_after_stop(axes, result, until, word=k == 0)
@@ -133,7 +134,7 @@ def forces(panels: Sequence[Axes], result: Drawn) -> None:
     entries: dict[str, Any] = {}
     for k, (axes, name) in enumerate(zip(panels, names, strict=False)):
         (entries[label],) = axes.plot(*thinned(time, result.arrays["contact_force"][:, k]), color=COLOURS[0])
-        axes.set_ylabel(QUANTITIES["contact_force"].label)
+        axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
         axes.set_title(one_line(name), loc="right", size=10, parse_math=False)
         powers(axes)
         entries |= draw_references(axes, result, [name])
@@ -184,7 +185,8 @@ def _energies(axes: Axes, result: Drawn, closure: str) -> None:
         handles += line
     handles[2].set_zorder(1.9)
     axes.margins(y=0.18)  # The margin leaves the upper right corner free for the words.
-    axes.set(xlabel="time", ylabel=heads["energy"])
+    axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
+    axes.set_ylabel(with_unit(heads["energy"], "energy", result.units), parse_math=False)
     powers(axes)
     axes.text(0.99, 0.975, closure, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))

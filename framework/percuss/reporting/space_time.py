@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from percuss.case.quantities import with_unit
 from percuss.reporting.figures import INK, hatch_after_stop, legend, powers, stopped_at, write_reason
 
 if TYPE_CHECKING:
@@ -89,14 +90,17 @@ def space_time(axes: Axes, result: Drawn, until: float) -> None:
         mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **style)
         axes.vlines(strip.edges[[0, -1]], 0, rows[-1], colors="#8a8a8a", linewidth=0.6, zorder=2.5)
     _contact_lines(axes, result, strips, up=_body_names(axes, strips))
-    axes.set(xlabel=label, ylabel="time", ylim=(0, until))
+    axes.set_xlabel(with_unit(label, "length", result.units), parse_math=False)
+    axes.set_ylabel(with_unit("time", "time", result.units), parse_math=False)
+    axes.set_ylim(0, until)
     axes.grid(visible=False)
     powers(axes)
     hatch_after_stop(axes, result, until, upwards=True)
     extend = "both" if largest > 1.001 * limit else "neither"
     bar = axes.figure.colorbar(mesh, ax=axes, aspect=45, pad=0.015, extend=extend)
     powers(bar.ax)
-    bar.set_label("compression  ←  stress  →  tension")
+    middle = with_unit("stress", "force/length^2", result.units)
+    bar.ax.set_ylabel(f"compression  ←  {middle}  →  tension", parse_math=False)
 
 
 def _body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:

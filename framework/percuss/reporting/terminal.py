@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from percuss.case.quantities import COMPARISON_TABLE, CONTACT_NUMBERS, METRICS, QUANTITIES, TRUE_ERRORS, percent
+from percuss.case.quantities import (
+    COMPARISON_TABLE,
+    CONTACT_NUMBERS,
+    METRICS,
+    QUANTITIES,
+    TRUE_ERRORS,
+    percent,
+    with_unit,
+)
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
@@ -56,7 +64,7 @@ def tell_result(result: Result) -> None:
         )
         laws[name] = f"{law['law']}{f' ({options})' if options else ''}"
     depths = {name: contact["penetration"]["largest"] for name, contact in summary["contacts"].items()}
-    _print_contacts(console, summary["contacts"], laws, depths)
+    _print_contacts(console, summary["contacts"], laws, depths, result.units)
     _print_errors(console, summary)
     _print_balances(console, summary, summary["energy"]["contact_work"])
 
@@ -70,16 +78,20 @@ def tell_exact(result: ExactSolutionResult) -> None:
         console.print(f"  note: {plain_text(note)}")
     # Exact contacts do not overlap and do no work; the table has the columns of a run, so that both are read alike.
     contacts = summary["contacts"]
-    _print_contacts(console, contacts, dict.fromkeys(contacts, "exact"), dict.fromkeys(contacts, 0.0))
+    _print_contacts(console, contacts, dict.fromkeys(contacts, "exact"), dict.fromkeys(contacts, 0.0), result.units)
     if summary["exact_reason"]:
         console.print(f"exact solution: {plain_text(summary['exact_reason'])}")
     _print_balances(console, summary, 0.0)
 
 
 def _print_contacts(
-    console: Console, contacts: dict[str, Any], laws: dict[str, str], penetrations: dict[str, float]
+    console: Console,
+    contacts: dict[str, Any],
+    laws: dict[str, str],
+    penetrations: dict[str, float],
+    units: Mapping[str, str],
 ) -> None:
-    """Print the table of contacts with their laws and penetrations, which are given by name."""
+    """Print the table of contacts with their laws and penetrations, which are given by name, and names of units."""
     columns = [
         Column("contact", list(contacts), is_number=False),
         Column("law", [laws[name] for name in contacts], is_number=False),
@@ -89,7 +101,7 @@ def _print_contacts(
             _number(penetrations[name], 3) if quantity.is_error else _number(quantity.of_contact(contact))
             for name, contact in contacts.items()
         ]
-        columns.append(Column(quantity.head, cells, drop=rank or None))
+        columns.append(Column(with_unit(quantity.head, quantity.unit, units), cells, drop=rank or None))
     if contacts:
         print_table(console, columns)
 

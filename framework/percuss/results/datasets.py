@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from percuss.case.quantities import QUANTITIES
+from percuss.case.quantities import QUANTITIES, unit_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,8 +21,13 @@ _AXES = {
 _TIMES = ("time", "time_half")  # a result without steps has no second one
 
 
-def definition_attributes(source: Literal["leap-frog", "multistage", "implicit", "exact"]) -> dict[str, dict[str, str]]:
-    """Return definition, unit and, for energies, times of each history of a run or of an exact solution."""
+def definition_attributes(
+    source: Literal["leap-frog", "multistage", "implicit", "exact"], units: Mapping[str, str]
+) -> dict[str, dict[str, str]]:
+    """Return definition, unit and, for energies, times of each history of a run or of an exact solution.
+
+    Units have the names in `units` where the case gives them, else words as ``force``.
+    """
     attributes: dict[str, dict[str, str]] = {}
     for name, quantity in QUANTITIES.items():
         definition = quantity.definition
@@ -35,7 +40,7 @@ def definition_attributes(source: Literal["leap-frog", "multistage", "implicit",
         elif source == "exact":
             definition = quantity.definition_exact
         if definition:
-            attributes[name] = {"long_name": definition, "units": quantity.unit}
+            attributes[name] = {"long_name": definition, "units": unit_name(quantity.unit, units) or quantity.unit}
             if quantity.axis == "time_half" and source != "exact":
                 attributes[name]["at"] = "time_half"
     return attributes
@@ -73,14 +78,14 @@ def histories_dataset(
     return xr.Dataset(data, coords={**times, **axes, "component": component}, attrs=dict(attributes))
 
 
-def fields_dataset(field_arrays: Mapping[str, Any]) -> xr.Dataset:
+def fields_dataset(field_arrays: Mapping[str, Any], units: Mapping[str, str]) -> xr.Dataset:
     """Return the stress along the bodies over time, (time, element), as a dataset; empty if none was recorded."""
     import xarray as xr
 
     if not field_arrays:
         return xr.Dataset()
     return xr.Dataset(
-        {"stress": (("time", "element"), field_arrays["stress"], definition_attributes("leap-frog")["stress"])},
+        {"stress": (("time", "element"), field_arrays["stress"], definition_attributes("leap-frog", units)["stress"])},
         coords={
             "time": field_arrays["time"],
             "body": ("element", np.array(field_arrays["body"], dtype=object)),

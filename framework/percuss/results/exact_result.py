@@ -56,6 +56,11 @@ class ExactSolutionResult:
         return str(self.provenance["case"].get("title", ""))
 
     @property
+    def units(self) -> dict[str, str]:
+        """Names of the units by kind, as ``{"length": "m"}``, that the case gives."""
+        return dict(self.provenance["case"].get("units") or {})
+
+    @property
     def end(self) -> float:
         """Time up to which the solution holds."""
         return float(self.summary["end"])
@@ -75,12 +80,12 @@ class ExactSolutionResult:
             "summary": json.dumps(self.summary),
             "provenance": json.dumps(self.provenance),
         }
-        return histories_dataset(self.arrays, self.coordinates, definition_attributes("exact"), attributes)
+        return histories_dataset(self.arrays, self.coordinates, definition_attributes("exact", self.units), attributes)
 
     @cached_property
     def fields(self) -> xr.Dataset:
         """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
-        return fields_dataset(self.field_arrays)
+        return fields_dataset(self.field_arrays, self.units)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the exact solution as NetCDF-4 to a temporary file beside `path`, then rename it.

@@ -63,6 +63,11 @@ class Result:
         return str(self.provenance["case"].get("title", ""))
 
     @property
+    def units(self) -> dict[str, str]:
+        """Names of the units by kind, as ``{"length": "m"}``, that the case gives."""
+        return dict(self.provenance["case"].get("units") or {})
+
+    @property
     def exact(self) -> Exact | None:
         """The exact solution of the case, for any position and any time up to its `reached`; None if there is none.
 
@@ -97,13 +102,13 @@ class Result:
     def histories(self) -> xr.Dataset:
         """Histories on the axis ``time``; energies carry the coordinate ``time_half(time)``."""
         # Other schemes have their energies, or the force of a step, at other times than a leap-frog scheme.
-        attributes = definition_attributes(self._scheme())
+        attributes = definition_attributes(self._scheme(), self.units)
         return histories_dataset(self.arrays, self.coordinates, attributes, self._attributes())
 
     @cached_property
     def fields(self) -> xr.Dataset:
         """Stress along the bodies over time, (time, element); empty unless the case sets `record.fields`."""
-        return fields_dataset(self.field_arrays)
+        return fields_dataset(self.field_arrays, self.units)
 
     def _attributes(self) -> dict[str, Any]:
         return {
