@@ -262,13 +262,11 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def output(command: str, folder: Path) -> str:
-    """Return what a terminal shows of a command."""
+    """Return what a terminal shows of a command, less what depends on time: that it compiles, and what it tried."""
     name, *words = shlex.split(command)
     assert name == "percuss", command
-    return "".join(
-        f"{line.rstrip()}\n"
-        for line in percuss_command(*words, cwd=folder, columns=COLUMNS, together=True).stdout.splitlines()
-    )
+    lines = percuss_command(*words, cwd=folder, columns=COLUMNS, together=True).stdout.splitlines()
+    return "".join(f"{line.rstrip()}\n" for line in lines if not line.startswith(("percuss tried ", COMPILING)))
 
 
 def shortened(text: str, first: str, last: str) -> str:
@@ -280,9 +278,7 @@ def shortened(text: str, first: str, last: str) -> str:
 
 
 def masked(text: str) -> str:
-    """Return a text without what another machine changes: times, widths of tables, and what there was time to try."""
-    text = re.sub(r"^percuss tried .*\n?", "", text, flags=re.MULTILINE)
-    text = text.replace(f"{COMPILING}\n", "")  # a line that a slow machine prints
+    """Return a text without what another machine changes: times, widths of tables, and suggestions."""
     text = re.sub(r"(off by [\d.]+ % \(exact solution known\)).*", r"\1", text)
     text = re.sub(r"[\d.e-]+ (s|ms|min|kB|MB)\b", r"# \1", text)
     lines, timed = [], False
