@@ -336,7 +336,10 @@ def test_check_says_what_a_case_will_do() -> None:
     assert done.returncode == 0
     for words in ("epsilon_s = 250", "Courant number 0.5", "theta", "0.001", "lambda / eps_s", "impedance 1"):
         assert words in done.stdout
-    assert json.loads(percuss_command("check", HUNEK, "--json").stdout)["contacts"]["tip"]["epsilon_s"] == 250.0
+    assert (
+        json.loads(percuss_command("check", HUNEK, "--json").stdout)["contacts"]["tip"]["resolved"]["epsilon_s"]
+        == 250.0
+    )
 
 
 def test_defaults_are_said() -> None:

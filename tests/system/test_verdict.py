@@ -82,3 +82,27 @@ def test_a_small_error_needs_no_other_run() -> None:
 def test_what_else_a_verdict_says(coarse: Path, changes: tuple[str, ...], words: str) -> None:
     done = percuss_command("run", str(coarse), *(f"--set={change}" for change in changes))
     assert re.search(words, done.stdout), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("changes", "lines"),
+    [
+        (
+            (),
+            ["It will run: 30 steps of 0.1.", r"It is stable: its step is \d+.* % of", "percuss will compute the true"],
+        ),
+        (("time.courant=1.2",), ["It will not run. To be stable, lower", r"unstable: its step is 120 % of", "compute"]),
+        (("time.courant=1.2", "time.on_unstable=warn"), ["It runs although it is unstable", "unstable", "compute"]),
+        (
+            ("bodies.left.material={name: ramberg-osgood, young: 1, density: 1, yield_stress: 1}",),
+            ["It will run", "Whether it is stable is unknown: ", "cannot compute the true error: no exact solution"],
+        ),
+    ],
+)
+def test_a_check_begins_with_three_answers(coarse: Path, changes: tuple[str, ...], lines: list[str]) -> None:
+    done = percuss_command("check", str(coarse), *(f"--set={change}" for change in changes))
+    assert done.returncode == 0, done.stderr
+    said = done.stdout.splitlines()
+    assert said[3] == ""
+    for line, words in zip(said, lines, strict=False):
+        assert re.search(words, line), line

@@ -163,7 +163,7 @@ def test_auto_may_be_written_and_is_the_default(name):
 def test_a_check_tells_what_was_chosen_and_what_was_measured():
     told = explanation(Model(percuss.load(hunek(10, 0.9, CD, {"name": "penalty"}))))
     assert "beta_s auto: 0.247, so that theta <= 0.8" in told.text
-    assert told.data["chosen"] == {"tip": {"beta_s": "auto: 0.247, so that theta <= 0.8"}}
+    assert told.data["contacts"]["tip"]["chosen"] == {"beta_s": "auto: 0.247, so that theta <= 0.8"}
     assert told.data["measured"] == {"penalty": law_of("penalty").measured[CD]}
     assert f"measured, penalty: {law_of('penalty').measured[CD]}" in told.text
     told = explanation(Model(percuss.load(hunek(10, 0.97, CD, {"name": "penalty"}))))
@@ -173,7 +173,7 @@ def test_a_check_tells_what_was_chosen_and_what_was_measured():
     assert told.data["measured"] == {}
     assert "measured" not in told.text
     told = explanation(Model(percuss.load(hunek(10, 0.3, WU, {"name": "penalty", "beta_s": 0.2}))))
-    assert told.data["chosen"] == {"tip": {}}
+    assert told.data["contacts"]["tip"]["chosen"] == {}
     told = explanation(Model(percuss.load(hunek(10, 0.3, WU, {"name": "penalty", "stiffness": "from-step"}))))
     assert "stiffness from-step: 0.1 / (s dt^2)" in told.text
 

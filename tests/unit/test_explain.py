@@ -45,13 +45,13 @@ def test_a_check_names_all_that_a_case_will_do(path):
         assert " ".join(formula.split()) in " ".join(text.split())
     for name in case.contacts:
         assert f"  {name}: " in text
-        row = found.data["rows"][name]["row"]
+        row = found.data["contacts"][name]["row"]
         assert f"{row['sigma']:.6g} lambda" in text
         assert f"epsilon_s = {1 / row['sigma']:.6g}" in text
     for name in case.loads:
         assert f"  {name}: " in text
     assert f"Courant number {case.time.courant:g} of the smallest h/c" in text
-    assert "bars-in-a-row will tell the true error" in text
+    assert "the exact solution is known (bars-in-a-row)" in text
     assert found.data["certificate"]["why"] in text
     json.dumps(found.data, allow_nan=False)
 
@@ -70,9 +70,9 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
     eps_m = eps_s / (ratio * (2 * c / h) ** 2) if law == "bipenalty" else 0.0
     s = 2 / (density * area * h / 2)
     dt = courant * h / c
-    row = found.data["rows"]["tip"]["row"]
-    point = found.data["rows"]["tip"]["point"]
-    assert found.data["contacts"]["tip"]["epsilon_s"] == pytest.approx(eps_s, rel=1e-12)
+    row = found.data["contacts"]["tip"]["row"]
+    point = found.data["contacts"]["tip"]["point"]
+    assert found.data["contacts"]["tip"]["resolved"]["epsilon_s"] == pytest.approx(eps_s, rel=1e-12)
     assert row["sigma"] == pytest.approx(1 / eps_s, rel=1e-12)
     assert row["acceleration"] == pytest.approx(eps_m / eps_s, rel=1e-12, abs=1e-300)
     assert row["w"] == pytest.approx(eps_m / eps_s, rel=1e-12, abs=1e-300)
@@ -80,7 +80,7 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
     assert point == pytest.approx(
         {"EA/h": young * area / h, "2c/h": 2 * c / h, "rho A h / 2": density * area * h / 2, "s": s}, rel=1e-12
     )
-    assert found.data["dt"] == pytest.approx(dt, rel=1e-12)
+    assert found.data["step"]["dt"] == pytest.approx(dt, rel=1e-12)
     assert found.data["step"]["smallest_transit"] == pytest.approx(h / c, rel=1e-12)
     for value in (eps_s, 1 / eps_s, s, dt, row["stiffness"], *([eps_m] if eps_m else [])):
         assert f"{value:.6g}" in found.text
@@ -93,19 +93,19 @@ def test_numbers_of_a_contact_are_those_of_the_closed_formulas(integrator, law):
 
 def test_what_lagrange_multipliers_answer():
     found = told(hunek(20, contact="lagrange"))
-    row = found.data["rows"]["tip"]["row"]
+    row = found.data["contacts"]["tip"]["row"]
     assert (row["sigma"], row["sign"], row["active"], row["at"]) == (0.0, ">= 0", "all", "end")
-    assert row["w"] == pytest.approx(found.data["dt"] ** 2, rel=1e-12)
+    assert row["w"] == pytest.approx(found.data["step"]["dt"] ** 2, rel=1e-12)
     assert "the gap at the end of the step" in found.text
 
 
 def test_what_chose_itself_is_told_with_its_reason():
     found = told(hunek(20, contact="penalty"), {"time.courant": "auto"})
     critical = found.data["certificate"]["dt_critical"]
-    assert found.data["dt"] == pytest.approx(SHARE_OF_CRITICAL_STEP * critical)
+    assert found.data["step"]["dt"] == pytest.approx(SHARE_OF_CRITICAL_STEP * critical)
     assert f"chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {critical:.9g}" in found.text
     assert re.search(r"beta_s auto: 0\.\d+, ", found.text)
-    assert found.data["chosen"]["tip"]["beta_s"].startswith("auto")
+    assert found.data["contacts"]["tip"]["chosen"]["beta_s"].startswith("auto")
     assert "as given" in told(hunek(20), {"time": {"end": 0.1, "step": 1e-4}}).text
 
 

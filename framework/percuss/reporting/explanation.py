@@ -1,10 +1,10 @@
-"""The explanation of a case before its run, in words and formulas that hold the numbers of the case."""
+"""The explanation of a case before its run: a table of facts; the text shows their words, JSON their values."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import Explanation, docs
+from percuss.reporting.verdict import check_verdict
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
 from percuss.solver.bound_law import OF_END_FORCE
@@ -24,15 +25,27 @@ from percuss.solver.recording import recordable
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
-    from percuss.solver.entities import ContactPair
+    from percuss.certificate.verdict import Certificate
+    from percuss.solver.entities import Body, ContactPair
     from percuss.solver.model import Model
 
 MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this many letters.
 
 
+class Fact(NamedTuple):
+    """A fact about a run: its key and value in the data, and the lines of the text that tell it.
+
+    A fact without a key is in the text alone.
+    """
+
+    key: str
+    value: Any
+    words: list[str]
+
+
 @np.errstate(all="ignore")  # what is not finite is said in words
 def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanation:
-    """Return the explanation of a model's run: bodies, contacts, loads, step, stability, exact solution and methods.
+    """Return the explanation of a model's run, as text and as data.
 
     Parameters
     ----------
@@ -43,58 +56,46 @@ def explanation(model: Model, criterion: RunCriterion | None = None) -> Explanat
     """
     from percuss.jsonable import plain
 
-    verdict = certificate(recordable(model), criterion)
-    measured = _measured_energy(model, verdict["energy"])
-    contacts = [_contact_data(model, p, contact_pair) for p, contact_pair in enumerate(model.contact_pairs)]
-    loads = [_load_data(spec) for spec in model.case.loads.values()]
-    step, exact = _step_data(model), _exact_solution(model)
-    methods = [_method_data(component) for component in _components(model)]
+    facts = list(_facts(model, certificate(recordable(model), criterion)))
+    text = "\n".join(line for fact in facts for line in fact.words)
+    return Explanation(text, plain({fact.key: fact.value for fact in facts if fact.key}))
+
+
+def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
+    """Yield the facts about a run in the order of the text: the verdict first, then the details."""
     case = model.case
-    lines = [case.title or "Untitled case"]
-    lines += [f"  source: {case.source}"] if case.source else []
-    lines += _body_lines(model)
-    lines += ["Contacts" if contacts else "No contact"]
-    explained_laws: set[str] = set()
-    for contact in contacts:
-        lines += _contact_lines(model, contact, explained_laws)
-    lines += ["Loads"] if loads else []
-    lines += [f"  {load['text']}" for load in loads]
-    lines += ["Step", f"  {step['text']}"]
-    if verdict["dt_critical_free"] is not None:
-        critical = "is unknown" if verdict["dt_critical"] is None else f"{verdict['dt_critical']:.9g}"
-        lines.append(
-            f"  the bodies without contact{' but ties' if model.tied_points else ''} allow "
-            f"{verdict['dt_critical_free']:.9g}, the worst combination of closed contacts {critical}"
-        )
-    lines += _certificate_lines(model, verdict, measured)
-    lines += ["Exact solution"]
-    lines += (
-        [f"  {exact['name']} will tell the true error of the run"] if exact["name"] else [f"  none: {exact['why']}"]
-    )
-    lines += ["Methods"]
-    for method in methods:
-        lines += _method_lines(method)
-        lines += _stage_lines(model) if method["family"] == "integrators" else []
+    engine, why_not_exact = engine_for(model, contact_problem(model), (model.steps + 1) * model.dt)
+    words = list(check_verdict(model.steps, model.dt, verdict, engine.name if engine else "", why_not_exact))
+    if verdict["stable"] == "no" and case.time.on_unstable == "warn":
+        words[0] = f"It runs although it is unstable, as the case asks (on_unstable: warn): {words[0]}"
+    yield Fact("verdict", words, words)
+    yield Fact("title", case.title, ["", case.title or "Untitled case"])
+    yield Fact("", case.source, [f"  source: {case.source}"] if case.source else [])
+    dimensions = f"{model.dim} dimension{'s' if model.dim > 1 else ''}"
+    heading = f"Bodies ({model.n_nodes} nodes in {dimensions})"
+    yield _group("bodies", heading, (_body(body) for body in model.bodies.values()))
+    explained: set[str] = set()
+    contacts = [_contact(model, p, contact_pair, explained) for p, contact_pair in enumerate(model.contact_pairs)]
+    yield _group("contacts", "Contacts" if contacts else "No contact", contacts)
+    yield _group("loads", "Loads" if case.loads else "", (_load(spec) for spec in case.loads.values()))
+    yield _step(model, verdict)
+    yield Fact("nodes", model.n_nodes, [])
+    yield Fact("certificate", verdict, ["Stability of the closed linear step", f"  {verdict['why']}"])
+    measured = _measured_energy(model, verdict["energy"])
+    words = ["Energy over opening and closing", f"  {verdict['energy']}: {verdict['energy_why']}"]
+    yield Fact("measured", measured, words + [f"  measured, {law}: {told}" for law, told in measured.items()])
+    yield Fact("exact", {"name": engine.name if engine else "", "why": why_not_exact}, [])
+    used = _components(model) + ([engine] if engine else [])
+    yield _group("methods", "Methods", (_method(model, component) for component in used))
     notes = [*case.notes, *verdict["ignores"], *expected_meetings(model)]
-    lines += [f"note: {note}" for note in notes]
-    data = {
-        "title": case.title,
-        "dt": model.dt,
-        "steps": model.steps,
-        "courant": model.courant,
-        "step": step,
-        "certificate": verdict,
-        "contacts": {contact["name"]: contact["resolved"] | {"law": contact["law"]} for contact in contacts},
-        "rows": {contact["name"]: contact for contact in contacts},
-        "chosen": {contact["name"]: contact["chosen"] for contact in contacts},
-        "loads": loads,
-        "exact": exact,
-        "methods": methods,
-        "measured": measured,
-        "nodes": model.n_nodes,
-        "notes": notes,
-    }
-    return Explanation("\n".join(lines), plain(data))
+    yield Fact("notes", notes, [f"note: {note}" for note in notes])
+
+
+def _group(key: str, heading: str, facts: Iterable[Fact]) -> Fact:
+    """Return facts of one kind as one fact, whose value is theirs by key, with a heading over their words."""
+    facts = list(facts)
+    lines = [f"  {line}" for fact in facts for line in fact.words]
+    return Fact(key, {fact.key: fact.value for fact in facts}, [heading, *lines] if heading else lines)
 
 
 def _non_default_options(component: Component) -> dict[str, str]:
@@ -121,85 +122,54 @@ def _numbers_as_text(values: Mapping[str, float]) -> dict[str, str]:
     return {key: f"{value:.6g}" for key, value in values.items()}
 
 
-def _stage_lines(model: Model) -> list[str]:
-    """Return the lines about the stages of a multi-stage scheme; none for a leap-frog scheme."""
-    if model.own_steps:
-        steps = ", ".join(f"{number} in '{name}'" for name, number in zip(model.bodies, model.own_steps, strict=True))
-        return [
-            f"    bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
-            "contacts and loads on ends act in every step",
-        ]
-    if model.implicit:
-        return [
-            "    implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
-            "is solved at the end of each step, an explicit penalty too",
-            "    forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
-        ]
-    if model.stages is None:
-        return []
-    times = ", ".join(f"{time:.6g}" for time in model.stages.times)
-    end = (
-        "is evaluated there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
-    )
-    return [
-        f"    no leap-frog scheme: accelerations, contact included, at {times} of each step; a law evaluated at "
-        f"the end of the step {end}",
-        "    forces and impulses are those of whole steps; energies stand at the end of each, and their closure counts "
-        "what the scheme itself gains or loses",
-    ]
-
-
 # ---------------------------------------------------------------------------------------------- bodies, step
 
 
-def _body_lines(model: Model) -> list[str]:
-    lines = [f"Bodies ({model.n_nodes} nodes in {model.dim} dimension{'s' if model.dim > 1 else ''})"]
-    for body in model.bodies.values():
-        material = body.spec.material
-        c = math.sqrt(material.modulus / material.rho)
-        length = float(body.mesh.lengths.sum())
-        h = body.mesh.lengths
-        size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
-        nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.mesh.cells else ""
-        moves = f", velocity {found(body.spec.velocity)}" if np.any(body.velocity) else ""
-        lines.append(
-            f"  {body.name}: {body.spec.shape.name} of {h.size} elements{nodes}, {size}, {material.name} "
-            f"({_assignments(_non_default_options(material))}), area {body.spec.area:.6g}{moves}"
-            + (f", fixed at {', '.join(body.spec.fixed)}" if body.spec.fixed else "")
-        )
-        lines.append(
-            f"    c = {c:.6g}, transit {length / c:.6g}, "
-            f"impedance {body.spec.area * math.sqrt(material.modulus * material.rho):.6g}"
-        )
-        if body.why_not_linear:
-            lines.append(f"    {body.why_not_linear}")
-            lines.append(
-                "    c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"
-            )
-    return lines
+def _body(body: Body) -> Fact:
+    """Return a body: its mesh, its material, and the speed of its waves."""
+    spec, material, h = body.spec, body.spec.material, body.mesh.lengths
+    c = math.sqrt(material.modulus / material.rho)
+    value = {
+        "elements": int(h.size),
+        "h": [float(h.min()), float(h.max())],
+        "c": c,
+        "transit": float(h.sum()) / c,
+        "impedance": spec.area * math.sqrt(material.modulus * material.rho),
+        "why_not_linear": body.why_not_linear,
+    }
+    size = f"h = {h.min():.6g}" if np.ptp(h) < 1e-9 * h.max() else f"h from {h.min():.6g} to {h.max():.6g}"
+    nodes = f" of {cells_of(body.mesh).shape[1]} nodes" if body.mesh.cells else ""
+    moves = f", velocity {found(spec.velocity)}" if np.any(body.velocity) else ""
+    fixed = f", fixed at {', '.join(spec.fixed)}" if spec.fixed else ""
+    waves = ", ".join(f"{name} {value[name]:.6g}" for name in ("transit", "impedance"))
+    words = [
+        f"{body.name}: {spec.shape.name} of {h.size} elements{nodes}, {size}, {material.name} "
+        f"({_assignments(_non_default_options(material))}), area {spec.area:.6g}{moves}{fixed}",
+        f"  c = {c:.6g}, {waves}",
+    ]
+    if body.why_not_linear:
+        words += [f"  {body.why_not_linear}"]
+        words += ["  c, EA/h, 2c/h and all that follows from them are those of its modulus, whatever its strain"]
+    return Fact(body.name, value, words)
 
 
-def _step_data(model: Model) -> dict[str, Any]:
-    """Return the time step, the element with the highest frequency, and the origin of the step in words."""
+def _step(model: Model, verdict: Certificate) -> Fact:
+    """Return the time step, the element with the highest frequency, the origin of the step, and the critical steps."""
     time = model.case.time
     body = max(model.bodies.values(), key=lambda body: float(body.frequency.max()))
     element = int(np.argmax(body.frequency))
     smallest = 2.0 / model.omega
     where = "every element" if np.ptp(body.frequency) <= 1e-9 * model.omega else f"element {element}"
     size = "2/omega" if body.mesh.cells else "h/c"  # omega is the highest frequency, 2c/h of a two-node bar
-    of = f"the smallest {size} = {smallest:.9g}, that of {where} of body '{body.name}'"
+    how = f"dt = {model.dt:.9g}"
     if time.step is not None:
-        how = f"dt = {model.dt:.9g} as given, Courant number {model.courant:.6g} of {of}"
+        how += " as given, "
     elif time.courant == "auto":
-        critical = model.dt / SHARE_OF_CRITICAL_STEP
-        how = (
-            f"dt = {model.dt:.9g}, chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {critical:.9g}: "
-            f"Courant number {model.courant:.6g} of {of}"
-        )
+        found_step = model.dt / SHARE_OF_CRITICAL_STEP
+        how += f", chosen as {SHARE_OF_CRITICAL_STEP} of the critical step {found_step:.9g}: "
     else:
-        times = "* " if body.mesh.cells else ""
-        how = f"dt = {model.courant:.6g} {times}{size} = {model.dt:.9g}, Courant number {model.courant:.6g} of {of}"
-    return {
+        how = f"dt = {model.courant:.6g} {'* ' if body.mesh.cells else ''}{size} = {model.dt:.9g}, "
+    value = {
         "dt": model.dt,
         "courant": model.courant,
         "smallest_transit": smallest,
@@ -207,18 +177,19 @@ def _step_data(model: Model) -> dict[str, Any]:
         "element": element,
         "steps": model.steps,
         "end": model.steps * model.dt,
-        "text": f"{how}; {model.steps} steps to {model.steps * model.dt:.9g}",
     }
-
-
-def _certificate_lines(model: Model, verdict: Mapping[str, Any], measured: Mapping[str, str]) -> list[str]:
-    lines = ["Stability of the closed linear step", f"  {verdict['stable']}: {verdict['why']}"]
-    if verdict["stable"] == "no":
-        warns = model.case.time.on_unstable == "warn"
-        lines.append("  the run goes on all the same (on_unstable: warn)" if warns else "  the run is not started")
-        lines.append(f"  to be stable, {verdict['cure']}")
-    lines += ["Energy over opening and closing", f"  {verdict['energy']}: {verdict['energy_why']}"]
-    return lines + [f"  measured, {law}: {words}" for law, words in measured.items()]
+    words = [
+        "Step",
+        f"  {how}Courant number {model.courant:.6g} of the smallest {size} = {smallest:.9g}, that of {where} of body "
+        f"'{body.name}'; {model.steps} steps to {model.steps * model.dt:.9g}",
+    ]
+    if verdict["dt_critical_free"] is not None:
+        critical = "is unknown" if verdict["dt_critical"] is None else f"{verdict['dt_critical']:.9g}"
+        words.append(
+            f"  the bodies without contact{' but ties' if model.tied_points else ''} allow "
+            f"{verdict['dt_critical_free']:.9g}, the worst combination of closed contacts {critical}"
+        )
+    return Fact("step", value, words)
 
 
 def _measured_energy(model: Model, energy: str) -> dict[str, str]:
@@ -231,42 +202,53 @@ def _measured_energy(model: Model, energy: str) -> dict[str, str]:
     return {law.name: law.measured[integrator] for law in laws if integrator in law.measured}
 
 
-def _exact_solution(model: Model) -> dict[str, str]:
-    """Return the name of the exact solution that judges the run, or the reasons why none does."""
-    engine, why = engine_for(model, contact_problem(model), (model.steps + 1) * model.dt)
-    return {"name": engine.name if engine else "", "why": why}
-
-
 # -------------------------------------------------------------------------------------------------- contacts
 
 
-def _contact_data(model: Model, number: int, contact_pair: ContactPair) -> dict[str, Any]:
-    """Return the data of a contact: its sides, gap and law, the numbers given to the law, and its linear law if any."""
-    spec = model.case.contacts[contact_pair.name]
-    s = float(model.delassus(0.5 * model.dt)[number])
-    points = model.points([number], model.dt)
-    resolved = {key: value for key, value in model.parameters()[contact_pair.name].items() if key != "law"}
-    return {
-        "name": contact_pair.name,
+def _contact(model: Model, number: int, contact_pair: ContactPair, explained: set[str]) -> Fact:
+    """Return a contact: its sides, gap and law, the numbers given to the law, and its linear law if there is one.
+
+    The formula of a law is told once; `explained` has the names of those that were.
+    """
+    spec, law = model.case.contacts[contact_pair.name], contact_pair.law
+    stiffness, mass, frequency = names = _names_at_end(model, contact_pair)
+    at_end = contact_pair.stiffness, contact_pair.mass, contact_pair.frequency
+    s_formula = "1/(k dt^2) of each end without mass" if model.points_without_mass[number] else "N^T M^-1 N"
+    value: dict[str, Any] = {
         "sides": [str(side) for side in spec.sides] + (["a rigid wall"] if spec.wall is not None else []),
         "gap": contact_pair.gap,
-        "law": contact_pair.law.name,
-        "given": _non_default_options(contact_pair.law),
-        "resolved": resolved,
-        "chosen": dict(contact_pair.law.chosen(points, model.dt)),
-        "point": {
-            **dict(
-                zip(
-                    _names_at_end(model, contact_pair),
-                    (contact_pair.stiffness, contact_pair.mass, contact_pair.frequency),
-                    strict=True,
-                )
-            ),
-            "s": s,
-        },
-        "s_formula": "1/(k dt^2) of each end without mass" if model.points_without_mass[number] else "N^T M^-1 N",
-        "row": _linear_law_data(model, number, s),
+        "law": law.name,
+        "given": _non_default_options(law),
+        "resolved": {key: one for key, one in model.parameters()[contact_pair.name].items() if key != "law"},
+        "chosen": dict(law.chosen(model.points([number], model.dt), model.dt)),
+        "point": dict(zip(names, at_end, strict=True)) | {"s": float(model.delassus(0.5 * model.dt)[number])},
     }
+    value["row"] = _linear_law_data(model, number, value["point"]["s"])
+    gap = "touching" if value["gap"] == 0 else f"gap {value['gap']:.9g}"
+    words = [f"{contact_pair.name}: {' and '.join(value['sides'])}, {gap}; {law.name}: {law.summary}"]
+    if law.name not in explained:
+        words += [f"  {line}" for line in docs(type(law)).formula.splitlines()]
+        explained.add(law.name)
+    words.append(f"  given: {_assignments(value['given']) or 'nothing, all by default'}")
+    words += [f"  {option} {chosen}" for option, chosen in value["chosen"].items()]
+    point = _numbers_as_text(value["point"])
+    words.append(
+        f"  with {stiffness} = {point[stiffness]} and {mass} = {point[mass]} of the softer side, "
+        f"{'omega = ' if frequency != 'omega' else ''}{frequency} = {point[frequency]}, "
+        f"s = {s_formula} = {point['s']}, dt = {model.dt:.6g}"
+    )
+    if frequency == "omega":
+        words.append("  m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2")
+    words += [f"  {_assignments(_numbers_as_text(value['resolved']))}"] if value["resolved"] else []
+    if model.implicit:
+        words.append("  solved at the end of the step with N^T K_eff^-1 N of the whole bodies, which adds to sigma")
+    elif value["row"] is None:
+        words.append(f"  {law.name} is no row of the contact equation: its own kernel gives the force")
+    else:
+        words += [f"  {line}" for line in _linear_law_lines(value["row"])]
+        if value["row"]["acceleration"] and not value["row"]["sees_acceleration"]:
+            words.append(f"  g'' counts as 0: {law.needs_only_response_of['acceleration']}")
+    return Fact(contact_pair.name, value, words)
 
 
 def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | None:
@@ -304,44 +286,6 @@ def _names_at_end(model: Model, contact_pair: ContactPair) -> tuple[str, str, st
     if any(model.body_of(node).mesh.cells for node in contact_pair.nodes):
         return "m omega^2 / 2", "m", "omega"
     return "EA/h", "rho A h / 2", "2c/h"
-
-
-def _contact_lines(model: Model, contact: Mapping[str, Any], explained_laws: set[str]) -> list[str]:
-    """Return the lines about a contact, with the formula of its law unless the law is in `explained_laws`.
-
-    The law is added to `explained_laws`.
-    """
-    gap = "touching" if contact["gap"] == 0 else f"gap {contact['gap']:.9g}"
-    law = next(bound_law.law for bound_law in model.laws if bound_law.law.name == contact["law"])
-    lines = [f"  {contact['name']}: {' and '.join(contact['sides'])}, {gap}; {law.name}: {law.summary}"]
-    if law.name not in explained_laws:
-        lines += [f"    {line}" for line in docs(type(law)).formula.splitlines()]
-        explained_laws.add(law.name)
-    lines.append(f"    given: {_assignments(contact['given']) or 'nothing, all by default'}")
-    lines += [f"    {option} {words}" for option, words in contact["chosen"].items()]
-    point = _numbers_as_text(contact["point"])
-    stiffness, mass, frequency = list(point)[:3]
-    of_bars = "omega = " if frequency != "omega" else ""
-    lines.append(
-        f"    with {stiffness} = {point[stiffness]} and {mass} = {point[mass]} of the softer side, "
-        f"{of_bars}{frequency} = {point[frequency]}, s = {contact['s_formula']} = {point['s']}, dt = {model.dt:.6g}"
-    )
-    if frequency == "omega":
-        lines.append(
-            "    m is the mass of an element at its end, omega its highest frequency, beta_s over m omega^2 / 2"
-        )
-    lines += [f"    {_assignments(_numbers_as_text(contact['resolved']))}"] if contact["resolved"] else []
-    if model.implicit:
-        return [
-            *lines,
-            "    solved at the end of the step with N^T K_eff^-1 N of the whole bodies, which adds to sigma",
-        ]
-    if contact["row"] is None:
-        return [*lines, f"    {law.name} is no row of the contact equation: its own kernel gives the force"]
-    lines += [f"    {line}" for line in _linear_law_lines(contact["row"])]
-    if contact["row"]["acceleration"] and not contact["row"]["sees_acceleration"]:
-        lines.append(f"    g'' counts as 0: {law.needs_only_response_of['acceleration']}")
-    return lines
 
 
 BALANCED_GAP = "the gap at t_n, in static balance of the end without mass, whatever the integrator"
@@ -387,7 +331,8 @@ def _linear_law_lines(law: Mapping[str, Any]) -> Iterator[str]:
 # ------------------------------------------------------------------------------------------- loads, methods
 
 
-def _load_data(spec: LoadSpec) -> dict[str, Any]:
+def _load(spec: LoadSpec) -> Fact:
+    """Return a load: where and when it acts, and its options."""
     targets = ", ".join(str(address) for address in spec.on) or "every body"
     when = "".join(
         f" {word} {instant:.6g}"
@@ -402,48 +347,72 @@ def _load_data(spec: LoadSpec) -> dict[str, Any]:
         if getattr(spec.load, option.field) is not None
     }
     formula = docs(type(spec.load)).formula
-    text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {targets} {along}{when}{clock}; {_assignments(options)}"
-    return {
-        "name": spec.name,
+    value = {
         "load": spec.load.name,
         "as": spec.acts_as,
         "on": [str(address) for address in spec.on],
         "options": options,
-        "formula": formula,
-        "text": f"{text}\n    {' '.join(formula.split())}" if formula else text,
     }
+    text = f"{spec.name}: {spec.load.name} as {spec.acts_as} on {targets} {along}{when}{clock}; {_assignments(options)}"
+    return Fact(spec.name, value, [text, *([f"  {' '.join(formula.split())}"] if formula else [])])
 
 
 def _components(model: Model) -> list[Component]:
-    """Return one instance of each component that the run uses, including the exact solution."""
+    """Return one instance of each component that the run uses, without the exact solution."""
     case = model.case
     components: list[Component] = [case.method.integrator, *(contact_pair.law for contact_pair in model.contact_pairs)]
     components += [load.load for load in case.loads.values()]
     components += [part for body in case.bodies.values() for part in (body.shape, body.material, body.element)]
     components.append(case.method.mass)
-    exact = _exact_solution(model)["name"]
-    components += [case.registry.get("solutions", exact)()] if exact else []
     return list({type(component): component for component in components}.values())
 
 
-def _method_data(component: Component) -> dict[str, Any]:
-    facts = {fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)}
-    return {
+def _method(model: Model, component: Component) -> Fact:
+    """Return a component: what it is, its formula, its order, what it conserves, and its references."""
+    facts: dict[str, Any] = {
+        fact: getattr(component, fact) for fact in ("order", "conserves") if hasattr(component, fact)
+    }
+    value: dict[str, Any] = {
         "family": component.family,
-        "name": component.name,
         "summary": component.summary,
         "formula": docs(type(component)).formula,
         "facts": facts,
         "references": list(component.references),
     }
+    words = [f"{component.name} ({component.family}): {component.summary}"]
+    if component.family not in {"contacts", "loads"}:  # the formulas of these stand with each contact and load
+        words += [f"  {line}" for line in value["formula"].splitlines()]
+    properties = [f"order {facts['order']}"] if "order" in facts else []
+    properties += [f"conserves {' and '.join(facts['conserves'])} without contact"] if facts.get("conserves") else []
+    words += [f"  {'; '.join(properties)}"] if properties else []
+    words += [f"  see {reference}" for reference in component.references]
+    words += _stage_lines(model) if component.family == "integrators" else []
+    return Fact(f"{component.family}/{component.name}", value, words)
 
 
-def _method_lines(method: Mapping[str, Any]) -> list[str]:
-    lines = [f"  {method['name']} ({method['family']}): {method['summary']}"]
-    # The formulas of contact laws and loads stand with the contacts and loads themselves.
-    lines += [f"    {line}" for line in method["formula"].splitlines() if method["family"] not in {"contacts", "loads"}]
-    properties = [f"order {method['facts']['order']}"] if "order" in method["facts"] else []
-    conserves = " and ".join(method["facts"].get("conserves", ()))
-    properties += [f"conserves {conserves} without contact"] if conserves else []
-    lines += [f"    {'; '.join(properties)}"] if properties else []
-    return lines + [f"    see {reference}" for reference in method["references"]]
+def _stage_lines(model: Model) -> list[str]:
+    """Return the lines about the stages of a multi-stage scheme; none for a leap-frog scheme."""
+    if model.own_steps:
+        steps = ", ".join(f"{number} in '{name}'" for name, number in zip(model.bodies, model.own_steps, strict=True))
+        return [
+            f"  bodies have steps of their own: steps from one action of the internal forces to the next, {steps}; "
+            "contacts and loads on ends act in every step",
+        ]
+    if model.implicit:
+        return [
+            "  implicit, in NumPy and SciPy: a reference that shows what implicit costs, and no contender; contact "
+            "is solved at the end of each step, an explicit penalty too",
+            "  forces, works and energies are those at t_n; what the scheme takes from bodies is dissipated energy",
+        ]
+    if model.stages is None:
+        return []
+    times = ", ".join(f"{time:.6g}" for time in model.stages.times)
+    end = (
+        "is evaluated there too, ahead to the next stage" if model.stages.end else "has no place in it, and is refused"
+    )
+    return [
+        f"  no leap-frog scheme: accelerations, contact included, at {times} of each step; a law evaluated at "
+        f"the end of the step {end}",
+        "  forces and impulses are those of whole steps; energies stand at the end of each, and their closure counts "
+        "what the scheme itself gains or loses",
+    ]

@@ -17,6 +17,7 @@ from percuss.studies.comparison import metrics
 from percuss.studies.tasks import TIED
 
 if TYPE_CHECKING:
+    from percuss.certificate.verdict import Certificate
     from percuss.results.result import Result
     from percuss.studies.alternatives import Alternatives
     from percuss.studies.perform import Run
@@ -177,3 +178,32 @@ def value_text(name: str, value: Any) -> str:
 def is_number(value: Any) -> bool:
     """Return whether a value of a table is a number."""
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def check_verdict(steps: int, dt: float, certificate: Certificate, solution: str, why_not: str) -> Iterator[str]:
+    """Yield three sentences on a case before its run: whether it will run, whether it is stable, what judges it.
+
+    Parameters
+    ----------
+    steps, dt
+        Number of steps, and the time step.
+    certificate
+        Certificate of the case.
+    solution, why_not
+        Name of the exact solution of the case; else why there is none.
+    """
+    margin, stable = certificate["margin"], certificate["stable"]
+    of_critical = f": its step is {percent(margin)} of the critical one" if margin is not None else ""
+    if stable == "no":
+        yield f"It will not run. To be stable, {certificate['cure']}."
+    else:
+        yield f"It will run: {steps} steps of {dt:.6g}."
+    yield {
+        "yes": f"It is stable{of_critical}.",
+        "no": f"It is unstable{of_critical}.",
+        "marginal": f"It is at the edge of stability{of_critical}.",
+    }.get(stable, f"Whether it is stable is unknown: {certificate['why']}.")
+    if solution:
+        yield f"percuss will compute the true error: the exact solution is known ({solution})."
+    else:
+        yield f"percuss cannot compute the true error: no exact solution is known ({why_not})."
