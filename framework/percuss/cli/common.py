@@ -252,11 +252,11 @@ def exact_solution_shown() -> Iterator[None]:
 
 def _progress_line(done: int, total: int, unit: str, elapsed: float) -> str:
     """Return the line that tells the progress where there is no terminal."""
-    left = f", about {_duration(elapsed * (total - done) / done)} to go" if done else ""
-    return f"{done} of {total} {unit} after {_duration(elapsed)}{left}"
+    left = f", about {duration(elapsed * (total - done) / done)} to go" if done else ""
+    return f"{done} of {total} {unit} after {duration(elapsed)}{left}"
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
     """Return a time in seconds, minutes or hours, in words."""
     for unit, size in (("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:

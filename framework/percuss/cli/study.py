@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, Outputs, Plugins, print_json, print_verdict, progress_bar, reporting, tell
+from percuss.cli.common import (
+    AsJson,
+    Outputs,
+    Plugins,
+    duration,
+    print_json,
+    print_verdict,
+    progress_bar,
+    reporting,
+    tell,
+)
+from percuss.errors import printable
 from percuss.process import INTERRUPTED
 
 
@@ -30,6 +42,9 @@ def study(
     export: Annotated[
         Path | None, typer.Option("--export", metavar="FILE", help="Write the table: csv or parquet by suffix.")
     ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Count the runs, name those that cannot run, estimate the time.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make the runs of a study; given again, continue it."""
@@ -38,6 +53,9 @@ def study(
         from percuss.studies.study import study as make_study
         from percuss.studies.study_table import exportable
 
+        if dry_run:
+            _print_forecast(file, plugin or [], as_json=as_json)
+            return
         if export is not None:
             exportable(export)
         with progress_bar("runs") as progress:
@@ -67,6 +85,29 @@ def study(
             raise typer.Exit(INTERRUPTED)
         if not made.complete or not made.counts.get("done"):
             raise typer.Exit(1)
+
+
+def _print_forecast(file: Path, plugins: list[Path], *, as_json: bool) -> None:
+    """Print how many runs a study has, which of them cannot be made, and what the others cost."""
+    from percuss.reporting.verdict import rows_verdict
+    from percuss.studies.forecast import forecast
+
+    with progress_bar("runs") as progress:
+        found = forecast(file, plugins, progress)
+    able = found.counts.get("waiting", 0)
+    if as_json:
+        print_json({**vars(found), "counts": found.counts, "node_steps": found.node_steps})
+    else:
+        print(printable(f"{found.title}: {found.runs} runs; none was stored"))
+        if len(found.rows) < found.runs:
+            print(f"of these {len(found.rows)} at equal distances were examined")
+        if found.seconds is not None:
+            cores = f"{os.cpu_count()} core{'s' if os.cpu_count() != 1 else ''}"
+            time = f"roughly {duration(found.seconds)} on {cores} by the time of the cheapest run"
+            print(f"{able} can run: {found.node_steps:.3g} steps times nodes, {time}")
+    print_verdict(rows_verdict(found.rows, []), as_json=as_json)
+    if not able:
+        raise typer.Exit(1)
 
 
 class _ResumeNotice:

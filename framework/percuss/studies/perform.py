@@ -11,6 +11,7 @@ from percuss.errors import InputError, PercussError, PluginError, RefusedPair, R
 from percuss.methods.blame import described, line_in_plugin, plugin_faults
 from percuss.results.assemble import AGAINST_CERTIFICATE, NOT_VALID
 from percuss.results.runner import run, timed_run
+from percuss.solver.recording import recordable
 from percuss.studies.tasks import TIED, Task
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LOST", "Run", "failure_status", "perform", "perform_timed", "tied_twin", "tying_law"]
 
+WAITING = "waiting"  # status of a run that is still to be made
 LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
 
 # Errors of the machine, whichever code raises them: a missing file, no memory, a missing package.
@@ -114,8 +116,27 @@ def perform_timed(case: Case, task: Task, *, nudge: bool = False, repeats: int |
     return _perform(case, task, lambda changed: timed_run(changed, nudge=nudge, repeats=repeats))[0]
 
 
+def foreseen(case: Case, task: Task) -> tuple[Run, int]:
+    """Return a run as far as it is known before its first step, and its steps times nodes; 0 if it cannot be made.
+
+    Its status is `WAITING` if nothing speaks against it.
+    """
+    from percuss.certificate.verdict import certificate, settled
+
+    node_steps = [0]
+
+    def examined(changed: Case) -> None:
+        model, criterion = settled(changed)
+        found = certificate(recordable(model), criterion, with_critical_step=False)
+        if found["stable"] == "no" and changed.time.on_unstable == "stop":
+            raise RunError(f"the certificate says unstable\n  {found['why']}")
+        node_steps.append(model.steps * len(model.nodes))
+
+    return _perform(case, task, examined)[0], node_steps[-1]
+
+
 def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
-    case: Case, task: Task, make: Callable[[Case], Result]
+    case: Case, task: Task, make: Callable[[Case], Result | None]
 ) -> tuple[Run, InputError | None]:
     names = task.integrator, task.contact, task.varied
     try:
@@ -138,6 +159,8 @@ def _perform(  # noqa: PLR0911 - one return for each way in which a run ends
         return Run(*names, LOST if isinstance(error, TooLargeError) else "failed", str(error)), error
     except Exception as error:  # noqa: BLE001 - an error of a plug-in costs its own runs alone
         return Run(*names, *failure_status(error, case.registry)), None
+    if result is None:
+        return Run(*names, WAITING), None
     reason = "; ".join(note for note in result.summary["notes"] if note.startswith((AGAINST_CERTIFICATE, NOT_VALID)))
     reason = "Ctrl-C" if result.status == "interrupted" else reason
     return Run(*names, result.status, reason, result=result), None

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from percuss.studies.job_package import Bench, Job
     from percuss.studies.spec import StudySpec
 
-__all__ = ["study"]
+__all__ = ["planned", "study"]
 
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 
@@ -98,7 +98,7 @@ def study(
         expect_no_input(out, spec.inputs)
     for output in outputs:
         expect_writable(output, [*spec.inputs, *([("file of rows", Path(out))] if out is not None else [])])
-    jobs, bench = _planned(spec)
+    jobs, bench = planned(spec)
     try:
         return _made(spec, jobs, bench, out, path, workers, scheduler, progress, plugins, again)
     except NotWritableError as error:
@@ -151,7 +151,7 @@ def _made(
     return done
 
 
-def _planned(spec: StudySpec) -> tuple[list[Job], Bench]:
+def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     """Return the jobs of all runs of a study, and the bench that workers need to make them."""
     from percuss.studies.job_package import Job, packed
     from percuss.studies.parameters import combinations

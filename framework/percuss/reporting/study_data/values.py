@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-WAITING = "waiting"  # The status of a run that is still to be made.
+from percuss.studies import perform
 
+WAITING = perform.WAITING
 # What is shown of several runs of one pair of methods.
 STATISTICS: dict[str, Callable[[Any], Any]] = {"best": np.min, "median": np.median}
 
