@@ -6,7 +6,6 @@ picture: a test draws again and compares that, since pixels depend on the machin
 
 import contextlib
 import hashlib
-import itertools
 import json
 import sys
 import tempfile
@@ -31,7 +30,17 @@ COMMANDS = {name: f"run cases/{name}.yaml --plot {name}.png" for name in SHIPPED
 FROM_DATA = {"family": lambda: family.figure(family.Tables())}  # pictures of the results of a study
 ALL = [*COMMANDS, *FROM_DATA]
 ROUND_OFF = {"fifty-impacts"}  # late forces depend on round-off: of this picture the texts are compared
-WIDTHS, COLOURS, LARGEST = (1080, 960, 840), (96, 64, 32), 60_000  # pixels, colours, bytes of a file at most
+LARGEST = 60_000  # bytes of a picture at most
+SIZES = (
+    (1080, 224),
+    (1080, 128),
+    (960, 224),
+    (960, 128),
+    (960, 96),
+    (840, 96),
+    (840, 64),
+    (840, 32),
+)  # pixels, colours
 POINTS = 9  # of each line that are kept
 
 
@@ -101,7 +110,7 @@ def write_picture(large, shown, path):
     picture = Image.open(large).convert("RGB")
     text = PngImagePlugin.PngInfo()
     text.add_text("drawn", digest(shown))
-    for width, colours in itertools.product(WIDTHS, COLOURS):
+    for width, colours in SIZES:
         small = picture.resize((width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS)
         small.quantize(colours, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
             path, optimize=True, pnginfo=text
