@@ -15,7 +15,6 @@ __all__ = [
     "COMPARED_BY_KIT",
     "COMPARISON_TABLE",
     "CONTACT_NUMBERS",
-    "IN_PER_CENT",
     "MEASURABLE",
     "METRICS",
     "QUANTITIES",
@@ -398,10 +397,6 @@ MEASURABLE = {
 # Quantities that are columns of the table of a study by their bare names, in this order.
 METRICS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.metric}
 TRUE_ERRORS = tuple(name for name, quantity in METRICS.items() if quantity.against_exact and quantity.is_error)
-
-# Shares: fractions in data, per cent in words, tables and figures.
-IN_PER_CENT = {name for name, quantity in METRICS.items() if quantity.is_error and quantity.unit == "1"}
-IN_PER_CENT |= {"energy_kept", "energy_max", "overshoot"}
 
 # Columns of the table of a comparison, columns of the table of the best runs of a study, and panels of its figures.
 COMPARISON_TABLE = (*TRUE_ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps")

@@ -89,6 +89,8 @@ def report(
     study: Study | str | os.PathLike[str],
     page: str | os.PathLike[str] | None = None,
     figures: str | os.PathLike[str] | None = None,
+    *,
+    median: bool = False,
 ) -> list[Path]:
     """Write a study as one HTML page that needs no other file, or its figures for print; return the written files.
 
@@ -100,6 +102,9 @@ def report(
         Path of the page, ending in .html; by default the name of the study beside it, unless only figures are asked.
     figures
         Folder of the figures, as svg and pdf.
+    median
+        Whether lines and profiles show the median run of each pair of methods, instead of its best run. The page
+        begins with it and offers both.
     """
     from percuss.reporting.study_figures import study_figures
     from percuss.reporting.study_page import study_report
@@ -113,8 +118,9 @@ def report(
         page = study.path.with_suffix(".html")
     if page is not None:
         expect_writable(Path(page), [("study", study.path)])
-    written = study_figures(study, figures) if figures is not None else []
-    return written if page is None else written + study_report(study, page)
+    statistic = "median" if median else "best"
+    written = study_figures(study, figures, statistic) if figures is not None else []
+    return written if page is None else written + study_report(study, page, statistic)
 
 
 def plugins(name: str = "", files: Sequence[str | Path] = ()) -> Explanation:

@@ -280,8 +280,8 @@ def profile_chart(
     ]
     parts = [f"{count_of(count, 'problem')} {why}" for count, why in left if count]
     note = [
-        f"{count_of(profile.counted, 'problem')}: a case with one value of all that is varied but the options of the "
-        f"methods, of whose runs the {statistic} counts.",
+        f"{count_of(profile.counted, 'problem')}. A problem is a case with one value of each varied path that is no "
+        f"option of a method; of the runs of a pair on a problem the {statistic} counts.",
         *([f"Left out: {', and '.join(parts)}."] if parts else []),
     ]
     if study_data.references(table):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import itertools
 import json
 import os
 import re
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
@@ -19,7 +18,8 @@ import numpy as np
 from percuss.files import PACKAGE, expect_no_input, replacing
 from percuss.jsonable import plain
 from percuss.reporting import study_charts, study_data
-from percuss.reporting.figures import number, one_line
+from percuss.reporting.component import docs
+from percuss.reporting.figures import one_line
 from percuss.reporting.study_charts import Charts, count_of
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
@@ -29,11 +29,10 @@ if TYPE_CHECKING:
 AGAIN = "study.yaml"
 MOST_REASONS = 100
 MOST_VALUES = 12  # Of a varied path with more values only the range is shown.
-STATUSES = ("done", "unstable", "refused", "failed", "interrupted", "lost")
-DOI = re.compile(r"\bdoi:?\s*(10\.\d{4,9}/[^\s,;]+)", re.IGNORECASE)
+DOI = re.compile(r"\s*\bdoi:?\s*(10\.\d{4,9}/[^\s,;]*[^\s,;.)])", re.IGNORECASE)
 
 
-def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
+def study_report(study: StudyLike, path: str | os.PathLike[str], statistic: str = "best") -> list[Path]:
     """Write the report of a study as one HTML file that needs no other file and no network.
 
     Parameters
@@ -42,6 +41,8 @@ def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
         The study.
     path
         Path of the page, ending in .html.
+    statistic
+        What the page shows at first of several runs of a pair of methods: ``best`` or ``median``.
 
     Returns
     -------
@@ -58,11 +59,11 @@ def study_report(study: StudyLike, path: str | os.PathLike[str]) -> list[Path]:
         with replacing(beside, ".csv") as file:
             study.table.to_csv(file, index=False)
     with replacing(target, ".html") as file:
-        file.write_text(report_html(study, beside.name if beside else ""), encoding="utf-8")
+        file.write_text(report_html(study, beside.name if beside else "", statistic), encoding="utf-8")
     return [target] if beside is None else [target, beside]
 
 
-def report_html(study: StudyLike, beside: str = "") -> str:
+def report_html(study: StudyLike, beside: str = "", statistic: str = "best") -> str:
     """Return the report of a study as HTML; the same study gives the same text.
 
     Parameters
@@ -71,17 +72,19 @@ def report_html(study: StudyLike, beside: str = "") -> str:
         The study.
     beside
         Name of the file that has all rows, for a page that does not; empty otherwise.
+    statistic
+        What the page shows at first of several runs of a pair of methods: ``best`` or ``median``.
     """
     study = study_charts.snapshot(study)
     roles = study_data.columns(study)
     shown = study_data.in_per_cent(study.table, roles)
     charts = study_charts.study_charts(shown, roles)
-    data = payload(study, roles, charts)
+    data = payload(study, roles, charts) | {"statistic": statistic}
     parts = {
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question_html(study, data),
         "sampled": _sampling_notice(data, beside),
-        "answer": "".join(f"<li>{escape(sentence)}</li>" for sentence in study_data.answer(shown, roles)),
+        "answer": _answer_html(study_data.answer(shown, roles), charts),
         **{f"{name}_caption": escape(caption) for name, caption in study_charts.CAPTIONS.items()},
         "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
@@ -206,16 +209,18 @@ def _script_json(data: dict[str, Any]) -> str:
 # ---------------------------------------------------------------------------------------------------- words
 
 
+def _answer_html(sentences: list[str], charts: Charts) -> str:
+    """Return the answer as HTML, with the pairs of methods in bold."""
+    names = sorted(map(escape, charts.styles), key=len, reverse=True)
+    bold = re.compile("|".join(map(re.escape, names)) or "$^")
+    return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', escape(line))}</li>" for line in sentences)
+
+
 def _question_html(study: StudyLike, data: dict[str, Any]) -> str:
     question = study.spec.get("question")
     question_html = f'<p class="question">{escape(str(question))}</p>' if question else ""
-    counts = study.table["status"].value_counts().to_dict()
-    status_counts = [f"{counts[status]:,} {status}" for status in STATUSES if status in counts]
-    status_counts += [
-        f"{count:,} {'still to be run' if status == study_data.WAITING else escape(str(status))}"
-        for status, count in counts.items()
-        if status not in STATUSES
-    ]
+    counts = study.table["status"].replace(study_data.WAITING, "still to be made").value_counts()
+    status_counts = [f"{count:,} {escape(str(status))}" for status, count in counts.items()]
     cases = study.table["case"].nunique()
     words = [
         count_of(data["total"], "run"),
@@ -336,48 +341,37 @@ def _component_html(registry: Registry, family: str, name: str, variants: list[s
         words = "Not registered where this page was made; the provenance below names the plug-ins of the study."
         return f'<article class="method">{head}<p class="soft">{words}</p></article>'
     component = registry.components[family, name]
-    paragraphs = inspect.cleandoc(component.__doc__ or "").split("\n\n")
-    formula = [paragraph for paragraph in paragraphs if paragraph.startswith("Formula:")]
-    rest = [paragraph for paragraph in paragraphs if not paragraph.startswith("Formula:")]
-    lead = "".join(
-        f'<p class="formula">{_paragraph_html(paragraph.removeprefix("Formula:").strip())}</p>' for paragraph in formula
-    )
-    first = f"<p>{_paragraph_html(rest[0])}</p>" if rest else ""
-    more = "".join(f"<p>{_paragraph_html(paragraph)}</p>" for paragraph in rest[1:])
+    first, formula, rest = docs(component)
+    lead = f'<p class="formula">{_paragraph_html(formula)}</p>' if formula else ""
+    more = "".join(f"<p>{_paragraph_html(paragraph)}</p>" for paragraph in filter(None, rest.split("\n\n")))
     hidden = f"<details><summary>More about it</summary>{more}</details>" if more else ""
     sources = "".join(f"<li>{_reference_html(reference)}</li>" for reference in component.references)
     references = f'<ul class="references">{sources}</ul>' if sources else ""
-    return f'<article class="method">{head}{first}{lead}{hidden}{references}</article>'
+    return f'<article class="method">{head}<p>{_paragraph_html(first)}</p>{lead}{hidden}{references}</article>'
 
 
 def _paragraph_html(text: str) -> str:
-    """Return a paragraph of a docstring as HTML, with its marked names and code as elements."""
-    safe = escape(one_line(text))
-    return re.sub(r"`([^`]+)`", r"<em>\1</em>", re.sub(r"``([^`]+)``", r"<code>\1</code>", safe))
+    """Return a paragraph of a docstring as HTML, with its marked names as elements."""
+    return re.sub(r"`([^`]+)`", r"<em>\1</em>", escape(one_line(text)))
 
 
 def _reference_html(reference: str) -> str:
     """Return a reference as HTML with its DOI as a link, which the page itself never loads."""
-    match = DOI.search(reference)
-    if match is None:
-        return escape(one_line(reference))
-    doi = match[1].rstrip(".)")
-    link = f'<a rel="noreferrer" href="https://doi.org/{escape(doi)}">doi {escape(doi)}</a>'
-    before, after = reference[: match.start()], reference[match.start(1) + len(doi) :]
-    return f"{escape(one_line(before))} {link}{escape(after)}"
+    before, *found = DOI.split(one_line(reference), maxsplit=1)
+    if not found:
+        return escape(before)
+    doi, after = map(escape, found)
+    return f'{escape(before)} <a rel="noreferrer" href="https://doi.org/{doi}">doi {doi}</a>{after}'
 
 
 def _command_and_file(study: StudyLike) -> str:
-    import yaml
-
     command = study.provenance.get("command")
     words = command if isinstance(command, str) else shlex.join(map(str, command or ("percuss", "study", AGAIN)))
     saved = f"<p>With the file below saved as <code>{AGAIN}</code> where its cases are found from:</p>"
     run = f'{"" if command else saved}<pre class="command">{escape(words)}</pre>'
     if any(file.role == "study" and file.text is not None for file in getattr(study, "files", [])):
         return f'{run}<p>The study file and the files that it names stand <a href="#files">below</a>.</p>'
-    text = yaml.safe_dump(plain(study.spec), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)
-    return f"{run}<p>The study file, as it was read:</p><pre>{escape(text)}</pre>"
+    return f"{run}<p>The study file, as it was read:</p><pre>{escape(_yaml(study.spec))}</pre>"
 
 
 def _files_html(study: StudyLike) -> str:
@@ -401,25 +395,14 @@ def _files_html(study: StudyLike) -> str:
 
 def _provenance_html(provenance: dict[str, Any]) -> str:
     """Return the provenance as HTML without the command, which is shown elsewhere, and without a single session."""
-    single_session = len(provenance.get("sessions") or []) < 2
-    return _nested(
-        {
-            key: value
-            for key, value in provenance.items()
-            if key != "command" and not (key == "sessions" and single_session)
-        }
-    )
+    left_out = {"command", "sessions"} if len(provenance.get("sessions") or []) < 2 else {"command"}
+    return f"<pre>{escape(_yaml({key: value for key, value in provenance.items() if key not in left_out}))}</pre>"
 
 
-def _nested(value: Any) -> str:
-    """Return nested data as HTML: mappings as definition lists, other lists as items or joined texts."""
-    if isinstance(value, Mapping) and value:
-        return f"<dl>{''.join(f'<dt>{escape(str(k))}</dt><dd>{_nested(v)}</dd>' for k, v in value.items())}</dl>"
-    if isinstance(value, (Mapping, list)):
-        if not any(isinstance(item, (dict, list)) for item in value):
-            return escape(", ".join(map(str, value))) or "none"
-        return f"<ul>{''.join(f'<li>{_nested(item)}</li>' for item in value)}</ul>"
-    return escape("not known" if value is None else number(value, 12))
+def _yaml(data: dict[str, Any]) -> str:
+    import yaml
+
+    return yaml.safe_dump(plain(data), sort_keys=False, allow_unicode=True, width=100, default_flow_style=None)
 
 
 def _table_html(head: Iterable[str], lines: Iterable[Iterable[str]]) -> str:

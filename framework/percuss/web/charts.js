@@ -910,6 +910,7 @@ function fill(id, names, place = 0) {
 function start() {
   const { costs, results, varied, mapped, ranked } = page.charts;
   fill("measure", [...ranked, ...results.filter((name) => !ranked.includes(name))]);
+  $("statistic").value = page.statistic;
   fill("work-x", costs);
   fill("vary-x", varied);
   fill("map-x", mapped);

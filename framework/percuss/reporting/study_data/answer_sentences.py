@@ -105,7 +105,7 @@ def _dependence_sentence(table: Any, roles: ColumnRoles, name: str) -> list[str]
     known = sorted(((factor, path) for path, factor in factors.items() if factor >= 1), reverse=True)
     words = [f"by a factor of {number(factor, 2)} with {path}" for factor, path in known[:3]]
     out = [f"The error of a pair in a case changes {', '.join(words)} (medians)."] if words else []
-    fragile = int((done["fragile"] == True).sum())  # noqa: E712  (None where it was not asked)
+    fragile = int(done["fragile"].eq(True).sum())
     if fragile:
         out.append(f"The result of {fragile:,} of {len(done):,} runs depends on round-off.")
     return [" ".join(out)] if out else []

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from percuss.case.quantities import IN_PER_CENT, QUANTITIES, TRUE_ERRORS
+from percuss.case.quantities import METRICS, QUANTITIES, TRUE_ERRORS
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.tasks import TIED
 
@@ -102,7 +102,8 @@ def columns(study: StudyLike) -> ColumnRoles:
 
 def is_share(name: str) -> bool:
     """Return whether a measure is a share: a fraction in the table of a study, per cent wherever it is shown."""
-    return name.rpartition(".")[2] in IN_PER_CENT
+    quantity = METRICS.get(name.rpartition(".")[2])
+    return quantity is not None and quantity.is_fraction
 
 
 def in_per_cent(table: Any, roles: ColumnRoles) -> Any:
