@@ -1,8 +1,10 @@
 """Every command and snippet of every page is executed."""
 
+import json
 import os
 import re
 import shlex
+import tempfile
 from pathlib import Path
 
 import jsonschema
@@ -11,6 +13,7 @@ import pytest
 import yaml
 
 import held_against
+import notebook
 import pages
 import percuss
 import places
@@ -123,6 +126,18 @@ def test_a_command_shows_what_the_page_says(name: str, tmp_path: Path) -> None:
     assert len(pages.SESSION.findall(PAGES[name])) == PAGES[name].count("```console")
     for command, shown, made in pages.sessions(PAGES[name], tmp_path):
         assert pages.alike(shown, made), f"{command}\n{made}"
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_from_top_to_bottom_and_shows_what_it_stores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`python tests/support/notebook.py` writes the outputs anew."""
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    cells = json.loads(notebook.TOUR.read_text(encoding="utf-8"))
+    for cell, made in notebook.outputs(cells):
+        assert pages.alike(notebook.stored(cell), made), made
 
 
 @pytest.mark.parametrize("text", PYTHON, ids=beginning)
