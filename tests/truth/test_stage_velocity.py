@@ -103,5 +103,5 @@ def test_the_kit_holds_velocities_against_the_times(tmp_path):
         if right:
             check_stages(subject)
             continue
-        with pytest.raises(CheckFailed, match="`velocity` says of stage 0"):
+        with pytest.raises(CheckFailed, match="`velocity` of stage 0 gives"):
             check_stages(subject)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import sys
 from pathlib import Path
@@ -154,11 +153,10 @@ def _run_kit(files: list[Path], names: list[str], *, quiet: bool, verbose: bool)
         if not quiet:
             print(here(f"{subject.name} ({subject.family}), {registry.sources[key]}"), flush=True)
         with progress_bar(f"checks of {subject.name}") as progress:
-            made = itertools.count(1)
 
-            def tell(outcome: Outcome, planned: int, progress: Any = progress, made: Any = made) -> None:
+            def tell(outcome: Outcome, made: int, planned: int, progress: Any = progress) -> None:
                 if quiet or (sys.stdout.isatty() and not verbose):
-                    progress(next(made), planned)
+                    progress(made, planned)
                 elif verbose:
                     print(outcome, flush=True)
                 else:

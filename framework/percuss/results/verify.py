@@ -57,13 +57,9 @@ class Check:
 def describe(expectation: Expectation) -> str:
     """Return the quantity of an expectation in words."""
     owner = expectation.contact or (str(expectation.probe) if expectation.probe else "")
-    when = (
-        f" during {expectation.during[0]:g} to {expectation.during[1]:g}"
-        if expectation.during
-        else f" at {expectation.at:g}"
-        if expectation.at is not None
-        else ""
-    )
+    when = "" if expectation.at is None else f" at {expectation.at:g}"
+    if expectation.during:
+        when = f" during {expectation.during[0]:g} to {expectation.during[1]:g}"
     statistic = "" if expectation.statistic == "value" else f"{expectation.statistic} of "
     return f"{statistic}{expectation.quantity}{' of ' + owner if owner else ''}{when}"
 

@@ -93,7 +93,7 @@ def for_all(subject: Subject, strategy: SearchStrategy[Any], body: Callable[[Any
         with without_constants_of_modules():
             each()
     except Flaky as error:
-        raise CheckFailed(f"the same input gives another answer the second time: {error}") from None
+        raise CheckFailed(f"the same input gives another result the second time: {error}") from None
     except (_EnoughError, CheckFailed):
         _, message, subject.loaded[:] = min(reversed(failures), key=lambda failure: failure[0])
         raise CheckFailed(message) from None
@@ -312,7 +312,7 @@ def unit_factor(unit: str) -> float:
         for word in part.split("*"):
             base, _, power = word.partition("^")
             if base not in POWERS or not re.fullmatch(r"(-?\d+(\.\d+)?)?", power):
-                raise CheckFailed(f"unit '{unit}' is not made of known words by / * ^; known are {', '.join(POWERS)}")
+                raise CheckFailed(f"unit '{unit}' must consist of known words and / * ^; known are {', '.join(POWERS)}")
             value = math.prod(
                 scale**exponent for scale, exponent in zip(OTHER_UNITS, POWERS[base], strict=True)
             ) ** float(power or 1)
@@ -338,27 +338,22 @@ def converted(case: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-def converted_options(subject: Subject, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options converted to the other units by their stated units, including defaults whose value changes."""
+def converted_options(subject: Subject) -> dict[str, Any]:
+    """Return the options of a subject converted to the other units by their units, with defaults that change."""
     from percuss.case.options import options_of
-
-    declared = options_of(subject.component)
-    defaults = {
-        key: option.default
-        for key, option in declared.items()
-        if isinstance(option.default, int | float) and unit_factor(option.unit or "1") != 1.0
-    }
 
     def scaled(value: Any, scale: float) -> Any:
         if isinstance(value, tuple | list):
             return tuple(scaled(item, scale) for item in value)
-        return (
-            value * scale if isinstance(value, int | float) and not isinstance(value, bool) and scale != 1.0 else value
-        )
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return value * scale if is_number and scale != 1.0 else value
 
-    return {
-        key: scaled(value, unit_factor(declared[key].unit or "1")) for key, value in {**defaults, **options}.items()
+    converted = {
+        key: scaled(subject.options.get(key, option.default), unit_factor(option.unit or "1"))
+        for key, option in options_of(subject.component).items()
     }
+    defaults = {key: option.default for key, option in options_of(subject.component).items()}
+    return {key: value for key, value in converted.items() if key in subject.options or value != defaults[key]}
 
 
 # --------------------------------------------------------------------------------------------------- comparing
@@ -481,11 +476,6 @@ def must_balance(result: Any, where: str = "", *, ledger: bool = True) -> None:
     for name, error in errors.items():
         if not error <= BALANCED:
             raise CheckFailed(f"the balance of {name} is open by {per_cent(error)}{where}")
-
-
-def replaced(case: Mapping[str, Any], **parts: Any) -> dict[str, Any]:
-    """Return a copy of a case with some of its parts replaced."""
-    return {**copy.deepcopy(dict(case)), **parts}
 
 
 def per_cent(fraction: float) -> str:

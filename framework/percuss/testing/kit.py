@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from percuss.errors import PercussError, PluginError
+from percuss.errors import PercussError, PluginError, suggestion
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin
 from percuss.methods.interfaces import Component, LeapFrog
 from percuss.methods.registry import Registry
@@ -28,7 +28,6 @@ from percuss.testing.subject import (
     CheckFailed,
     NotApplicable,
     Subject,
-    did_you_mean,
     named,
     registered_checks,
 )
@@ -77,8 +76,8 @@ def _fails_elsewhere(kit_check: Check, subject: Subject, partner: str) -> str:
 
 def _shown_states(subject: Subject, integrator: str) -> Any:
     """Return the states at which a leap-frog scheme evaluates contact laws, None for a multi-stage scheme."""
-    definition = subject.registry.components["integrators", integrator]().bind(1.0)  # type: ignore[attr-defined]
-    return (definition.explicit, definition.end) if isinstance(definition, LeapFrog) else None
+    scheme = subject.scheme(integrator)
+    return (scheme.explicit, scheme.end) if isinstance(scheme, LeapFrog) else None
 
 
 def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
@@ -123,8 +122,10 @@ def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
     return Outcome(kit_check, partner, "passed")
 
 
-def examine(subject: Subject, tell: Callable[[Outcome, int], None] = lambda *_: None) -> Report:
-    """Run every check of the kit on a subject, tell each outcome and the number of checks, and return the report.
+def examine(subject: Subject, tell: Callable[[Outcome, int, int], None] = lambda *_: None) -> Report:
+    """Run every check of the kit on a subject, and return the report.
+
+    Each outcome is told as it comes, with the number of checks that are made and the number of all.
 
     If the first check fails, the component cannot run, and no other check is made. Of the failure with the smallest
     case, a smaller case still is sought.
@@ -133,7 +134,7 @@ def examine(subject: Subject, tell: Callable[[Outcome, int], None] = lambda *_: 
     outcomes = []
     for kit_check, partner in planned:
         outcomes.append(perform(kit_check, subject, partner))
-        tell(outcomes[-1], len(planned))
+        tell(outcomes[-1], len(outcomes), len(planned))
         if kit_check.first and not outcomes[-1].good:
             break
     report = Report(subject.component, tuple(outcomes), len(planned) - len(outcomes))
@@ -207,5 +208,5 @@ def _error_with_line(error: BaseException, subject: Subject) -> str:
         return str(error)
     advice = ""
     if isinstance(error, AttributeError) and error.name and error.obj is not None:
-        advice = did_you_mean(error.name, [name for name in dir(error.obj) if name[0] != "_"])
+        advice = f". {suggestion(error.name, (name for name in dir(error.obj) if name[0] != '_'), 'attribute')}"
     return f"{lines[-1] if lines else ''}{described(error)}{advice}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -178,13 +178,11 @@ class Report:
         """Yield the lines of the groups of failures, and how a failure is declared."""
         groups = self.groups()
         for group in groups[:GROUPS_SHOWN]:
-            first, checks = group[0], list(dict.fromkeys(outcome.check.name for outcome in group))
-            what = first.name if len(group) == 1 else f"{len(group)} checks"
-            names = [outcome.partner for outcome in group] if len(checks) == 1 else checks
-            if len(group) > 1:
-                what += f" ({f'{checks[0]} with ' if len(checks) == 1 else ''}{_few(names)})"
+            names = [outcome.name for outcome in group]
+            what = ", ".join(names[:2] + ["..."] * (len(names) > 2))
+            what = f"{len(group)} checks ({what})" if len(group) > 1 else what
             yield ""
-            yield from _filled(f"{what}: {first.sentence}")
+            yield from _filled(f"{what}: {group[0].sentence}")
         if len(groups) > GROUPS_SHOWN:
             yield f"\n{len(groups) - GROUPS_SHOWN} more kinds of failure: --verbose gives all"
         if self.unmade:
@@ -227,13 +225,6 @@ def _result(outcomes: list[Outcome]) -> str:
     number = sum(outcome.status == status for outcome in outcomes)
     count = f"{number} of {len(outcomes)} " if len(outcomes) > 1 else ""
     return f"{count}{word.get(status, status)}".rjust(15)
-
-
-def _few(names: Iterable[str]) -> str:
-    """Return the first of some names, and how many more there are."""
-    listed = list(names)
-    more = f" and {len(listed) - NAMES_SHOWN} more" if len(listed) > NAMES_SHOWN else ""
-    return f"{', '.join(listed[:NAMES_SHOWN])}{more}"
 
 
 def here(text: str) -> str:

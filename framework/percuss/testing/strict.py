@@ -144,15 +144,15 @@ class StrictSystem:
         softer = [min(pair) for pair in sides]
         self.points = ContactPoints(
             names=tuple(contacts),
-            stiffness=_locked([side[0] for side in softer]),
-            frequency=_locked([min(side[1] for side in pair) for pair in sides]),
-            mass=_locked([2.0 * side[0] / side[1] ** 2 for side in softer]),
-            equal_sides=_locked([all(np.allclose(side, pair[0], rtol=1e-12) for side in pair) for pair in sides], bool),
-            delassus=_locked(np.diag(self.delassus)),
-            coupling=_locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
-            weight=_locked([1.0] * len(sides)),
+            stiffness=locked([side[0] for side in softer]),
+            frequency=locked([min(side[1] for side in pair) for pair in sides]),
+            mass=locked([2.0 * side[0] / side[1] ** 2 for side in softer]),
+            equal_sides=locked([all(np.allclose(side, pair[0], rtol=1e-12) for side in pair) for pair in sides], bool),
+            delassus=locked(np.diag(self.delassus)),
+            coupling=locked(np.abs(self.delassus).sum(axis=1) / np.diag(self.delassus)),
+            weight=locked([1.0] * len(sides)),
             limits=self._limits,
-            traces=lambda: _locked(self._traces),
+            traces=lambda: locked(self._traces),
         )
 
     def _assemble_end_forces(self, contacts: list[list[str]]) -> None:
@@ -191,7 +191,7 @@ class StrictSystem:
     def march(self) -> Histories:
         """Return the histories of all steps and of one more step, whose force is the last one of the histories."""
         if isinstance(self.scheme, Implicit):
-            raise NotApplicable("the scheme is implicit, and is no step that this system makes")
+            raise NotApplicable("the scheme is implicit; this system makes explicit steps only")
         records = self._leap_frog(self.scheme) if isinstance(self.scheme, LeapFrog) else self._in_stages(self.scheme)
         return Histories(*(np.array(column) for column in zip(*records, strict=True)))
 
@@ -234,7 +234,7 @@ class StrictSystem:
         dt, size, points = self.dt, self.mass.size, len(self.points.names)
         ends = np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times))  # the kernel reads it where it lies
         if not stages.end and isinstance(self.bound, LinearLaw) and self.bound.at == "end":
-            raise NotApplicable("the scheme says of no stage how the end of the step is answered")
+            raise NotApplicable("the scheme declares no `end`")
         clock = [0.0]
 
         def accelerations(_: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
@@ -284,11 +284,11 @@ class StrictSystem:
         if isinstance(self.bound, LinearLaw):
             return self._by_linear_law(self.bound, table, gaps, rates, acceleration)
         multiplier = np.full(len(self.points.names), np.nan)
-        locked = [_locked(values) for values in (*gaps, *rates)]
+        seen = [locked(values) for values in (*gaps, *rates)]
         responses = table.end.response
         trial = Trial(
-            locked[0], locked[1], locked[2], locked[3], _locked(np.diag(self.delassus)), self.dt, time,
-            responses[0], responses[1], *self._neighbours(), _locked(self._state_before), self._state_before.copy(),
+            seen[0], seen[1], seen[2], seen[3], locked(np.diag(self.delassus)), self.dt, time,
+            responses[0], responses[1], *self._neighbours(), locked(self._state_before), self._state_before.copy(),
             np.zeros_like(self._shift),
         )  # fmt: skip
         kernel: Any = getattr(type(self.law), "multipliers", None)
@@ -311,7 +311,7 @@ class StrictSystem:
             off = np.zeros((count, count))
         row, column = np.nonzero(off)
         first = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-        return _locked(first, int), _locked(column, int), _locked(off[row, column]), _locked(np.zeros(count))
+        return locked(first, int), locked(column, int), locked(off[row, column]), locked(np.zeros(count))
 
     def _acts(self) -> bool:
         """Return whether a linear law acts in the present step."""
@@ -366,7 +366,7 @@ def _solved(left: Floats, right: Floats, *, free: bool) -> Floats:
     return best
 
 
-def _locked(values: Any, kind: type = float) -> Any:
+def locked(values: Any, kind: type = float) -> Any:
     """Return a read-only array of values."""
     array: Any = np.array(values, dtype=kind)
     array.flags.writeable = False

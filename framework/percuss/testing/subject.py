@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from percuss.errors import PluginError, RefusedPair, RunError, nearest
-from percuss.methods.interfaces import FAMILIES, Component, DataFile, LeapFrog
+from percuss.errors import PluginError, RefusedPair, RunError
+from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
 
@@ -27,12 +27,6 @@ class CheckFailed(AssertionError):
 
 class NotApplicable(Exception):
     """Raised by a check that does not apply to a component; the message gives the reason."""
-
-
-def gives_own_steps(subject: Subject, case: Mapping[str, Any]) -> bool:
-    """Return whether the integrator of a case gives bodies steps of their own: less is known of its pairs then."""
-    definition = subject.load(case).method.integrator.bind(1.0)
-    return isinstance(definition, LeapFrog) and definition.own_steps
 
 
 def was_not_started(stopped: RunError) -> bool:
@@ -109,14 +103,12 @@ class Subject:
 
         folder = Path(self.registry.sources[self.family, self.name].file).parent
         files = [key for key, option in options_of(self.component).items() if DataFile in branches(option.annotation)]
-        out = [dict(options) for options in self.component.examples]
-        for example in out:
-            example |= {
-                key: str((folder / example[key]).resolve())
-                for key in files
-                if isinstance(example.get(key), str) and (folder / example[key]).is_file()
-            }
-        return out
+
+        def placed(key: str, value: Any) -> Any:
+            is_file = key in files and isinstance(value, str) and (folder / value).is_file()
+            return str((folder / value).resolve()) if is_file else value
+
+        return [{key: placed(key, value) for key, value in example.items()} for example in self.component.examples]
 
     def judges(self, family: str) -> list[str]:
         """Return the methods of a family that judge the component: those of percuss, and those of its own plug-in.
@@ -181,6 +173,15 @@ class Subject:
                 for name, body in case["bodies"].items()
             }
         return out
+
+    def scheme(self, integrator: str) -> Any:
+        """Return the scheme of a registered integrator, with the first of its examples and a step of 1."""
+        cls: Any = self.registry.components["integrators", integrator]
+        return cls(**cls.examples[0]).bind(1.0)
+
+    def scheme_of(self, case: Mapping[str, Any]) -> Any:
+        """Return the scheme of the integrator of a case, with a step of 1."""
+        return self.load(case).method.integrator.bind(1.0)
 
     def load(self, case: Mapping[str, Any]) -> Any:
         """Return a case read from a mapping, with the component under test among the registered components."""
@@ -311,9 +312,3 @@ def names_of_checks(subject: Subject) -> list[str]:
     """Return the names of checks, alone and with each partner, that a subject may declare as expected failures."""
     checks = list(registered_checks(subject))
     return list(dict.fromkeys([*(kit_check.name for kit_check, _ in checks), *(named(*pair) for pair in checks)]))
-
-
-def did_you_mean(text: str, names: Iterable[str]) -> str:
-    """Return advice that suggests the name nearest to `text`, or an empty text if no name is near."""
-    nearest_name = nearest(text, names)
-    return f"; did you mean '{nearest_name}'?" if nearest_name else ""

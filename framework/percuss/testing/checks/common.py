@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from percuss.errors import InputError, RefusedPair, RunError
+from percuss.errors import InputError, RefusedPair, RunError, suggestion
 from percuss.methods.blame import described
 from percuss.testing.draws import (
     TWO_BARS,
@@ -27,7 +27,6 @@ from percuss.testing.subject import (
     NotApplicable,
     Subject,
     check,
-    did_you_mean,
     names_of_checks,
 )
 
@@ -112,7 +111,9 @@ def check_facts(subject: Subject) -> None:
     names = names_of_checks(subject)
     for name, reason in cls.expected_failures.items():
         if name not in names:
-            raise CheckFailed(f"`expected_failures` names '{name}', which is no check{did_you_mean(name, names)}")
+            raise CheckFailed(
+                f"`expected_failures` has '{name}', which is no check. {suggestion(name, names, 'check')}"
+            )
         if not (isinstance(reason, str) and reason.strip()):
             raise CheckFailed(f"`expected_failures` gives no reason for '{name}'")
 
@@ -134,7 +135,7 @@ def check_frozen(subject: Subject) -> None:
         if instance != other or hash(instance) != hash(other):
             raise CheckFailed(f"two instances with the options {options} are not equal")
         if subject.component.__module__ != "__main__" and pickle.loads(pickle.dumps(instance)) != instance:  # noqa: S301
-            raise CheckFailed(f"an instance with the options {options} comes back from pickle as another one")
+            raise CheckFailed(f"an instance with the options {options} is another one after pickling")
 
 
 @check()
@@ -162,7 +163,7 @@ def check_options_documented(subject: Subject) -> None:
     schema = schema_of(subject.component)["properties"]
     for key, option in options_of(subject.component).items():
         if not option.doc:
-            raise CheckFailed(f'option `{key}` does not say what it is: add Doc("...") to its annotation')
+            raise CheckFailed(f'option `{key}` has no description: add Doc("...") to its annotation')
         if _has_number(schema[key]) and not option.unit:
             raise CheckFailed(f'option `{key}` has no unit: add Unit("..."), Unit("1") for a pure number')
         if option.unit:
@@ -195,14 +196,14 @@ def check_options_bounded(subject: Subject) -> None:
                 instance = subject.make({**options, key: value})
             except CheckFailed as refusal:
                 if not str(refusal).strip(": "):
-                    raise CheckFailed(f"option `{key}` refuses {value!r} without a word") from None
+                    raise CheckFailed(f"option `{key}` refuses {value!r} without a reason") from None
                 return
             try:
                 _use(subject, instance, {**options, key: value})
             except (InputError, RefusedPair, RunError):
                 return
             except Exception as error:
-                failure = f"option `{key}` accepts {value!r}, and then: {described(error)}"
+                failure = f"option `{key}` accepts {value!r}, then it raises {described(error)}"
                 raise CheckFailed(f"{failure}; give it a bound, or raise ValueError in words") from error
 
         default = option.default if not option.required else subject.examples[0].get(key)
@@ -248,7 +249,7 @@ def check_schema(subject: Subject) -> None:
     for options in subject.examples:
         errors = list(validator.iter_errors(plain(options)))
         if errors:
-            raise CheckFailed(f"its schema does not allow its example {options}: {errors[0].message}")
+            raise CheckFailed(f"its schema refuses its example {options}: {errors[0].message}")
 
 
 @check(*METHODS)

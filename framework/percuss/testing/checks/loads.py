@@ -6,6 +6,7 @@ import numpy as np
 
 from percuss.methods.interfaces import FollowingLoad
 from percuss.testing.draws import bar, chain, must_balance
+from percuss.testing.strict import locked
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 TIMES = np.linspace(0.0, 1.0, 41)
@@ -20,24 +21,19 @@ def check_amplitude(subject: Subject) -> None:
     Amplitudes are computed in chunks of steps: one that uses neighbouring times depends on where chunks end.
     """
     if issubclass(subject.component, FollowingLoad):
-        raise NotApplicable("it follows the motion of an end, and is not given in time")
+        raise NotApplicable("it follows the motion of an end; it is no function of time")
     for _, load in subject.made():
         for time in (TIMES, TIMES[:1], TIMES[:0], TIMES[::-1].copy(), TIMES * 1e3):
-            original = time.copy()
-            locked = time.copy()
-            locked.flags.writeable = False
             try:
-                amplitude = np.asarray(load.amplitude(locked), dtype=float)
+                amplitude = np.asarray(load.amplitude(locked(time)), dtype=float)
             except ValueError as error:
                 raise CheckFailed(f"`amplitude` of {time.size} times: {error}") from error
             if amplitude.shape != time.shape or not np.isfinite(amplitude).all():
                 raise CheckFailed(f"`amplitude` of {time.size} times has shape {amplitude.shape}, or is not finite")
-            if not np.array_equal(locked, original):
-                raise CheckFailed("`amplitude` changes the times it was handed")
             alone = [float(np.asarray(load.amplitude(time[k : k + 1]))[0]) for k in range(time.size)]
             size = float(np.abs(amplitude).max(initial=1.0))
             if not np.allclose(amplitude, alone, rtol=0.0, atol=TOLERANCE * size):
-                raise CheckFailed("the amplitude at a time depends on the other times it is asked for")
+                raise CheckFailed("the amplitude at a time depends on the other times of the array")
 
 
 @check("loads")
@@ -62,9 +58,9 @@ def check_kinks(subject: Subject) -> None:
         size = float(np.abs(values).max(initial=1e-300))
         rough = np.flatnonzero(clear & (bends > 1e3 * typical + 1e-4 * size))
         if rough.size:
-            raise CheckFailed(f"the amplitude has a kink near time {times[rough[0]]:.4g}, which `kinks` does not name")
+            raise CheckFailed(f"the amplitude has a kink near time {times[rough[0]]:.4g}, and `kinks` does not name it")
     if not declares_kinks:
-        raise NotApplicable("it does not say when it is smooth")
+        raise NotApplicable("`kinks` returns None")
 
 
 @check("loads")
@@ -116,4 +112,4 @@ def check_runs_in_a_case(subject: Subject) -> None:
         impulse = float(np.dot(momentum["impulse_of_loads"], along / np.linalg.norm(along)))
         # the framework decides on the weights of the first and of the last step in which the load acts
         if abs(impulse - expected) > 2.0 * dt * float(np.abs(load.amplitude(steps)).max()) + 1e-12:
-            raise CheckFailed(f"its impulse is {impulse:.6g}, and that of its amplitude {expected:.6g}")
+            raise CheckFailed(f"its impulse is {impulse:.6g}, that of its amplitude is {expected:.6g}")

@@ -32,12 +32,12 @@ def _solved(subject: Subject, case: dict[str, Any]) -> tuple[Any, float]:
     reason = engine.covers(problem)
     if reason is not None:
         if not isinstance(reason, str) or not reason.strip():
-            raise CheckFailed(f"`covers` says {reason!r}, expected a reason in words or None")
+            raise CheckFailed(f"`covers` gives {reason!r}, expected a reason in words or None")
         raise NotApplicable(f"it covers no drawn case: {reason}")
     end = model.dt * model.steps
     solution = engine.solve(problem, end)
     if solution.reached < end * (1.0 - CLOSE) and not (isinstance(solution.stopped, str) and solution.stopped.strip()):
-        raise CheckFailed(f"it holds up to {solution.reached:.6g} of {end:.6g} only, and `stopped` does not say why")
+        raise CheckFailed(f"it ends at {solution.reached:.6g} of {end:.6g}, and `stopped` gives no reason")
     return solution, min(end, solution.reached)
 
 
@@ -82,11 +82,11 @@ def check_impulse_and_balances(subject: Subject, case: Any) -> None:
     first, last = (sum(solution.energy(t)) for t in (0.0, end))
     scale = max(first, last, 1e-300)
     if abs(last - first - solution.work(end)) > CLOSE * scale:
-        raise CheckFailed(f"energy changes by {last - first:.6g}, and {solution.work(end):.6g} of work is done")
+        raise CheckFailed(f"energy changes by {last - first:.6g}, the work is {solution.work(end):.6g}")
     change = solution.momentum(end) - solution.momentum(0.0)
     size = max(abs(solution.momentum(0.0)), abs(solution.impulse(end)), abs(change), 1e-300)
     if abs(change - solution.impulse(end)) > CLOSE * size + CLOSE:
-        raise CheckFailed(f"momentum changes by {change:.6g}, and the impulse is {solution.impulse(end):.6g}")
+        raise CheckFailed(f"momentum changes by {change:.6g}, the impulse is {solution.impulse(end):.6g}")
 
 
 @check("solutions")
@@ -104,14 +104,16 @@ def check_largest_values(subject: Subject, case: Any) -> None:
             inside = time[(time > start) & (time < stop)]
             largest, sample = contact.largest_force(start, stop), float(np.max(contact.force(inside)))
             if sample > largest + CLOSE * abs(sample):
-                raise CheckFailed(f"contact '{name}' presses with {sample:.6g}, told at most {largest:.6g}")
+                raise CheckFailed(
+                    f"contact '{name}' presses with {sample:.6g}; the stated largest force is {largest:.6g}"
+                )
     energies = [sum(solution.energy(float(t))) for t in time]
     largest = solution.largest_energy()
     if max(energies) > largest * (1.0 + CLOSE):
-        raise CheckFailed(f"the energy is {max(energies):.6g}, told at most {largest:.6g}")
+        raise CheckFailed(f"the energy is {max(energies):.6g}; the stated largest is {largest:.6g}")
     work = max(abs(solution.work(float(t))) for t in time)
     if work == 0.0 and largest > max(energies) * (1.0 + CLOSE):
-        raise CheckFailed(f"the energy is {max(energies):.6g} all the time, told at most {largest:.6g}")
+        raise CheckFailed(f"the energy is always {max(energies):.6g}; the stated largest is {largest:.6g}")
 
 
 @check("solutions")
@@ -131,7 +133,7 @@ def check_methods_tend_to_it(subject: Subject) -> None:
             _solved(subject, case)
             result = subject.run(case)
             if result.summary["exact"] is None:
-                raise CheckFailed(f"it does not judge the run: {result.summary['exact_reason']}")
+                raise CheckFailed(f"no error against it was computed: {result.summary['exact_reason']}")
             errors.append(result.summary["exact"]["displacement_error"])
         if not errors[1] < 0.5 * errors[0]:
             raise CheckFailed(
@@ -157,7 +159,7 @@ def check_measure(subject: Subject, case: Any) -> None:
     if first is not None and not np.isfinite(float(first)):
         raise CheckFailed(f"it gives {first!r}, expected a finite number or None")
     if first != second:
-        raise CheckFailed(f"it gives {first!r} and then {second!r} of the same result")
+        raise CheckFailed(f"it gives {first!r}, then {second!r} for the same result")
     for name, values in before.items():
         if not np.array_equal(values, result.arrays[name], equal_nan=True):
             raise CheckFailed(f"it changes {name} of the result")
