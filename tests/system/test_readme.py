@@ -228,6 +228,23 @@ def test_the_laws_shown_conform_but_where_they_say_so(folder: Path, name: str) -
     assert done.returncode == 0, done.stdout
 
 
+def test_the_measure_shown_counts_closings(folder: Path) -> None:
+    found: dict[str, type] = {}
+    exec((folder / "closings.py").read_text(encoding="utf-8"), found)
+    case = percuss.load(folder / "cases" / "doyen-impact.yaml")
+    result = percuss.run(case, {"method.contact": "lagrange"})
+    assert found["Closings"]().of(result) == 1  # one impact on a wall
+    result.arrays["contact_force"][::2] = 0.0
+    assert found["Closings"]().of(result) > 10
+
+
+def test_the_shape_shown_has_finer_elements_on_its_right(folder: Path) -> None:
+    case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "finer_half.py"])
+    shaped = {"finer-half": {"length": 10, "elements": 4}, "material": {"young": 100, "density": 0.01}, "area": 1}
+    mesh = Model(case.with_overrides({"bodies.short": shaped})).bodies["short"].mesh
+    assert mesh.lengths == pytest.approx([1.25] * 4 + [0.625] * 8)
+
+
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "perfectly_plastic.py"])
     plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}
