@@ -19,8 +19,6 @@ from typing import IO, Any
 
 from percuss.errors import InputError, Problem
 
-__all__ = ["BusyError", "NotWritableError", "in_turn", "locked"]
-
 WAIT_SECONDS = 0.02  # between two attempts to get a lock
 
 

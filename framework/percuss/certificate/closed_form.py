@@ -17,6 +17,24 @@ class NoClosedFormError(Exception):
     """Error for a case without a known closed form; its message gives the reason."""
 
 
+def unlike_plain_bars(model: Model) -> str:
+    """Return what sets a model apart from linear bars of two-node elements under a leap-frog scheme, or nothing."""
+    name = model.case.method.integrator.name
+    cells = (
+        f"the cells of body '{body.name}' are of the kind {kind}"
+        for body in model.bodies.values()
+        for kind in body.mesh.cells
+    )
+    reasons = {
+        model.why_not_linear: bool(model.why_not_linear),
+        f"{name} is no leap-frog scheme": model.multistage,
+        f"{name} is viscous": bool(model.viscosity),
+        f"{name} is implicit": model.implicit is not None,
+        f"with {name} bodies have steps of their own": bool(model.own_steps),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), next(cells, ""))
+
+
 class ClosedFormCriterion:
     """Criterion in closed form for uniform bars, which are taken as infinitely long: no mesh, no matrix.
 
@@ -42,23 +60,12 @@ class ClosedFormCriterion:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        if model.why_not_linear:
-            raise NoClosedFormError(f"{model.why_not_linear}")
-        if model.stages is not None:
-            raise NoClosedFormError(f"{model.case.method.integrator.name} is no leap-frog scheme")
+        if why := unlike_plain_bars(model):
+            raise NoClosedFormError(why)
         if model.couples_nodes:
             raise NoClosedFormError(f"the mass {model.case.method.mass.name} couples nodes")
-        if model.viscosity:
-            raise NoClosedFormError(f"{model.case.method.integrator.name} is viscous")
-        if model.implicit:
-            raise NoClosedFormError(f"{model.case.method.integrator.name} is implicit")
-        if model.own_steps:
-            raise NoClosedFormError(f"with {model.case.method.integrator.name} bodies have steps of their own")
         self.sides: list[list[tuple[float, float]]] = []  # EA/h and 2c/h
         for body in model.bodies.values():
-            if body.mesh.cells:
-                kind = next(iter(body.mesh.cells))
-                raise NoClosedFormError(f"the cells of body '{body.name}' are of the kind {kind}")
             if np.ptp(body.mesh.lengths) > 1e-9 * body.mesh.lengths.mean():
                 raise NoClosedFormError(f"the elements of body '{body.name}' are unequal")
         nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]

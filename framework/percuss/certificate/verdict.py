@@ -137,19 +137,17 @@ def _with_step(case: Case) -> SettledRun:
     model = Model(case)
     if case.time.courant != "auto":
         return SettledRun(model, None)
-    if model.implicit:
-        message = f"expected an explicit integrator, found the implicit {case.method.integrator.name}"
-        raise InputError([case.problem(("time", "courant"), message, "No step is critical: give one.")])
-    if why := following_loads.why_unknown(model):
-        message = f"expected loads of which the critical step is known, found that {why}"
-        raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
-    if why := unknown_by_mass(model):
-        message = f"expected a diagonal mass and ends in contact with mass, or linear laws, found that {why}"
-        raise InputError([case.problem(("time", "courant"), message, "No step is known to be stable: give one.")])
-    if model.why_not_linear:
-        message = f"expected linear bodies, found that {model.why_not_linear}"
-        advice = "The highest frequency changes with the strain, so that no step is known to be stable: give one."
-        raise InputError([case.problem(("time", "courant"), message, advice)])
+    unknown = "No step is known to be stable: give one."
+    changes = f"The highest frequency changes with the strain, so that {unknown[0].lower()}{unknown[1:]}"
+    implicit = f"the implicit {case.method.integrator.name}" if model.implicit else ""
+    for expected, found, advice in (
+        ("an explicit integrator, found", implicit, "No step is critical: give one."),
+        ("loads of which the critical step is known, found that", following_loads.why_unknown(model), unknown),
+        ("a diagonal mass and ends in contact with mass, or linear laws, found that", unknown_by_mass(model), unknown),
+        ("linear bodies, found that", model.why_not_linear, changes),
+    ):
+        if found:
+            raise InputError([case.problem(("time", "courant"), f"expected {expected} {found}", advice)])
     limit, criterion = np.inf, None
     # With a given number of steps, a shorter step ends the run earlier, so other drives may act during the run, and the
     # critical step may change with them. The loop ends when the critical step does not fall any more.

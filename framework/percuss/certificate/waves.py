@@ -15,6 +15,7 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.certificate.black_box import ClosedStep, Motions
 from percuss.certificate.closed_contacts import closed_contacts
+from percuss.certificate.closed_form import unlike_plain_bars
 from percuss.errors import InputError, PercussError, Problem, suggestion
 
 if TYPE_CHECKING:
@@ -90,33 +91,9 @@ def waves(model: Model, contact: str = "", count: int = 200) -> Waves:
         viscous, the step is not linear with the contact closed, or an end in contact is held, in a second contact, or
         of a body with fewer than two elements.
     """
-    if model.why_not_linear:
-        raise PercussError(f"{model.why_not_linear}: its waves are no harmonics, and change with the strain")
-    if model.stages is not None:
-        name = model.case.method.integrator.name
-        raise PercussError(
-            f"{name} is no leap-frog scheme: harmonics at an interface are known of a leap-frog step only"
-        )
-    if model.viscosity:
-        raise PercussError(
-            f"{model.case.method.integrator.name} is viscous: its waves fade along the bars, which no harmonics do"
-        )
-    if model.implicit:
-        raise PercussError(
-            f"{model.case.method.integrator.name} is implicit: harmonics at an interface are known of a leap-frog step "
-            "only"
-        )
-    if model.own_steps:
-        raise PercussError(
-            f"with {model.case.method.integrator.name} bodies have steps of their own: harmonics at an interface are "
-            "known of bodies that make the same steps only"
-        )
-    for body in model.bodies.values():
-        if body.mesh.cells:
-            raise PercussError(
-                f"the cells of body '{body.name}' are of the kind {next(iter(body.mesh.cells))}: harmonics at an "
-                "interface are known of bars of two-node elements only"
-            )
+    if why := unlike_plain_bars(model):
+        known = "harmonics at an interface are known of linear bars of two-node elements and a leap-frog step only"
+        raise PercussError(f"{why}: {known}")
     names = [contact_pair.name for contact_pair in model.contact_pairs]
     if not names or (contact and contact not in names):
         advice = suggestion(contact, names, "contact") if names else "Add a contact."

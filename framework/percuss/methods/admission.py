@@ -9,8 +9,6 @@ from percuss import version
 from percuss.errors import PluginError, suggestion
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN, Component, ContactLaw, Material
 
-__all__ = ["CHANGES", "OLDEST", "PREFIX", "admitted"]
-
 PREFIX = "percuss_"
 # For each contract, the changes that a plug-in written for the contract before has to make. No entry is ever removed,
 # so that a plug-in for any contract can be brought up to date.

@@ -205,22 +205,15 @@ def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> A
         raise breach(
             law, "multipliers", f"multipliers {did.format(name)}: {remedy} (at {describe_state(trial, point)})"
         )
-    if not np.isfinite(trial.shift).all():
-        point = int((~np.isfinite(trial.shift)).argmax())
-        raise breach(
-            law,
-            "multipliers",
-            f"multipliers leaves the shift of point {point} as {trial.shift[point]}, expected a finite number "
-            f"(at {describe_state(trial, point)})",
-        )
-    if not np.isfinite(trial.after).all():
-        point, number = np.argwhere(~np.isfinite(trial.after))[0]
-        raise breach(
-            law,
-            "multipliers",
-            f"multipliers leaves state variable {number} of point {point} as {trial.after[point, number]}, expected a "
-            f"finite number (at {describe_state(trial, point)})",
-        )
+    for what, values in (("the shift of point {}", trial.shift), ("state variable {1} of point {0}", trial.after)):
+        if not np.isfinite(values).all():
+            place = tuple(np.argwhere(~np.isfinite(values))[0])
+            raise breach(
+                law,
+                "multipliers",
+                f"multipliers leaves {what.format(*place)} as {values[place]}, expected a finite number "
+                f"(at {describe_state(trial, place[0])})",
+            )
     return multiplier
 
 

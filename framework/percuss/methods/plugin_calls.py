@@ -11,15 +11,14 @@ from __future__ import annotations
 import dataclasses
 import weakref
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from percuss.methods.blame import breach, is_third_party, line_in_plugin
+from percuss.errors import PercussError
+from percuss.methods.blame import breach, described, is_third_party, line_in_plugin
 from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Mesh
-
-__all__ = ["answer", "as_numbers", "mapped", "read_only", "same"]
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
 # How many calls of each method have been repeated, by the class and the options of the component.
@@ -70,6 +69,31 @@ DIFFERENT = (
 )
 
 
+def called_twice(
+    component: Component, name: str, call: Callable[..., Any], states: Sequence[tuple[Any, ...]]
+) -> list[Any]:
+    """Return what a kernel gives in some states; call it in all of them a second time.
+
+    Raises
+    ------
+    PluginError
+        If the kernel raises an error, changes what it was handed, or gives another result the second time.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            first, second = ([call(*state) for state in states] for _ in range(2))
+    except PercussError:
+        raise
+    except Exception as error:
+        text = f"{name}: {described(error)}"
+        if isinstance(error, ValueError) and "read-only" in str(error):
+            text = f"{name} changes what it was handed to read"
+        raise breach(component, name, text, line_in_plugin(error)) from error
+    if not same(first, second):
+        raise breach(component, name, f"{name} {DIFFERENT}")
+    return first
+
+
 def read_only(value: Any) -> Any:
     """Return a value with its arrays, also those inside tuples, replaced by read-only views."""
     if isinstance(value, np.ndarray):
@@ -101,7 +125,7 @@ def mapped(function: Callable[..., Any], *values: Any) -> Any:
 def same(first: Any, second: Any, depth: int = 0) -> bool:
     """Return whether two answers are equal to the last bit, as far as they consist of numbers, text and containers.
 
-    Of other objects the attributes are compared.
+    All other objects are compared attribute by attribute.
     """
     if first is second or depth > DEEPEST:
         return True
@@ -165,44 +189,46 @@ def _amplitude_fault(value: Any, time: Any) -> str:
     return f"returned {np.ravel(value)[wrong[0]]} at the time {np.ravel(time)[wrong[0]]:.6g} since the load began"
 
 
-def _follower_numbers_fault(value: Any, end: Any) -> str:  # noqa: ARG001 - the argument of `FollowingLoad.numbers`
+def _parts_fault(parts: Iterable[tuple[str, Any, tuple[int, ...]]]) -> str:
+    """Return what is wrong with the first part that is no array of finite numbers; a part has words and a shape."""
+    for words, value, shape in parts:
+        fault = _numbers_fault(value, shape)
+        if fault:
+            return fault.replace("returned", f"returned as {words}", 1)
+    return ""
+
+
+def _arrays_fault(value: Any, shape: tuple[int, ...] = ()) -> str:
+    """Return what is wrong with a NamedTuple of arrays, whose shapes begin with `shape`."""
+    if not (isinstance(value, tuple) and hasattr(value, "_fields")):
+        return f"returned {_shown(value)}, expected a NamedTuple of arrays"
+    return _parts_fault(
+        (f"`{name}`", array, (*shape, *np.shape(array)[len(shape) :]))
+        for name, array in zip(value._fields, value, strict=True)
+    )
+
+
+def _follower_numbers_fault(value: Any, _end: Any) -> str:
     if not isinstance(value, tuple):
         return f"returned {_shown(value)}, expected a tuple of numbers"
     return _numbers_fault(value, (len(value),))
 
 
-def _follow_fault(value: Any, numbers: Any, time: float, displacement: float, velocity: float) -> str:  # noqa: ARG001
+def _follow_fault(value: Any, _numbers: Any, time: float, displacement: float, velocity: float) -> str:
     fault = "returned nothing, expected a number" if value is None else _numbers_fault(value, ())
     motion = f"at the time {time:g}, the displacement {displacement:g} and the velocity {velocity:g}"
     return f"{fault.removesuffix(' at index 0')} {motion}" if fault else ""
 
 
-def _mesh_fault(mesh: Any, at: Any, refine: float) -> str:  # noqa: ARG001 - the arguments of `Shape.mesh`
+def _mesh_fault(mesh: Any, at: Any, _refine: float) -> str:
     if not isinstance(mesh, Mesh):
         return f"returned {_shown(mesh)}, expected a Mesh"
     if mesh.cells:
         kinds = ", ".join(mesh.cells)
         return f"returned cells of the kind {kinds}: a shape makes a line of two-node cells, and leaves `cells` empty"
     count, dim = np.size(mesh.lengths), np.size(at)
-    for name, shape in (("lengths", (count,)), ("nodes", (count + 1, dim)), ("direction", (dim,))):
-        fault = _numbers_fault(getattr(mesh, name), shape)
-        if fault:
-            return fault.replace("returned", f"returned as `{name}`", 1)
-    return ""
-
-
-def _nodal_fault(value: Any, element_mass: Any, lumping: Any) -> str:  # noqa: ARG001 - the arguments of `Mass.nodal`
-    return _numbers_fault(value, (lumping.nodes,))
-
-
-def _rule_fault(value: Any) -> str:
-    if not (isinstance(value, tuple) and hasattr(value, "_fields")):
-        return f"returned {_shown(value)}, expected a NamedTuple of arrays"
-    for name, array in zip(value._fields, value, strict=True):
-        fault = _numbers_fault(array, np.shape(array))
-        if fault:
-            return fault.replace("returned", f"returned as `{name}`", 1)
-    return ""
+    shapes = {"lengths": (count,), "nodes": (count + 1, dim), "direction": (dim,)}
+    return _parts_fault((f"`{name}`", getattr(mesh, name), shape) for name, shape in shapes.items())
 
 
 def _reference_nodes_fault(value: Any) -> str:
@@ -227,8 +253,8 @@ def _volumes_fault(value: Any, body: Any) -> str:
     return _numbers_fault(value, (body.mesh.lengths.size, points))
 
 
-def _nodal_in_contact_fault(value: Any, element_mass: Any, lumping: Any, first: bool, last: bool) -> str:
-    fault = _nodal_fault(value, element_mass, lumping)
+def _nodal_in_contact_fault(value: Any, _element_mass: Any, lumping: Any, first: bool, last: bool) -> str:
+    fault = _numbers_fault(value, (lumping.nodes,))
     if fault:
         return fault
     may_be_zero = np.zeros(np.size(value), dtype=bool)
@@ -239,7 +265,7 @@ def _nodal_in_contact_fault(value: Any, element_mass: Any, lumping: Any, first: 
     return "" if np.any(value) else "returned no mass at all"
 
 
-def _inverse_fault(value: Any, element_mass: Any, lumping: Any) -> str:  # noqa: ARG001 - as of `Mass.inverse`
+def _inverse_fault(value: Any, _element_mass: Any, lumping: Any) -> str:
     if value is None:
         return ""
     bands = max(value.shape[0], 1) if isinstance(value, np.ndarray) and value.ndim == 2 else 1
@@ -252,30 +278,19 @@ def _inverse_fault(value: Any, element_mass: Any, lumping: Any) -> str:  # noqa:
     return ""
 
 
-def _element_numbers_fault(value: Any, body: Any, property_: float) -> str:  # noqa: ARG001 - arguments of the method
+def _element_numbers_fault(value: Any, body: Any, _property: float) -> str:
     return _numbers_fault(value, (body.mesh.lengths.size,))
-
-
-def _element_arrays_fault(value: Any, body: Any) -> str:
-    if not (isinstance(value, tuple) and hasattr(value, "_fields")):
-        return f"returned {_shown(value)}, expected a NamedTuple of arrays"
-    count = body.mesh.lengths.size
-    for name, array in zip(value._fields, value, strict=True):
-        fault = _numbers_fault(array, (count, *np.shape(array)[1:]))
-        if fault:
-            return fault.replace("returned", f"returned as `{name}`", 1)
-    return ""
 
 
 def _parameters_fault(value: Any) -> str:
     return _numbers_fault(value, (len(value),) if isinstance(value, tuple | list) else np.shape(value)[:1] or (1,))
 
 
-def _reason_fault(value: Any, *arguments: Any) -> str:  # noqa: ARG001 - those of the method
+def _reason_fault(value: Any, *_arguments: Any) -> str:
     return "" if value is None or isinstance(value, str) else f"returned {_shown(value)}, expected a text or None"
 
 
-def _solve_fault(value: Any, problem: Any, end: float) -> str:  # noqa: ARG001 - the arguments of `Solution.solve`
+def _solve_fault(value: Any, _problem: Any, _end: float) -> str:
     if isinstance(value, str) and value.strip():
         return ""
     if not isinstance(value, Exact):
@@ -283,14 +298,14 @@ def _solve_fault(value: Any, problem: Any, end: float) -> str:  # noqa: ARG001 -
     return "" if np.isfinite(value.reached) else f"returned a solution that reached the time {value.reached}"
 
 
-def _measure_fault(value: Any, result: Any) -> str:  # noqa: ARG001 - the arguments of `Measure.of`
+def _measure_fault(value: Any, _result: Any) -> str:
     if value is None or isinstance(value, str | bool | int | np.integer | np.bool_):
         return ""
     fault = _numbers_fault(value, ())
     return f"{fault}; None says that there is no number" if fault else ""
 
 
-def _bound_law_fault(value: Any, points: Any, dt: float) -> str:  # noqa: ARG001 - the arguments of `ContactLaw.bind`
+def _bound_law_fault(value: Any, _points: Any, _dt: float) -> str:
     for name in getattr(value, "_fields", ()):
         array = getattr(value, name)
         if isinstance(array, np.ndarray) and array.dtype.kind != "V" and not np.can_cast(array.dtype, complex):
@@ -298,26 +313,24 @@ def _bound_law_fault(value: Any, points: Any, dt: float) -> str:  # noqa: ARG001
     return ""
 
 
-def _bound_integrator_fault(value: Any, dt: float) -> str:  # noqa: ARG001 - the arguments of `Integrator.bind`
+def _bound_integrator_fault(value: Any, _dt: float) -> str:
     if not isinstance(value, LeapFrog):
         return ""  # the numbers of `Stages` are checked with the trial steps
-    for name, state in (("explicit", value.explicit), ("end", value.end)):
-        fault = _numbers_fault(state.response, (3,))
-        if fault:
-            return fault.replace("returned", f"returned as the response of `{name}`", 1)
-    return ""
+    states = {"explicit": value.explicit, "end": value.end}
+    return _parts_fault((f"the response of `{name}`", state.response, (3,)) for name, state in states.items())
 
 
+# Each check receives what a method returned and the arguments of the method.
 CHECKS: dict[tuple[str, str], Callable[..., str]] = {
     ("loads", "amplitude"): _amplitude_fault,
     ("loads", "numbers"): _follower_numbers_fault,
     ("loads", "follow"): _follow_fault,
     ("shapes", "mesh"): _mesh_fault,
-    ("masses", "nodal"): _nodal_fault,
+    ("masses", "nodal"): lambda value, _mass, lumping: _numbers_fault(value, (lumping.nodes,)),
     ("masses", "nodal_in_contact"): _nodal_in_contact_fault,
     ("masses", "inverse"): _inverse_fault,
-    ("elements", "bind"): _element_arrays_fault,
-    ("elements", "rule"): _rule_fault,
+    ("elements", "bind"): lambda value, body: _arrays_fault(value, (body.mesh.lengths.size,)),
+    ("elements", "rule"): _arrays_fault,
     ("elements", "reference_nodes"): _reference_nodes_fault,
     ("elements", "mass_shares"): _shares_fault,
     ("elements", "volumes"): _volumes_fault,

@@ -32,16 +32,6 @@ from percuss.methods.blame import (
     running_line,
 )
 
-__all__ = [
-    "STANDSTILL",
-    "guarded_output",
-    "plug_ins_cannot_end_the_process",
-    "process_as_before",
-    "tell_standstill",
-    "tell_uncaught",
-    "where_is",
-]
-
 MOST_FILES = 256  # numbers of open files that are looked at
 MISSING = object()  # in the place of a name that has been removed
 STREAMS = ("stdin", "stdout", "stderr")

@@ -30,8 +30,6 @@ from percuss.methods.provenance import Broken, Provenance
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import remember
 
-__all__ = ["Broken", "Provenance", "Registry"]
-
 GROUP = "percuss"
 NONE_USED = "none is used: have one renamed, or uninstall it"
 HOOKS = {PREFIX + family: family for family in FAMILIES}

@@ -17,8 +17,6 @@ from percuss.files import found_instead
 from percuss.methods.provenance import Provenance, display_path
 from percuss.methods.source_digest import content_digest, data_named, file_of_module, imports_of, record_import
 
-__all__ = ["SingleFile"]
-
 NEVER_BESIDE = {*sys.stdlib_module_names, "percuss", "percuss_methods"}
 
 

@@ -32,20 +32,6 @@ from percuss.version import installed_version
 if TYPE_CHECKING:
     from percuss.methods.provenance import Provenance
 
-__all__ = [
-    "SourceDigests",
-    "content_digest",
-    "data_named",
-    "file_of_module",
-    "function_digest",
-    "imports_of",
-    "numeric_settings",
-    "own_digest",
-    "record_import",
-    "remember",
-    "surroundings",
-]
-
 LARGE = 2**24  # bytes; a larger data file counts by its size and modification time
 COMPUTING_PACKAGES = ("numpy", "numba", "llvmlite", "scipy")
 # Environment variables of numba with these prefixes change no number.

@@ -249,9 +249,7 @@ class _Stage(NamedTuple):
 
 def _bound(maker: Specialiser, recipe: _Recipe) -> _Stage:
     """Return the kernels of a model, bound."""
-    forces: Kernel = bulk.advance_bars if recipe.dim == 1 else bulk.advance_bodies
-    if recipe.integrator is not None:
-        forces = multistage_loop.force_group
+    forces: Kernel = bulk.advance_bodies if recipe.integrator is None else multistage_loop.force_group
     update = _over_groups(maker, recipe, forces, bulk.each_group)
     energy = _over_groups(maker, recipe, bulk.elastic_group, bulk.sum_over_groups)
     loads = following_loads.bind(maker, recipe.loads)
@@ -353,7 +351,6 @@ def _entrances(maker: Specialiser, recipe: _Recipe, instructions: Mapping[Any, A
 
 # The templates for a group of two-node elements, and those for a group of elements with cells of any kind.
 _WITH_CELLS: dict[Kernel, Kernel] = {
-    bulk.advance_bars: cells.advance_cells,
     bulk.advance_bodies: cells.advance_cells,
     bulk.elastic_group: cells.elastic_cells,
     multistage_loop.force_group: cells.force_cells,

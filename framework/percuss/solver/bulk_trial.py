@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import PercussError
 from percuss.methods import slots
-from percuss.methods.blame import breach, described, is_third_party, line_in_plugin
+from percuss.methods.blame import breach, is_third_party
 from percuss.methods.interfaces import CellElement
-from percuss.methods.plugin_calls import DIFFERENT, answer, as_numbers, read_only, same
+from percuss.methods.plugin_calls import answer, as_numbers, called_twice, read_only
 from percuss.solver.cells import cells_of, volumes_of
 from percuss.solver.compiler.specialise import Specialiser
 from percuss.solver.material_points import plain_slots, points_at_rest
@@ -115,23 +114,11 @@ def _force_of_first_cell(
 
 
 def _try_twice(component: Any, name: str, call: Callable[[Any, Any], Any], states: list[Any]) -> None:
-    """Call a kernel in all states, twice; raise PluginError if it fails or its results differ."""
-    try:
-        with np.errstate(all="ignore"):
-            first, second = ([call(*state) for state in states] for _ in range(2))
-    except PercussError:
-        raise
-    except Exception as error:
-        text = f"{name}: {described(error)}"
-        if isinstance(error, ValueError) and "read-only" in str(error):
-            text = f"{name} changes what it was handed to read"
-        raise breach(component, name, text, line_in_plugin(error)) from error
-    for value, repeated in zip(first, second, strict=True):
+    """Call a kernel in all states, twice; raise PluginError if it fails or its results differ or are no numbers."""
+    for value in called_twice(component, name, call, states):
         # the nodal forces are the array that the kernel was handed; the other kernels return a number
         numbers = as_numbers(value)
         if numbers is None or numbers.ndim != (1 if name in (FORCE, CELL_FORCE) else 0):
             raise breach(component, name, f"{name} returned {value}, expected one number")
         if not np.isfinite(numbers).all():
             raise breach(component, name, f"{name} gave {value}, expected finite numbers")
-        if not same(value, repeated):
-            raise breach(component, name, f"{name} {DIFFERENT}")

@@ -10,8 +10,8 @@ import numpy as np
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
 from percuss.methods.blame import breach, described, line_in_plugin
-from percuss.methods.interfaces import ContactState, Implicit, Integrator, LeapFrog, Stages
-from percuss.methods.plugin_calls import answer
+from percuss.methods.interfaces import ContactLaw, ContactState, Implicit, Integrator, LeapFrog, Stages
+from percuss.methods.plugin_calls import answer, called_twice
 from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
@@ -103,67 +103,49 @@ def velocities_of(stages: Stages) -> Floats:
     return np.array(stages.velocity or [0.0] * len(stages.times), dtype=float)
 
 
-def refuse_end(integrator: Integrator, stages: Stages | None, laws: Sequence[BoundLaw]) -> None:
-    """Refuse laws at the end of the step with a multi-stage scheme that does not define that state.
+def refuse_laws(
+    integrator: Integrator, stages: Stages | None, tables: tuple[LeapFrog, ...], laws: Sequence[BoundLaw]
+) -> None:
+    """Refuse laws that do not work with the scheme of an integrator.
+
+    These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state, and laws
+    that shift the ends of their contacts; with any scheme, linear laws with a weight on the gap acceleration where the
+    integrator does not provide it. Otherwise that weight would have no effect, and no message would say so. A law may
+    declare that it needs the acceleration only as far as its own multiplier changes it; then the integrator has to
+    provide this response.
 
     Raises
     ------
     RefusedPair
         For the first such law.
     """
-    for bound_law in laws if stages is not None and not stages.end else ():
-        if bound_law.linear is not None and bound_law.linear.at == "end":
-            raise RefusedPair(integrator.name, bound_law.law.name, NO_END, integrator.name)
-
-
-def refuse_shifts(integrator: Integrator, stages: Stages | None, laws: Sequence[BoundLaw]) -> None:
-    """Refuse laws that shift the ends of their contacts with a multi-stage scheme.
-
-    Raises
-    ------
-    RefusedPair
-        For the first such law.
-    """
-    for bound_law in laws if stages is not None else ():
-        if bound_law.law.shifts:
-            reason = (
-                f"{bound_law.law.name} shifts the displacements that the forces of a step lead to, and "
-                f"{integrator.name} computes several forces in a step"
-            )
-            raise RefusedPair(integrator.name, bound_law.law.name, reason, bound_law.law.name)
-
-
-def refuse_unseen(integrator: Integrator, tables: tuple[LeapFrog, ...], laws: Sequence[BoundLaw]) -> None:
-    """Refuse linear laws with a weight on the gap acceleration where the integrator does not provide it.
-
-    Otherwise that weight would have no effect, and no message would say so. A law may declare that it needs the
-    acceleration only as far as its own multiplier changes it; then the integrator has to provide this response.
-
-    Raises
-    ------
-    RefusedPair
-        For the first such law.
-    """
+    name = integrator.name
     for bound_law in laws:
         law, linear = bound_law.law, bound_law.linear
-        if linear is None or not np.any(linear.acceleration):
-            continue
-        for table in tables:
-            state: ContactState = getattr(table, linear.at)
-            if state.acceleration != "none":
-                continue
-            reason_start = f"{integrator.name} shows {law.name} no acceleration of the gap"
-            if "acceleration" not in law.needs_only_response_of:
-                reason = (
-                    f"{reason_start}, on which its linear law has a weight: without it {law.name} would be another "
-                    "method"
-                )
-                raise RefusedPair(integrator.name, law.name, reason, integrator.name)
-            if not state.response[2]:
-                reason = (
-                    f"{reason_start}, and lets its multiplier change none, so that its weight there would do nothing"
-                )
-                raise RefusedPair(integrator.name, law.name, reason, integrator.name)
+        if linear is not None and linear.at == "end" and stages is not None and not stages.end:
+            raise RefusedPair(name, law.name, NO_END, name)
+        if law.shifts and stages is not None:
+            reason = (
+                f"{law.name} shifts the displacements that the forces of a step lead to, and {name} computes several "
+                "forces in a step"
+            )
+            raise RefusedPair(name, law.name, reason, law.name)
+        states = [getattr(table, linear.at) for table in tables] if linear and np.any(linear.acceleration) else []
+        for state in states:
+            if reason := _why_unseen(law, state):
+                reason = f"{name} shows {law.name} no acceleration of the gap{reason}"
+                raise RefusedPair(name, law.name, reason, name)
+
+
+def _why_unseen(law: ContactLaw, state: ContactState) -> str:
+    """Return what follows for a law with a weight on the gap acceleration, if the state has none; empty if it has."""
+    if state.acceleration != "none":
+        return ""
+    if "acceleration" not in law.needs_only_response_of:
+        return f", on which its linear law has a weight: without it {law.name} would be another method"
+    if not state.response[2]:
+        return ", and lets its multiplier change none, so that its weight there would do nothing"
+    return ""
 
 
 def kernel_of(integrator: Integrator) -> Callable[..., None]:
@@ -262,22 +244,9 @@ def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> 
     step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
     rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
 
-    def step_results(size: float) -> list[Floats]:
+    def state_after(size: float) -> list[Floats]:
         u, v, a, kept = size * rows[0], size * rows[1], size * rows[2], size * rows[3:]
         step(stages.numbers, (a,), u, v, kept, dt)
         return [u, v, *kept]
 
-    sizes = (1e-3, 1.0, 1e3)
-    with np.errstate(all="ignore"):
-        first = [step_results(size) for size in sizes]
-        second = [step_results(size) for size in sizes]
-    names = ["u", "v", *(f"kept[{k}]" for k in range(integrator.kept))]
-    for state, repeated_state in zip(first, second, strict=True):
-        for name, before, after in zip(names, state, repeated_state, strict=True):
-            if not np.array_equal(before, after, equal_nan=True):
-                raise _plugin_error(
-                    integrator,
-                    f"step gives another {name} when it is made again from the same state: the kernel keeps state "
-                    "between calls, draws random numbers or reads the clock; what a scheme remembers is in the rows of "
-                    "`kept`",
-                )
+    called_twice(integrator, "step", state_after, [(1e-3,), (1.0,), (1e3,)])

@@ -38,7 +38,6 @@ class LeapFrogStepper:
         self.u: Floats = np.zeros(model.n_nodes * model.dim)
         self.v[:] = starting_velocity(model).ravel()
         self.loop: Loop
-        self._no_loads = self._zeros(0)
         self._single: tuple[Floats, Floats, Floats, LoadAmplitudes] | None = None
         self._impulse = np.zeros(model.dim)
 
@@ -65,10 +64,6 @@ class LeapFrogStepper:
         """Return forces at t_n, prescribed velocities at t_n + dt/2 and accelerations of bodies at t_n."""
         model, dim = self.model, self.model.dim
         loads = list(model.case.loads.values())
-        if not loads:
-            if self._no_loads.force.shape[0] < count:
-                self._no_loads = self._zeros(count)
-            return self._no_loads
         t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
         amplitudes = self._zeros(count)
         for column, spec in enumerate(loads, start=1):

@@ -39,7 +39,7 @@ from percuss.solver.entities import (
     latest,
 )
 from percuss.solver.implicit_check import refuse_in_implicit
-from percuss.solver.integrator_check import refuse_end, refuse_shifts, refuse_unseen, scheme
+from percuss.solver.integrator_check import refuse_laws, scheme
 from percuss.solver.loads import supports_and_loads
 from percuss.solver.stiffness_limits import stiffness_limits
 
@@ -217,9 +217,7 @@ class Model:
             why_not_seen=self._why_end_elements_are_not_seen,
         )
         refuse_end_forces(self)
-        refuse_end(integrator, self.stages, self.laws)
-        refuse_shifts(integrator, self.stages, self.laws)
-        refuse_unseen(integrator, self.tables, self.laws)
+        refuse_laws(integrator, self.stages, self.tables, self.laws)
         if self.implicit:
             refuse_in_implicit(
                 self.case,

@@ -87,7 +87,6 @@ class MultistageStepper:
         ]
         self.body_forces = record_array(rows, BODY_FORCE)
         self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
-        self._no_loads = self._zeros(0)
         self._single: tuple[State, StageAmplitudes] | None = None
         self.system: System
 
@@ -121,10 +120,6 @@ class MultistageStepper:
     def amplitudes(self, first: int, count: int) -> StageAmplitudes:
         """Return forces at the times of the stages, and prescribed velocities at both ends of each step."""
         model = self.model
-        if not model.case.loads:
-            if self._no_loads.force.shape[0] < count:
-                self._no_loads = self._zeros(count)
-            return self._no_loads
         t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
         amplitudes = self._zeros(count)
         for column, spec in enumerate(model.case.loads.values(), start=1):

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Mesh
     from percuss.solver.entities import Body
 
-__all__ = ["check_step", "checked_bodies", "memory", "mesh_of_body", "step_count", "within_limits"]
-
 BYTES_PER_NODE = 400  # for the certificate and the run together, for each node and dimension
 MOST_STEPS = 2**40
 ALWAYS_FITS = 2.0**26  # bytes for which no machine is asked how much memory it has

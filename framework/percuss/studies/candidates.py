@@ -18,16 +18,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Component, Integrator
     from percuss.methods.registry import Registry
 
-__all__ = [
-    "Candidate",
-    "defaults",
-    "evaluations",
-    "meshes",
-    "needed_quantities",
-    "neighbours",
-    "required_options",
-]
-
 FIRST_COURANT, SAFE_COURANT = 0.9, 0.5  # of the first candidates
 # At 1 the mesh of a uniform bar adds no error to that of the contact.
 COURANT_NUMBERS = (0.2, 0.25, 0.315, 0.4, 0.5, 0.63, 0.8, FIRST_COURANT, 0.95, 1.0, 1.25, 1.6, 2.0)

@@ -23,8 +23,6 @@ from percuss.studies.stored_run import Record
 from percuss.studies.workers import Batches
 from percuss.version import __version__
 
-__all__ = ["run_cluster"]
-
 Keep = Callable[[Sequence[Record]], None]
 
 FIRST_WORD, LATER_WORDS = 5.0, 60.0  # seconds without workers until it is said, and until it is said again

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from percuss.studies.run_key import Keys
     from percuss.studies.tasks import Task
 
-__all__ = ["Bench", "Interrupted", "Job", "packed"]
-
 LONGEST = 1.0  # seconds after which a worker returns the runs it has made
 
 

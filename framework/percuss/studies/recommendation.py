@@ -46,8 +46,6 @@ from percuss.studies.search import Search
 from percuss.studies.study import study
 from percuss.studies.study_table import Study
 
-__all__ = ["Bounds", "Recommendation", "Tried", "recommend"]
-
 FEWEST_RUNS = 10
 SHARE_OF_FIRST_RUNS = 1 / 3  # of all runs; of more pairs than that some are drawn, and the others wait
 STABLE = "certificate.stable"  # of the summary of a run

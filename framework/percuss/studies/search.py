@@ -27,8 +27,6 @@ from typing import Protocol
 
 from percuss.studies.candidates import Candidate
 
-__all__ = ["Bench", "Line", "Search"]
-
 USUAL_ORDER = 1.0  # of the error of a force in L1, until two meshes of a line tell
 ORDERS = (0.3, 3.0)
 SMALLEST_EXCESS = 1e-9  # smaller ones are round-off, and say nothing of a coarser mesh

@@ -29,8 +29,6 @@ from percuss.studies.row_command import Template, command_of
 from percuss.studies.stored_run import Record, unpacked
 from percuss.studies.study_files import StudyFile
 
-__all__ = ["Store"]
-
 FORMAT = "percuss-study-3"  # format 2 had no digests
 COLUMNS = {
     "facts": "name TEXT PRIMARY KEY, value TEXT",

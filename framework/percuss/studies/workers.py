@@ -41,8 +41,6 @@ from percuss.studies.store import WORKER
 from percuss.studies.stored_run import Record
 from percuss.studies.tasks import Task
 
-__all__ = ["Batches", "LocalWorkers", "run_here", "run_local"]
-
 SECONDS = 0.4  # intended time of a batch: short enough to lose little, long enough to cost nothing
 MOST = 500  # largest number of runs in a batch
 STRIKES = 3  # a run that kills its worker this often is not tried again

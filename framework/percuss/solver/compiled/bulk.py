@@ -53,67 +53,9 @@ class Bulk(NamedTuple):
     body_acceleration: Floats  # (dim,) work space
 
 
-def advance_bars(
-    group: Group,
-    bulk: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
-    """Advance the bodies of one group by a step without contact in one dimension, in place, block by block.
-
-    The element between two blocks belongs to the first of them; its force on the first node of the next block is
-    carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies,); where `momentum` is
-    not empty, the momentum of each body after the update is added to it.
-
-    A body whose internal forces act in every m-th step alone is advanced by m steps then, and left as it is in the
-    steps between, in which none of its nodes changes its velocity but for those of the boundary. These are written
-    back after every step.
-    """
-    force, mass, inverse_mass = bulk.force, bulk.mass, bulk.inverse_mass
-    for b in range(group.body.size):
-        lo = group.start[b]
-        stop = group.stop[b]
-        material = MaterialPoints(group.parameters[b], group.before, group.after)
-        offset = group.first[b] - lo
-        body = group.body[b]
-        if not is_due(group.own_step[b], bulk.number[0]):
-            if momentum.size > 0:
-                momentum[body] += momentum_along(mass[lo:stop], v[lo:stop], 0, 1)
-            continue
-        step = group.own_step[b] * dt
-        body_force = body_acceleration[body] / group.own_step[b]
-        force[0] = 0.0
-        while lo < stop:
-            hi = min(lo + BLOCK, stop)
-            count = hi - lo - 1 if hi == stop else hi - lo
-            carried = force[0]
-            if count > 0:
-                set_force(group, material, bulk, offset + lo, 1, u[lo : lo + count + 1], v[lo : lo + count + 1])
-                force[0] += carried
-            add_internal_work(group.work, force[: hi - lo], v[lo:hi], step)
-            update_line(inverse_mass[lo:hi], force[: hi - lo], u[lo:hi], v[lo:hi], body_force, step)
-            add_internal_work(group.work, force[: hi - lo], v[lo:hi], step)
-            if count > 0:
-                force[0] = force[count]
-            if momentum.size > 0:
-                momentum[body] += momentum_along(mass[lo:hi], v[lo:hi], 0, 1)
-            lo = hi
-
-
 def is_due(own_step: int, number: int) -> bool:
     """Return whether the internal forces of a body act in a step."""
     return own_step == 1 or number % own_step == 0
-
-
-def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, body_acceleration: float, dt: float) -> None:
-    """Advance consecutive nodes in one dimension, in place: v += dt (M^-1 f + b), then u += dt v."""
-    for i in range(u.size):
-        v[i] += dt * (inverse_mass[i] * force[i] + body_acceleration)
-        u[i] += dt * v[i]
 
 
 def advance_bodies(
@@ -126,10 +68,19 @@ def advance_bodies(
     dim: int,
     dt: float,
 ) -> None:
-    """Advance the bodies of one group in two or three dimensions, as `advance_bars` does in one."""
+    """Advance the bodies of one group by a step without contact, in place, block by block.
+
+    The element between two blocks belongs to the first of them; its force on the first node of the next block is
+    carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies * dim,); where `momentum`
+    is not empty, the momentum of each body after the update is added to it.
+
+    A body whose internal forces act in every m-th step alone is advanced by m steps then, and left as it is in the
+    steps between, in which none of its nodes changes its velocity but for those of the boundary. These are written
+    back after every step.
+    """
     force, mass = bulk.force, bulk.mass
     # The force kernel overwrites the forces of all nodes of a block; the carried force is stored after them.
-    storage = BLOCK * dim
+    storage = (BLOCK + 1) * dim
     for b in range(group.body.size):
         lo = group.start[b]
         stop = group.stop[b]
@@ -139,7 +90,6 @@ def advance_bodies(
         if not is_due(group.own_step[b], bulk.number[0]):
             add_momentum(momentum, body, mass[lo * dim : stop * dim], v[lo * dim : stop * dim], dim)
             continue
-        step = group.own_step[b] * dt
         for d in range(dim):
             bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
             force[d] = 0.0
@@ -148,23 +98,41 @@ def advance_bodies(
             count = hi - lo - 1 if hi == stop else hi - lo
             if count > 0:
                 for d in range(dim):
-                    force[storage + dim + d] = force[d]
+                    force[storage + d] = force[d]
                 first, after = lo * dim, (lo + count + 1) * dim
                 set_force(group, material, bulk, offset + lo, dim, u[first:after], v[first:after])
                 for d in range(dim):
-                    force[d] += force[storage + dim + d]
-            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], step)
-            for i in range(hi - lo):
-                for d in range(dim):
-                    j = (lo + i) * dim + d
-                    v[j] += step * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
-                    u[j] += step * v[j]
-            add_internal_work(group.work, force[: (hi - lo) * dim], v[lo * dim : hi * dim], step)
+                    force[d] += force[storage + d]
+            advance_nodes(group, bulk, force[: (hi - lo) * dim], lo * dim, u, v, dim, group.own_step[b] * dt)
             if count > 0:
                 for d in range(dim):
                     force[d] = force[count * dim + d]
             add_momentum(momentum, body, mass[lo * dim : hi * dim], v[lo * dim : hi * dim], dim)
             lo = hi
+
+
+def advance_nodes(
+    group: Group, bulk: Bulk, force: Floats, first: int, u: Floats, v: Floats, dim: int, dt: float
+) -> None:
+    """Advance consecutive nodes by forces on them, v += dt (M^-1 f + b) and u += dt v, and add the internal work."""
+    stop = first + force.size
+    add_internal_work(group.work, force, v[first:stop], dt)
+    if dim == 1:
+        update_line(bulk.inverse_mass[first:stop], force, u[first:stop], v[first:stop], bulk.body_acceleration[0], dt)
+    else:
+        for i in range(force.size // dim):
+            for d in range(dim):
+                j = first + i * dim + d
+                v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
+                u[j] += dt * v[j]
+    add_internal_work(group.work, force, v[first:stop], dt)
+
+
+def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, body_acceleration: float, dt: float) -> None:
+    """Advance consecutive nodes in one dimension, where the compiler handles several nodes at a time."""
+    for i in range(u.size):
+        v[i] += dt * (inverse_mass[i] * force[i] + body_acceleration)
+        u[i] += dt * v[i]
 
 
 def set_force(group: Group, material: Any, bulk: Bulk, first: int, dim: int, u: Floats, v: Floats) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.methods.slots import cell_force, energy_density, unbound
-from percuss.solver.compiled.bulk import Bulk, Group, add_internal_work, add_momentum, is_due
+from percuss.solver.compiled.bulk import Bulk, Group, add_momentum, advance_nodes, is_due
 from percuss.solver.compiled.marks import called
 from percuss.solver.compiled.materials import MaterialPoints
 
@@ -103,20 +103,13 @@ def advance_cells(
         if not is_due(group.own_step[b], bulk.number[0]):
             add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
             continue
-        step = group.own_step[b] * dt
         for d in range(dim):
             bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
         force = group.element.body_force[: hi - lo]
         material = MaterialPoints(group.parameters[b], group.before, group.after)
         velocity = v[lo:hi] if bulk.ahead.size > 0 else v[:0]
         add_up_forces(group.element, material, b, dim, u[lo:hi], velocity, bulk.viscous_time, force)
-        add_internal_work(group.work, force, v[lo:hi], step)
-        for i in range(group.stop[b] - group.start[b]):
-            for d in range(dim):
-                j = lo + i * dim + d
-                v[j] += step * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
-                u[j] += step * v[j]
-        add_internal_work(group.work, force, v[lo:hi], step)
+        advance_nodes(group, bulk, force, lo, u, v, dim, group.own_step[b] * dt)
         add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
 
 

@@ -16,18 +16,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = [
-    "Fingerprint",
-    "contents",
-    "is_fixed",
-    "is_foreign",
-    "is_overloaded",
-    "layout",
-    "named_in",
-    "plain_function",
-    "refresh_overloads",
-]
-
 # Functions of these packages are compiled by numba itself; a fingerprint contains their names only.
 FOREIGN = ("numpy", "math", "numba", "builtins", "scipy", "cmath")
 

@@ -22,16 +22,6 @@ from percuss.cache import keep, kept
 from percuss.compiling import LOCK
 from percuss.methods.source_digest import content_digest, surroundings
 
-__all__ = [
-    "CannotLink",
-    "MachineCode",
-    "address_of_stored",
-    "jit_disabled",
-    "key_of",
-    "refers_to_c_alone",
-    "store",
-]
-
 OWN_NAMES = ("Py", "_Py", "numba", "NRT_")  # beginnings of the names that Python and numba provide to compiled code
 
 _ADDRESSES: dict[str, tuple[int, str]] = {}  # address and form of the functions that this process has loaded, by key

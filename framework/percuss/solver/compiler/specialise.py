@@ -10,6 +10,7 @@ identifiable content, is compiled again by every process that needs it.
 
 from __future__ import annotations
 
+import copy
 import functools
 import sys
 import types
@@ -98,17 +99,9 @@ class Specialiser:
 
     def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
         """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
-        specialiser = Specialiser(
-            {**self.slots, **slots},
-            jit=self.jit,
-            counting=self.counting,
-            about=about,
-            inline=self.inline,
-            digested_alone=self.digested_alone,
-        )
-        specialiser.tags, specialiser._unkept, specialiser._keep = self.tags, self._unkept, self._keep
-        specialiser._slotted, specialiser.readings = self._slotted, self.readings
-        specialiser.checked = self.checked
+        specialiser = copy.copy(self)
+        specialiser.slots, specialiser.about = {**self.slots, **slots}, about
+        specialiser._bound, specialiser._in_progress, specialiser._modules = {}, set(), set()
         return specialiser
 
     def chain(self, function: Kernel, slot: Kernel, remaining: Kernel, kernels: Sequence[tuple[Kernel, str]]) -> Any:
@@ -139,15 +132,7 @@ class Specialiser:
         """Return whether the code that this specialiser has bound reaches `kernel`."""
         return id(kernel) in self._bound
 
-    def bind(
-        self,
-        function: Kernel,
-        *,
-        entry: bool = False,
-        linked: bool = False,
-        called: bool = False,
-        reduction: bool = False,
-    ) -> Kernel:
+    def bind(self, function: Kernel, *, entry: bool = False, linked: bool = False) -> Kernel:
         """Return `function` with its slots and helpers bound, and compiled if this specialiser compiles.
 
         Parameters
@@ -158,25 +143,14 @@ class Specialiser:
             Whether Python calls it. A call from Python of any other function would crash the process.
         linked
             Whether compiled functions call it by its address (`percuss.solver.compiler.linking`).
-        called
-            Whether compiled functions call it without a copy of its code in each of them.
-        reduction
-            Whether it is a sum whose terms may be added in any order.
         """
         with compiler():
             if self.jit:
                 refresh_overloads()
-            return self._bind(function, entry=entry, linked=linked, called=called, reduction=reduction)
+            return self._bind(function, entry=entry, linked=linked)
 
-    def _bind(
-        self,
-        function: Kernel,
-        *,
-        entry: bool = False,
-        linked: bool = False,
-        called: bool = False,
-        reduction: bool = False,
-    ) -> Kernel:
+    def _bind(self, function: Kernel, *, entry: bool = False, linked: bool = False, reduction: bool = False) -> Kernel:
+        """Bind a function as `bind` does; the terms of a `reduction` may be added in any order."""
         if id(function) in self.tags:
             return function
         definition = getattr(function, "__wrapped__", None)
@@ -205,7 +179,7 @@ class Specialiser:
             for cell in source.__closure__ or ()
         )
         entry = entry or linked
-        called = entry or called or getattr(function, "called", False)
+        called = entry or getattr(function, "called", False)
         options = self._options(function, called=called, reduction=reduction)
         if self.checked and not _is_part_of_loop(source):
             options.setdefault("boundscheck", True)
@@ -213,18 +187,17 @@ class Specialiser:
         tag = self._tag(source, names, bound, closure, {**options, "entry": entry, "linked": linked})
         if linked:
             options["no_cpython_wrapper"] = True
-        copy = _copy(source, bound, closure, tag)
-        kernel: Kernel = copy
+        kernel: Kernel = _copy(source, bound, closure, tag)
         if self.jit and not self.digested_alone:
-            kernel = self._compiled(copy, options, tag, entry)
+            kernel = self._compiled(kernel, options, tag, entry)
         self._in_progress.discard(id(function))
         self._bound[id(function)] = kernel
         self.tags[id(kernel)] = tag
         self._keep += [function, kernel]
         return kernel
 
-    def _compiled(self, copy: types.FunctionType, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
-        kernel = _COMPILED.get(tag) or _compile(copy, options, entry=entry, key="" if tag in self._unkept else tag)
+    def _compiled(self, function: Any, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
+        kernel = _COMPILED.get(tag) or _compile(function, options, entry=entry, key="" if tag in self._unkept else tag)
         _COMPILED[tag] = kernel
         return kernel
 
@@ -265,15 +238,15 @@ class Specialiser:
         self._modules.discard(id(module))
         if not bound:
             return None
-        copy = types.ModuleType(module.__name__)
-        vars(copy).update({**vars(module), **bound})
+        changed = types.ModuleType(module.__name__)
+        vars(changed).update({**vars(module), **bound})
         fingerprint = Fingerprint(f"module {module.__name__};")
         originals = {name: getattr(module, name) for name in names if hasattr(module, name)}
-        self.tags[id(copy)] = self._finish(
+        self.tags[id(changed)] = self._finish(
             fingerprint, names, [(name, bound.get(name), originals[name]) for name in sorted(originals)]
         )
-        self._keep.append(copy)
-        return copy
+        self._keep.append(changed)
+        return changed
 
     def _finish(self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
         """Return the tag of code that reads `parts`, each with name, replacement in bound code, and original."""
@@ -389,12 +362,12 @@ def _copy(
 ) -> types.FunctionType:
     """Return a copy of a function with other globals and closure cells, and with the tag in its name."""
     name = f"{source.__name__}_{tag}"
-    copy = types.FunctionType(
+    bound_copy = types.FunctionType(
         source.__code__, {**source.__globals__, **bound}, name, source.__defaults__, closure or None
     )
-    copy.__module__, copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
-    copy.__qualname__, copy.__doc__ = name, source.__doc__
-    return copy
+    bound_copy.__module__, bound_copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
+    bound_copy.__qualname__, bound_copy.__doc__ = name, source.__doc__
+    return bound_copy
 
 
 def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry: bool, key: str) -> Kernel:
@@ -404,8 +377,7 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry:
     if not _counting_can_be_left_out():
         options.pop("_nrt", None)
     listen()  # the clock has to listen before the first call, which compiles
-    compile_function = compile_entry if entry else compile_callee
-    return compile_function(function, key=key, **options)
+    return compile_entry(function, key=key, **options) if entry else compile_callee(function, **options)
 
 
 @functools.cache
