@@ -153,16 +153,14 @@ def _remember(key: Any, kernels: Kernels) -> None:
 
 def _key(parts: LoopParts, *, jit: bool) -> Any:
     """Return what a bound loop depends on beside what its kernels read: the kernels and the types of their arrays."""
-    bulk_kernels = tuple(
-        (tuple(_slots(element, material).values()), _types(group))
-        for (element, material), group in zip(parts.kinds, parts.groups, strict=True)
-    )
-    laws = tuple((bound_law.kernel, _types(bound_law.kernel_data)) for bound_law in parts.laws)
-    loads = tuple((follower.kernel, _types(follower.numbers)) for follower in parts.followers)
-    scheme = None
+    reads: list[tuple[Any, Any]] = [
+        *((tuple(_slots(*kinds).values()), group) for kinds, group in zip(parts.kinds, parts.groups, strict=True)),
+        *((bound_law.kernel, bound_law.kernel_data) for bound_law in parts.laws),
+        *((follower.kernel, follower.numbers) for follower in parts.followers),
+    ]
     if parts.integrator is not None:
-        scheme = integrator_check.kernel_of(parts.integrator), _types(parts.integrator.bind(1.0))
-    return jit, parts.dim, bulk_kernels, laws, loads, scheme
+        reads.append((integrator_check.kernel_of(parts.integrator), parts.integrator.bind(1.0)))
+    return jit, parts.dim, tuple((kernel, _types(data)) for kernel, data in reads)
 
 
 def _types(value: object) -> Any:

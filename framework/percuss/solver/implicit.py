@@ -23,9 +23,8 @@ from percuss.solver.starting_state import initial_velocity
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Implicit
     from percuss.solver.build import Kernels
-    from percuss.solver.compiled.leapfrog_loop import Record
+    from percuss.solver.compiled.leapfrog_loop import Loop, Record
     from percuss.solver.model import Model
-    from percuss.solver.stepper import Loop
 
 NOT_COMPILED = "{} is an implicit reference in NumPy and SciPy"
 

@@ -13,9 +13,8 @@ from percuss.solver.starting_state import starting_velocity
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.solver.build import Kernels
-    from percuss.solver.compiled.leapfrog_loop import Record
+    from percuss.solver.compiled.leapfrog_loop import Loop, Record
     from percuss.solver.model import Model
-    from percuss.solver.stepper import Loop
 
 
 class LeapFrogStepper:
@@ -90,11 +89,7 @@ class LeapFrogStepper:
     def _advance(
         self, kernels: Kernels, amplitudes: LoadAmplitudes, record: Record, first: int, count: int, u: Floats, v: Floats
     ) -> int:
-        loop, model = self.loop, self.model
-        done: int = kernels.loop.advance(
-            loop.groups, loop.masses, loop.boundary, loop.laws, loop.loads, loop.uniform, amplitudes, record, u, v,
-            model.dim, model.dt, first, count,
-        )  # fmt: skip
+        done: int = kernels.loop.advance(self.loop, amplitudes, record, u, v, self.model.dt, first, count)
         return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:

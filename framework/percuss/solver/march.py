@@ -34,7 +34,7 @@ from percuss.solver.multistage import MultistageStepper
 from percuss.solver.record_arrays import copied_records, empty_records, record_array
 from percuss.solver.starting_state import initial_velocity
 from percuss.solver.state_variables import StateVariables
-from percuss.solver.stepper import Loop, Stepper
+from percuss.solver.stepper import Stepper
 from percuss.solver.stop import Kind, Stop
 from percuss.solver.uniform_bars import uniform_bars
 
@@ -163,6 +163,7 @@ class March:
             change,
             number,
             np.zeros(dim),
+            np.zeros(len(model.bodies) * dim if model.body_forces else 0),
         )
         self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
         self.state_variables = StateVariables.of(model, self.kernel_laws)
@@ -330,7 +331,6 @@ class March:
             record_array(followers, FOLLOWER),
             np.array(axes, dtype=float).ravel(),
             empty_records(1, leapfrog_loop.TOTAL),
-            np.zeros(len(model.bodies) * dim if model.body_forces else 0),
             self._momenta() if model.body_forces else np.zeros(0),
             self.state_variables.before,
             self.state_variables.after,
@@ -371,13 +371,14 @@ class March:
 
     def _renew_stepper(self, midpoint: float) -> None:
         self.stepper.set_loop(
-            Loop(
+            leapfrog_loop.Loop(
                 self._nested_groups(),
                 self.bulk,
                 self.boundary,
                 self.nested_laws,
                 self.nested_loads,
                 self.uniform,
+                self.dim,
                 midpoint,
             )
         )

@@ -20,9 +20,8 @@ if TYPE_CHECKING:
 
     from percuss.methods.interfaces import Floats, LeapFrog, Stages
     from percuss.solver.build import Kernels
-    from percuss.solver.compiled.leapfrog_loop import Record
+    from percuss.solver.compiled.leapfrog_loop import Loop, Record
     from percuss.solver.model import Model
-    from percuss.solver.stepper import Loop
 
 
 def _aside(groups: Any) -> Any:

@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
     from percuss.solver.build import Kernels
-    from percuss.solver.compiled.bulk import Bulk
-    from percuss.solver.compiled.leapfrog_loop import Boundary, Record
-
-
-class Loop(NamedTuple):
-    """The arrays that the steps of one stretch of a run work on; another stretch has other supports, drives or laws."""
-
-    groups: Any  # (group, (group, ...)): each contains the bodies that share element class and material class
-    masses: Bulk
-    boundary: Boundary
-    laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
-    loads: Any  # loads that follow the motion, as returned by `percuss.solver.compiled.following_loads.nest`
-    uniform: Any  # percuss.solver.compiled.uniform_bars.UNIFORM_BAR
-    midpoint: float  # time within the first step of the stretch
+    from percuss.solver.compiled.leapfrog_loop import Loop, Record
 
 
 class Stepper(Protocol):

@@ -51,6 +51,7 @@ class Bulk(NamedTuple):
     change: Floats  # (nodes * dim,) change of the velocities that `mass` alone would give, or (0,)
     number: Integers  # (1,) number of the present step
     body_acceleration: Floats  # (dim,) work space
+    momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies
 
 
 def is_due(own_step: int, number: int) -> bool:
@@ -58,27 +59,18 @@ def is_due(own_step: int, number: int) -> bool:
     return own_step == 1 or number % own_step == 0
 
 
-def advance_bodies(
-    group: Group,
-    bulk: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
+def advance_bodies(group: Group, bulk: Bulk, u: Floats, v: Floats, body_acceleration: Floats, dt: float) -> None:
     """Advance the bodies of one group by a step without contact, in place, block by block.
 
     The element between two blocks belongs to the first of them; its force on the first node of the next block is
-    carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies * dim,); where `momentum`
-    is not empty, the momentum of each body after the update is added to it.
+    carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies * dim,). The
+    momentum of each body after the update is added to `Bulk.momentum`, where that is not empty.
 
     A body whose internal forces act in every m-th step alone is advanced by m steps then, and left as it is in the
     steps between, in which none of its nodes changes its velocity but for those of the boundary. These are written
     back after every step.
     """
-    force, mass = bulk.force, bulk.mass
+    force, mass, momentum, dim = bulk.force, bulk.mass, bulk.momentum, bulk.stride
     # The force kernel overwrites the forces of all nodes of a block; the carried force is stored after them.
     storage = (BLOCK + 1) * dim
     for b in range(group.body.size):

@@ -86,17 +86,9 @@ def add_up_forces(
                 force[node * dim + d] += cells.force[a, d]
 
 
-def advance_cells(
-    group: Group,
-    bulk: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
+def advance_cells(group: Group, bulk: Bulk, u: Floats, v: Floats, body_acceleration: Floats, dt: float) -> None:
     """Advance the bodies of one group by a step without contact, in place, as `percuss.solver.compiled.bulk` does."""
+    dim, momentum = bulk.stride, bulk.momentum
     for b in range(group.body.size):
         lo, hi = group.start[b] * dim, group.stop[b] * dim
         body = group.body[b] * dim

@@ -112,8 +112,7 @@ class Boundary(NamedTuple):
     followers: Any  # percuss.solver.compiled.following_loads.FOLLOWER
     axes: Floats  # directions of the constraints, then the nodal forces at amplitude 1, then directions of followers
     totals: Any  # TOTAL, a single record
-    momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies
-    before: Floats  # (bodies * dim,) of each body at n - 1/2, or empty
+    before: Floats  # (bodies * dim,) momentum of each body at n - 1/2, empty where no load acts on whole bodies
     state_before: Floats  # state variables of contact laws, then of materials, as the last step has left them
     state_after: Floats  # the same, as the present step leaves them
     stored: Floats  # for each state variable the volume in which it is stored energy, else 0; empty if none is
@@ -124,6 +123,19 @@ class Boundary(NamedTuple):
     internal_work: Floats  # (1,) sum of the internal work of the steps, or (0,) where it is not summed up
     shifts: Floats  # shift of each boundary degree of freedom after the present step, or (0,) where no law shifts
     shifts_before: Floats  # the same after the step before
+
+
+class Loop(NamedTuple):
+    """The arrays that the steps of one stretch of a run work on; another stretch has other supports, drives or laws."""
+
+    groups: Any  # (group, (group, ...)): each contains the bodies that share element class and material class
+    masses: Bulk
+    boundary: Boundary
+    laws: Any  # contact laws with a kernel, as returned by `percuss.solver.compiled.custom_laws.nest`
+    loads: Any  # loads that follow the motion, as returned by `percuss.solver.compiled.following_loads.nest`
+    uniform: Any  # percuss.solver.compiled.uniform_bars.UNIFORM_BAR
+    dim: int
+    midpoint: float  # time within the first step of the stretch
 
 
 class LoadAmplitudes(NamedTuple):
@@ -156,16 +168,7 @@ class Record(NamedTuple):
     field_variable: Integers  # indices of these state variables
 
 
-def bulk(
-    groups: Any,
-    masses: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
+def bulk(groups: Any, masses: Bulk, u: Floats, v: Floats, body_acceleration: Floats, dt: float) -> None:
     """Advance all bodies by a step without contact (slot of the bulk update)."""
     raise NotImplementedError
 
@@ -229,37 +232,25 @@ def find_multipliers(
 
 
 def advance(
-    groups: Any,
-    masses: Bulk,
-    boundary: Boundary,
-    laws: Any,
-    loads: Any,
-    uniform: Any,
-    amplitudes: LoadAmplitudes,
-    record: Record,
-    u: Floats,
-    v: Floats,
-    dim: int,
-    dt: float,
-    first: int,
-    count: int,
+    loop: Loop, amplitudes: LoadAmplitudes, record: Record, u: Floats, v: Floats, dt: float, first: int, count: int
 ) -> int:
     """Make `count` steps from step `first`; return `count`, or the number of steps before the first that failed.
 
     A step fails if the contact equation was not solved, or if the contact work exceeds its limit or is nan.
     """
+    groups, boundary, dim = loop.groups, loop.boundary, loop.dim
     for s in range(count):
         n = first + s
         if record.field_every > 0 and n % record.field_every == 0:
             snapshot(record, boundary, u, v, dt, n)
         if n == 0:
             add_initial_strain_energy(groups, boundary.totals[0], u, v, dim, dt)
-        sound = make_step(groups, masses, boundary, laws, loads, uniform, amplitudes, u, v, dim, dt, first, s)
+        sound = make_step(loop, amplitudes, u, v, dt, first, s)
         if is_recorded(record, n):
-            if uniform.size > 0:
-                kinetic_energy, strain_energy = energies(uniform, u, v, dt)
+            if loop.uniform.size > 0:
+                kinetic_energy, strain_energy = energies(loop.uniform, u, v, dt)
             else:
-                kinetic_energy = kinetic_of(masses, v)
+                kinetic_energy = kinetic_of(loop.masses, v)
                 add_shifts_to_velocity(boundary, v, dt)
                 advance_to_next_action(boundary, u, v, n + 1, dt)
                 strain_energy = elastic(groups, u, v, dim, dt)
@@ -283,33 +274,20 @@ def is_recorded(record: Record, n: int) -> bool:
     return n % record.every == 0 or n == record.last
 
 
-def make_step(
-    groups: Any,
-    masses: Bulk,
-    boundary: Boundary,
-    laws: Any,
-    loads: Any,
-    uniform: Any,
-    amplitudes: LoadAmplitudes,
-    u: Floats,
-    v: Floats,
-    dim: int,
-    dt: float,
-    first: int,
-    s: int,
-) -> bool:
+def make_step(loop: Loop, amplitudes: LoadAmplitudes, u: Floats, v: Floats, dt: float, first: int, s: int) -> bool:
     """Make step ``first + s``; return whether it is sound."""
+    masses, boundary, dim = loop.masses, loop.boundary, loop.dim
     boundary_dofs, points = boundary.boundary_dofs, boundary.points
     # Bulk update: internal forces and body forces advance all nodes as if nothing else acted.
     save_state(boundary_dofs, u, v)
-    if uniform.size > 0:
-        advance_whole(uniform, u, v, dt)
+    if loop.uniform.size > 0:
+        advance_whole(loop.uniform, u, v, dt)
     else:
-        for i in range(boundary.momentum.size):
-            boundary.momentum[i] = 0.0
+        for i in range(masses.momentum.size):
+            masses.momentum[i] = 0.0
         keep_state(masses, u, v)
         masses.number[0] = first + s
-        bulk(groups, masses, u, v, amplitudes.body_acceleration[s], boundary.momentum, dim, dt)
+        bulk(loop.groups, masses, u, v, amplitudes.body_acceleration[s], dt)
         if masses.change.size > 0:
             couple_nodes(masses, u, v, boundary.internal_work, dt)
     for i in range(boundary_dofs.size):
@@ -318,7 +296,7 @@ def make_step(
         q.new_v = q.bulk_v
     # Loads and constraints correct the boundary velocities before contact, so that the predicted gaps contain them.
     apply_nodal_forces(boundary, amplitudes, s, dim, dt)
-    apply_followers(boundary, loads, amplitudes, s, (first + s) * dt, dim, dt)
+    apply_followers(boundary, loop.loads, amplitudes, s, (first + s) * dt, dim, dt)
     soften_end_elements(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
     work = impose_velocity(boundary, amplitudes, s, dim, dt)
     carry_to_neighbours(boundary.neighbours, boundary_dofs)
@@ -332,12 +310,12 @@ def make_step(
             push_ends_with_mass(points, boundary.entries, boundary_dofs, dt)
         find_contact_states(points, boundary.entries, boundary_dofs, dt)
         show_end_forces(points, boundary.end_forces, boundary.end_force_entries, boundary_dofs, dt)
-        sound = find_multipliers(laws, points, boundary.others, dt, (first + s) * dt, (dt * dt, dt), dt)
+        sound = find_multipliers(loop.laws, points, boundary.others, dt, (first + s) * dt, (dt * dt, dt), dt)
         show_gaps(points, boundary.end_forces)
         apply_multipliers(points, boundary.entries, boundary_dofs, dt)
         find_shifts(boundary)
     work += add_contact_reactions(boundary, amplitudes, s, dim, dt)
-    work += work_of_loads(boundary, amplitudes, s, dim, dt)
+    work += work_of_loads(boundary, masses.momentum, amplitudes, s, dim, dt)
     # The corrected velocities replace those of the bulk update, and the displacements follow from them.
     write_back(boundary_dofs, u, v, dt)
     if boundary.ends_without_mass.size > 0:
@@ -575,9 +553,11 @@ def add_contact_reactions(boundary: Boundary, amplitudes: LoadAmplitudes, s: int
     return 0.5 * dt * work
 
 
-def work_of_loads(boundary: Boundary, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float) -> float:
+def work_of_loads(
+    boundary: Boundary, momentum: Floats, amplitudes: LoadAmplitudes, s: int, dim: int, dt: float
+) -> float:
     """Return the work of forces on single nodes and on whole bodies, and update the momenta of the bodies."""
-    boundary_dofs, momentum = boundary.boundary_dofs, boundary.momentum
+    boundary_dofs = boundary.boundary_dofs
     work = work_of_nodal_forces(boundary.nodal_forces, boundary_dofs, boundary.axes, amplitudes.force, s, dim, dt)
     for i in range(boundary.followers.size):
         follower = boundary.followers[i]

@@ -60,13 +60,13 @@ class LinkedStep(NamedTuple):
 
 _LINE, _ROWS = np.zeros(1), np.zeros((1, 1))
 _NUMBER = np.zeros(1, dtype=np.int64)
-_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE, 1, _ROWS, _ROWS, _LINE, _LINE, _LINE, _NUMBER, _LINE)
+_MASSES = Bulk(_LINE, _LINE, _LINE, 0.0, _LINE, 1, _ROWS, _ROWS, _LINE, _LINE, _LINE, _NUMBER, _LINE, _LINE)
 _POINTS = np.zeros(0, dtype=POINT).view(np.recarray)
 _OTHERS = np.zeros(0, dtype=OTHER).view(np.recarray)
 _FOLLOWERS = np.zeros(0, dtype=FOLLOWER).view(np.recarray)
 # For each kind of kernel an example of what it returns, and of its arguments behind the data.
 EXAMPLES: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "bulk update": (None, (_MASSES, _LINE, _LINE, _LINE, _LINE, 1, 1.0)),
+    "bulk update": (None, (_MASSES, _LINE, _LINE, _LINE, 1.0)),
     "internal forces": (None, (_LINE, _LINE, 1)),
     "strain energy": (1.0, (_LINE, _LINE, 1, 1.0)),
     "contact laws": (None, (_POINTS, _OTHERS, 1.0, 1.0, (1.0, 1.0))),
@@ -112,18 +112,9 @@ def entrance_of_loop(data: Any, arguments: Any) -> Any:
     return kernel(*at(data))
 
 
-def bulk(
-    groups: LinkedBodies,
-    masses: Bulk,
-    u: Floats,
-    v: Floats,
-    body_acceleration: Floats,
-    momentum: Floats,
-    dim: int,
-    dt: float,
-) -> None:
+def bulk(groups: LinkedBodies, masses: Bulk, u: Floats, v: Floats, body_acceleration: Floats, dt: float) -> None:
     """Advance all bodies by a step without contact."""
-    call("bulk update", groups.update, groups.data, (masses, u, v, body_acceleration, momentum, dim, dt))
+    call("bulk update", groups.update, groups.data, (masses, u, v, body_acceleration, dt))
 
 
 def forces(groups: LinkedBodies, u: Floats, force: Floats, dim: int) -> None:

@@ -235,16 +235,16 @@ class LinkedLoop:
         loop._last, loop._calls = {}, {}
         return loop
 
-    def advance(
-        self, groups: Any, masses: Any, boundary: Any, laws: Any, loads: Any, uniform: Any, *others: Any
-    ) -> int:
+    def advance(self, loop: Any, *others: Any) -> int:
         """Make steps; arguments and result are those of `percuss.solver.compiled.leapfrog_loop.advance`."""
-        link_bodies = self._uniform_bodies if uniform.size > 0 else self._bodies
-        bodies, contacts = self._once("bodies", groups, link_bodies), self._once("laws", laws, self._laws)
-        following = self._once("loads", loads, self._loads)
-        return self._call(
-            "leap-frog loop", (bodies.links, masses, boundary, contacts.links, following.links, uniform, *others)
-        )
+        return self._call("leap-frog loop", (self._once("loop", loop, self._loop).links, *others))
+
+    def _loop(self, loop: Any) -> _Links:
+        link_bodies = self._uniform_bodies if loop.uniform.size > 0 else self._bodies
+        bodies, laws = self._once("bodies", loop.groups, link_bodies), self._once("laws", loop.laws, self._laws)
+        loads = self._once("loads", loop.loads, self._loads)
+        linked = loop._replace(groups=bodies.links, laws=laws.links, loads=loads.links)
+        return _Links(loop, linked, bodies, laws, loads)
 
     def _call(self, kind: str, arguments: tuple[Any, ...]) -> int:
         last = self._calls.get(kind)
