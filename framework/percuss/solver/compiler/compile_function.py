@@ -24,20 +24,8 @@ Kernel = Callable[..., Any]
 LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 
 
-def compile_callee(function: types.FunctionType, **options: Any) -> Kernel:
+def compile_callee(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
     """Compile a function for compiled callers alone; a call from Python would crash the process.
-
-    Nothing is stored of it: what is stored of an entry has its callees inside.
-    """
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    compilers = pipelines()
-    if compilers is not None:
-        options["pipeline_class"] = compilers.CalleeCompiler
-    return _compiled(function, StoredFunction(""), options)
-
-
-def compile_entry(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
-    """Compile a function that Python calls, with the code of its callees inside.
 
     Parameters
     ----------
@@ -48,6 +36,16 @@ def compile_entry(function: types.FunctionType, *, key: str = "", **options: Any
     **options
         Options of `numba.njit`.
     """
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    stored, compilers = StoredFunction(key), pipelines()
+    if compilers is not None:
+        stored.restore = compilers.restored_callee
+        options["pipeline_class"] = compilers.CalleeCompiler
+    return _compiled(function, stored, options)
+
+
+def compile_entry(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
+    """Compile a function that Python calls, with the code of its callees inside; parameters as in `compile_callee`."""
     options |= {"no_cfunc_wrapper": True}
     stored, compilers = StoredFunction(key), pipelines()
     if compilers is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import llvmlite.binding as llvm
 from numba import _dynfunc
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
@@ -37,6 +38,19 @@ class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
         """Make the code ready for linking, and give it to no execution engine."""
         self._finalize_dynamic_globals()
         self._finalized = True
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Return what is stored on disk: the intermediate code, as there is no other."""
+        return self.serialize_using_bitcode()  # type: ignore[no-any-return]
+
+    @classmethod
+    def restored(cls, codegen: Any, stored: tuple[str, str, bytes]) -> CalleeLibrary:
+        """Return the library that `serialize_using_object_code` stored."""
+        name, _, bitcode = stored
+        library = cls(codegen, name)
+        library._final_module = llvm.parse_bitcode(bitcode)
+        library._finalize_final_module()
+        return library
 
 
 def _unreachable_from_python(library: CalleeLibrary, fndesc: Any, environment: Any) -> Any:
@@ -148,3 +162,28 @@ def object_code(library: Any) -> tuple[bytes, list[str]]:
     module = library._final_module
     outside = [item.name for item in (*module.functions, *module.global_variables) if item.is_declaration]
     return bytes(code), outside
+
+
+def restored_callee(target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
+    """Return the compiled callee from what `CompileResult._reduce` returned."""
+    stored, fndesc, environment, signature, objectmode, lifted, annotation, reload_init, environments = payload
+    for initialise in reload_init:
+        initialise()
+    library = CalleeLibrary.restored(target_context.codegen(), stored)
+    return CompileResult(
+        target_context=target_context,
+        typing_context=target_context.typing_context,
+        library=library,
+        environment=environment,
+        entry_point=_unreachable_from_python(library, fndesc, environment),
+        fndesc=fndesc,
+        type_annotation=annotation,
+        signature=signature,
+        objectmode=objectmode,
+        lifted=lifted,
+        typing_error=None,
+        call_helper=None,
+        metadata=None,
+        reload_init=reload_init,
+        referenced_envs=environments,
+    )

@@ -377,7 +377,8 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry:
     if not _counting_can_be_left_out():
         options.pop("_nrt", None)
     listen()  # the clock has to listen before the first call, which compiles
-    return compile_entry(function, key=key, **options) if entry else compile_callee(function, **options)
+    compile_function = compile_entry if entry else compile_callee
+    return compile_function(function, key=key, **options)
 
 
 @functools.cache
