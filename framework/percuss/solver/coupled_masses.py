@@ -20,12 +20,13 @@ from percuss.solver.cells import lumping_of
 from percuss.solver.size_limits import within_limits
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+    from collections.abc import Iterable
 
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
     from percuss.methods.interfaces import Floats, Mesh
     from percuss.solver.entities import Body
+    from percuss.solver.model_arrays import ModelArrays
 
 SAME_TRANSLATION = 1e-9  # largest deviation of C m from 1 that counts as round-off
 
@@ -78,15 +79,8 @@ def inverse_mass(case: Case, spec: BodySpec, mesh: Mesh, mass: Floats) -> Floats
     return band
 
 
-def refuse_coupled_ends(case: Case, bodies: Iterable[Body], acted: Collection[int]) -> None:
+def refuse_coupled_ends(model: ModelArrays) -> None:
     """Refuse supports, drives and loads on an end whose motion the mass couples to the other end of its body.
-
-    Parameters
-    ----------
-    case, bodies
-        The case and its bodies.
-    acted
-        Nodes on which a support, a drive or a load acts.
 
     Raises
     ------
@@ -94,15 +88,15 @@ def refuse_coupled_ends(case: Case, bodies: Iterable[Body], acted: Collection[in
         With one problem for each such body.
     """
     problems = []
-    for body in bodies:
+    for body in model.bodies.values():
         reach, count = body.inverse.shape[0] - 1, body.stiffness.size
-        if count <= reach and not {body.start, body.stop - 1}.isdisjoint(acted):
-            name = case.method.mass.name
+        if count <= reach and not {body.start, body.stop - 1}.isdisjoint(model.acted_nodes):
+            name = model.case.method.mass.name
             message = f"expected more than {reach} elements in body '{body.name}', found {count}"
             advice = (
                 f"The mass {name} couples both of its ends, and a support, a drive or a load acts on one: take more."
             )
-            problems.append(case.problem(("bodies", body.name), message, advice))
+            problems.append(model.case.problem(("bodies", body.name), message, advice))
     if problems:
         raise InputError(problems)
 

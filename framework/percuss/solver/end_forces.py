@@ -8,7 +8,7 @@ elements on the end nodes, negative where they press the ends together.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,72 +23,9 @@ from percuss.solver.record_arrays import record_array
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from percuss.case.case import Case
-    from percuss.methods.interfaces import Floats, LeapFrog
+    from percuss.methods.interfaces import Floats
     from percuss.solver.bound_law import BoundLaw
-    from percuss.solver.entities import Body, Constraint, ContactPair
-
-
-class Contacts(Protocol):
-    """The attributes of a model (`percuss.solver.model.Model`) on which end forces depend."""
-
-    @property
-    def case(self) -> Case:
-        """The case."""
-
-    @property
-    def mass(self) -> Floats:
-        """Masses of all nodes, (nodes,)."""
-
-    @property
-    def contact_pairs(self) -> tuple[ContactPair, ...]:
-        """The contact points."""
-
-    @property
-    def constraints(self) -> tuple[Constraint, ...]:
-        """Supports and drives."""
-
-    @property
-    def tables(self) -> tuple[LeapFrog, ...]:
-        """The states at which contact laws are evaluated."""
-
-    @property
-    def laws(self) -> tuple[BoundLaw, ...]:
-        """The bound laws."""
-
-    @property
-    def dim(self) -> int:
-        """Number of space dimensions."""
-
-    @property
-    def multistage(self) -> bool:
-        """Whether the integrator is a multi-stage scheme."""
-
-    @property
-    def viscosity(self) -> float:
-        """Time of the viscosity of a leap-frog scheme over the step."""
-
-    @property
-    def implicit(self) -> Any:
-        """The parameters of an implicit scheme, or None."""
-
-    @property
-    def own_steps(self) -> tuple[int, ...]:
-        """The steps of the bodies, empty where internal forces act in every step."""
-
-    @property
-    def couples_nodes(self) -> bool:
-        """Whether the mass of a body couples its nodes."""
-
-    @property
-    def points_without_mass(self) -> Any:
-        """Whether each contact point has a side without mass, (P,)."""
-
-    def sides(self, midpoint: float) -> list[list[Side]]:
-        """Return the sides of every contact point."""
-
-    def body_of(self, node: int) -> Body:
-        """Return the body that contains a node."""
+    from percuss.solver.model_arrays import ModelArrays
 
 
 @dataclass(frozen=True)
@@ -113,7 +50,7 @@ def sees_end_force(bound_law: BoundLaw) -> bool:
     return linear is not None and any(np.any(getattr(linear, name)) for name in OF_END_FORCE)
 
 
-def end_forces(model: Contacts, midpoint: float) -> dict[int, EndForce]:
+def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     """Return what laws see and push at the contact points where that is more than the gap, for the supports at a time.
 
     Raises
@@ -146,7 +83,7 @@ def _weights(sides: Sequence[Side]) -> list[float]:
     return [value / sum(mobility) for value in mobility]
 
 
-def _end_force_rows(model: Contacts, sides: Sequence[Side]) -> dict[int, Floats]:
+def _end_force_rows(model: ModelArrays, sides: Sequence[Side]) -> dict[int, Floats]:
     """Return the rows of Sigma by node: end force by displacement."""
     rows: dict[int, Floats] = {}
     for weight, side in zip(_weights(sides), sides, strict=True):
@@ -159,7 +96,7 @@ def _end_force_rows(model: Contacts, sides: Sequence[Side]) -> dict[int, Floats]
 
 
 def _opened(
-    model: Contacts, midpoint: float, node: int, row: Floats, sides: Sequence[Side], multiples: tuple[float, float]
+    model: ModelArrays, midpoint: float, node: int, row: Floats, sides: Sequence[Side], multiples: tuple[float, float]
 ) -> Side:
     """Return the side of a contact point at an end or the node beside it, with what the law sees and pushes there."""
     normal = next((side.normal for side in sides if side.node == node), np.zeros(model.dim))
@@ -171,7 +108,7 @@ def _opened(
     return Side(node, normal, free / model.mass[node], seen=seen, pushed=pushed)
 
 
-def trace_stiffness(model: Contacts, midpoint: float) -> Floats:
+def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
     """Return `percuss.ContactPoints.trace_stiffness` of all contact points, for the supports active at a time, (P,)."""
     return np.array(
         [
@@ -221,7 +158,7 @@ def end_force_records(
     return record_array(records, END_FORCE), record_array(entries, END_FORCE_ENTRY)
 
 
-def refuse_end_forces(model: Contacts) -> None:
+def refuse_end_forces(model: ModelArrays) -> None:
     """Refuse laws that see or push end forces where these are not those of linear two-node elements at ends with mass.
 
     Raises

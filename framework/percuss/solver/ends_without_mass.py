@@ -13,13 +13,13 @@ from percuss.solver.cells import lumping_of
 from percuss.solver.size_limits import within_limits
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+    from collections.abc import Collection
 
     from percuss.case.case import Case
     from percuss.case.specs import BodySpec
     from percuss.methods.interfaces import Floats, Mesh
     from percuss.solver.bound_law import BoundLaw
-    from percuss.solver.entities import Body
+    from percuss.solver.model_arrays import ModelArrays
 
 BALANCE = "an end without mass is in static balance with its contact at t_n"
 
@@ -72,21 +72,8 @@ def nodal_masses(case: Case, spec: BodySpec, mesh: Mesh, ends: Collection[str]) 
     return np.asarray(nodal, dtype=float), may_lack_mass
 
 
-def refuse_without_mass(
-    case: Case, bodies: Iterable[Body], laws: Iterable[BoundLaw], massless: Any, *, multistage: bool, why_not_seen: str
-) -> None:
+def refuse_without_mass(model: ModelArrays) -> None:
     """Refuse ends without mass where their static balance with the contact is not that of a linear end element.
-
-    Parameters
-    ----------
-    case, bodies, laws
-        The case, its bodies and its bound laws.
-    massless : (P,) bool array
-        Contact points with a side without mass.
-    multistage
-        Whether the integrator is a multi-stage scheme.
-    why_not_seen
-        Why the force of an end element in a leap-frog step is not that of the static balance; empty where it is.
 
     Raises
     ------
@@ -95,10 +82,11 @@ def refuse_without_mass(
     RefusedPair
         If the integrator is a multi-stage scheme or one of such forces, or a law gives no force in static balance.
     """
+    massless, case = model.points_without_mass, model.case
     if not massless.any():
         return
     name, integrator = case.method.mass.name, case.method.integrator.name
-    for body in bodies:
+    for body in model.bodies.values():
         if not all(body.mass[beside - body.start] > 0.0 for beside in body.ends_without_mass.values()):
             message = f"expected a node with mass beside each end without mass of body '{body.name}', found none"
             raise InputError([case.problem(("method", "mass"), message, "Give the body more elements.")])
@@ -106,16 +94,18 @@ def refuse_without_mass(
             message = f"expected linear bodies, as {name} leaves ends without mass, found that {body.why_not_linear}"
             advice = f"{BALANCE[0].upper()}{BALANCE[1:]}, which is solved for linear bodies alone: take another mass."
             raise InputError([case.problem(("method", "mass"), message, advice)])
-    for bound_law in laws:
+    for bound_law in model.laws:
         law, reason = bound_law.law, ""
         if law.shifts:
             reason = f"{BALANCE}, and {law.name} shifts displacements after that"
         elif massless[list(bound_law.where)].any():
             reason = _why_no_balance(bound_law)
-            if multistage:
+            if model.multistage:
                 reason = f"{BALANCE}, and {integrator} evaluates contact in the stages of its step"
-            elif why_not_seen:
-                reason = f"{BALANCE}, and {why_not_seen}"
+            elif model.viscosity:
+                reason = f"{BALANCE}, and the viscous force of {integrator} in its end element is not part of that"
+            elif model.own_steps:
+                reason = f"{BALANCE}, and with {integrator} its end element does not act in every step"
         if reason:
             raise RefusedPair(integrator, law.name, reason, name)
 

@@ -2,40 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from percuss.errors import InputError, RefusedPair
 
 if TYPE_CHECKING:
-    from percuss.case.case import Case
     from percuss.methods.interfaces import LinearLaw
-    from percuss.solver.bound_law import BoundLaw
-    from percuss.solver.entities import Constraint, Follower
+    from percuss.solver.model_arrays import ModelArrays
 
 
-def refuse_in_implicit(
-    case: Case,
-    why_not_linear: str,
-    constraints: Iterable[Constraint],
-    followers: Iterable[Follower],
-    laws: Iterable[BoundLaw],
-    massless: Any,
-) -> None:
+def refuse_in_implicit(model: ModelArrays) -> None:
     """Refuse bodies, loads and laws that an implicit scheme does not know.
-
-    Parameters
-    ----------
-    case
-        The case.
-    why_not_linear
-        Why its bodies are not linear; empty where they are.
-    constraints, followers, laws
-        Its supports and drives, the loads that follow the motion of an end, and its bound laws.
-    massless : (P,) bool array
-        Contact points with a side without mass.
 
     Raises
     ------
@@ -44,17 +23,17 @@ def refuse_in_implicit(
     RefusedPair
         For a law that is no line in the gap, and no tie of rates.
     """
-    name = case.method.integrator.name
-    if why_not_linear:
-        message = f"expected linear bodies with the implicit {name}, found that {why_not_linear}"
+    case, name = model.case, model.case.method.integrator.name
+    if model.why_not_linear:
+        message = f"expected linear bodies with the implicit {name}, found that {model.why_not_linear}"
         raise InputError([case.problem(("method", "integrator"), message, "Take an explicit integrator.")])
-    moving = [constraint.load for constraint in constraints if constraint.load is not None]
-    for load in (*moving, *(follower.load for follower in followers)):
+    moving = [constraint.load for constraint in model.constraints if constraint.load is not None]
+    for load in (*moving, *(follower.load for follower in model.followers)):
         message = f"expected supports and forces with the implicit {name}, found a load that says how an end moves"
         raise InputError([case.problem(("loads", load.name), message, "Take an explicit integrator.")])
-    for bound_law in laws:
+    for bound_law in model.laws:
         reason = _why_not_solved(bound_law.linear)
-        if massless[list(bound_law.where)].any():
+        if model.points_without_mass[list(bound_law.where)].any():
             reason = "ends without mass are balanced with their contact explicitly"
         if reason:
             raise RefusedPair(

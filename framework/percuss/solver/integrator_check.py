@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-    from percuss.solver.bound_law import BoundLaw
+    from percuss.solver.model_arrays import ModelArrays
 
 # Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
 STATE_IN_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
@@ -103,9 +103,7 @@ def velocities_of(stages: Stages) -> Floats:
     return np.array(stages.velocity or [0.0] * len(stages.times), dtype=float)
 
 
-def refuse_laws(
-    integrator: Integrator, stages: Stages | None, tables: tuple[LeapFrog, ...], laws: Sequence[BoundLaw]
-) -> None:
+def refuse_laws(model: ModelArrays) -> None:
     """Refuse laws that do not work with the scheme of an integrator.
 
     These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state, and laws
@@ -119,8 +117,8 @@ def refuse_laws(
     RefusedPair
         For the first such law.
     """
-    name = integrator.name
-    for bound_law in laws:
+    name, stages = model.case.method.integrator.name, model.stages
+    for bound_law in model.laws:
         law, linear = bound_law.law, bound_law.linear
         if linear is not None and linear.at == "end" and stages is not None and not stages.end:
             raise RefusedPair(name, law.name, NO_END, name)
@@ -130,7 +128,7 @@ def refuse_laws(
                 "forces in a step"
             )
             raise RefusedPair(name, law.name, reason, law.name)
-        states = [getattr(table, linear.at) for table in tables] if linear and np.any(linear.acceleration) else []
+        states = [getattr(table, linear.at) for table in model.tables] if linear and np.any(linear.acceleration) else []
         for state in states:
             if reason := _why_unseen(law, state):
                 reason = f"{name} shows {law.name} no acceleration of the gap{reason}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import dataclasses
 import itertools
 import math
@@ -15,7 +14,7 @@ import numpy as np
 
 from percuss.errors import InputError, Problem, RefusedPair
 from percuss.methods.blame import said_by
-from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, Implicit, LeapFrog, Stages
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
 from percuss.methods.plugin_calls import answer
 from percuss.methods.process_guard import process_as_before
 from percuss.solver import size_limits
@@ -24,39 +23,24 @@ from percuss.solver.bulk_trial import try_kernels
 from percuss.solver.cells import volumes_of
 from percuss.solver.compiled.contact_equation import LAW, NOTHING
 from percuss.solver.contact_pairs import contact_pair_of
-from percuss.solver.contact_rows import Side, delassus_rows, law_records
+from percuss.solver.contact_rows import Side, law_records
 from percuss.solver.coupled_masses import inverse_mass, refuse_coupled_ends
 from percuss.solver.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
 from percuss.solver.ends_without_mass import ends_at_contacts, nodal_masses, refuse_without_mass
 from percuss.solver.entities import (
     Body,
-    BodyForce,
     Constraint,
-    ContactPair,
-    Follower,
-    NodalForce,
     acts_at,
     latest,
 )
 from percuss.solver.implicit_check import refuse_in_implicit
 from percuss.solver.integrator_check import refuse_laws, scheme
 from percuss.solver.loads import supports_and_loads
+from percuss.solver.model_arrays import ModelArrays
 from percuss.solver.stiffness_limits import stiffness_limits
 
 if TYPE_CHECKING:
     from percuss.case.case import Address, Case
-
-
-# Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
-OWN_STEP_TOLERANCE = 1e-9
-
-
-class ContactRows(NamedTuple):
-    """The sides of every contact point, and the diagonal and the other entries of S (`contact_rows.delassus_rows`)."""
-
-    sides: list[list[Side]]
-    diagonal: Floats
-    others: list[dict[int, float]]
 
 
 class Stretch(NamedTuple):
@@ -82,35 +66,13 @@ class Stretch(NamedTuple):
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class Model:
+class Model(ModelArrays):
     """The arrays of a case; a model never changes, and models derived from it share its arrays.
 
     Parameters
     ----------
     case
         A checked case.
-
-    Attributes
-    ----------
-    dt, steps
-        Time step and number of steps; Courant number 1 where the case gives no step.
-    bodies
-        The bodies by name, in the order of the case.
-    mass, nodes
-        Masses and positions of all nodes, (nodes,) and (nodes, dim).
-    omega
-        Largest frequency of an element [1/time].
-    contact_pairs
-        The contact points, in the order of the case.
-    constraints, nodal_forces, followers, body_forces
-        Supports, drives and loads.
-    stages
-        Stages of a multi-stage scheme; None for a leap-frog scheme.
-    tables
-        The states at which contact laws are evaluated, one table for each stage, or one for a leap-frog scheme.
-    laws
-        The bound laws, linear laws before laws with a kernel. The loop solves linear laws with the contact equation;
-        the other laws fill their part of the multipliers last in this order, by kernels of their own.
 
     Raises
     ------
@@ -120,21 +82,6 @@ class Model:
         If the integrator and a contact law do not work together.
     """
 
-    case: Case
-    dt: float
-    steps: int
-    bodies: Mapping[str, Body]
-    mass: Floats
-    nodes: Floats
-    omega: float
-    contact_pairs: tuple[ContactPair, ...]
-    constraints: tuple[Constraint, ...]
-    nodal_forces: tuple[NodalForce, ...]
-    followers: tuple[Follower, ...]
-    body_forces: tuple[BodyForce, ...]
-    stages: Stages | None
-    tables: tuple[LeapFrog, ...]
-    laws: tuple[BoundLaw, ...]
     _never_active: tuple[int, ...]  # contact points whose law is not active at any time
     _whole: Model | None  # the model of the whole run, in the model of a stretch
 
@@ -154,7 +101,7 @@ class Model:
         loads = supports_and_loads(case, bodies, problems)
         _raise(problems)
         self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
-        refuse_coupled_ends(case, bodies.values(), self.acted_nodes)
+        refuse_coupled_ends(self)
         self._bind()
 
     # -- construction and derived models -----------------------------------------------------------------
@@ -208,25 +155,11 @@ class Model:
             _raise([self.case.problem(("method", "mass"), message, advice)])
         self._check_movable()
         self._set(laws=self._bound_laws(self.dt))
-        refuse_without_mass(
-            self.case,
-            self.bodies.values(),
-            self.laws,
-            self.points_without_mass,
-            multistage=self.multistage,
-            why_not_seen=self._why_end_elements_are_not_seen,
-        )
+        refuse_without_mass(self)
         refuse_end_forces(self)
-        refuse_laws(integrator, self.stages, self.tables, self.laws)
+        refuse_laws(self)
         if self.implicit:
-            refuse_in_implicit(
-                self.case,
-                self.why_not_linear,
-                self.constraints,
-                self.followers,
-                self.laws,
-                self.points_without_mass,
-            )
+            refuse_in_implicit(self)
 
     def with_step(self, dt: float) -> Model:
         """Return the model of the whole run with another time step."""
@@ -302,57 +235,14 @@ class Model:
     # -- bodies and time ---------------------------------------------------------------------------------
 
     @property
-    def dim(self) -> int:
-        """Number of space dimensions."""
-        return self.case.dimension
-
-    @property
-    def n_nodes(self) -> int:
-        """Number of nodes."""
-        return self.mass.size
-
-    @property
     def whole(self) -> Model:
         """The model of the whole run, also for the model of a stretch."""
         return self._whole or self
 
     @property
-    def multistage(self) -> bool:
-        """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""
-        return self.stages is not None
-
-    @property
     def shifts(self) -> bool:
         """Whether a contact law shifts the ends of its contacts."""
         return any(bound_law.law.shifts for bound_law in self.laws)
-
-    @property
-    def viscosity(self) -> float:
-        """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
-        return 0.0 if self.multistage else self.tables[0].viscosity
-
-    @cached_property
-    def implicit(self) -> Implicit | None:
-        """The scheme of an implicit integrator; None for an explicit one."""
-        definition = answer(self.case.method.integrator, "bind", self.dt)
-        return definition if isinstance(definition, Implicit) else None
-
-    @cached_property
-    def own_steps(self) -> tuple[int, ...]:
-        """The number of steps from one action of the internal forces of each body to the next, `LeapFrog.own_steps`.
-
-        It is empty where internal forces act in every step in all bodies.
-        """
-        if self.multistage or not self.tables[0].own_steps:
-            return ()
-        ratios = [self.omega / float(body.frequency.max()) for body in self.bodies.values()]
-        numbers = tuple(max(1, int(ratio * (1.0 + OWN_STEP_TOLERANCE))) for ratio in ratios)
-        return numbers if max(numbers) > 1 else ()
-
-    @property
-    def period(self) -> int:
-        """The number of steps after which the internal forces of all bodies act in the same step again."""
-        return math.lcm(*self.own_steps)
 
     @property
     def sums_internal_work(self) -> bool:
@@ -364,38 +254,13 @@ class Model:
         return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
 
     @property
-    def why_not_linear(self) -> str:
-        """The reason why internal forces are not proportional to displacements; empty where all bodies are linear."""
-        return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
-
-    @property
     def courant(self) -> float:
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.omega
 
-    @property
-    def acted_nodes(self) -> list[int]:
-        """Nodes on which a support, a drive or a load acts, each as often as that is so."""
-        return [
-            *(constraint.node for constraint in self.constraints),
-            *(nodal_force.node for nodal_force in self.nodal_forces),
-            *(follower.node for follower in self.followers),
-        ]
-
     def node(self, address: Address) -> int:
         """Return the node at an end of a body."""
         return self.bodies[address.body].node(address.region)
-
-    def body_of(self, node: int) -> Body:
-        """Return the body that contains a node."""
-        bodies, starts = self._places
-        return bodies[bisect.bisect_right(starts, node) - 1]
-
-    @cached_property
-    def _places(self) -> tuple[list[Body], list[int]]:
-        """The bodies, and the first node of each."""
-        bodies = list(self.bodies.values())
-        return bodies, [body.start for body in bodies]
 
     def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
         """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
@@ -505,75 +370,6 @@ class Model:
                 nodes.update(side.node for side in sides if _moves(side, self.mass))
         return [sorted(nodes) for nodes in moved]
 
-    def sides(self, midpoint: float) -> list[list[Side]]:
-        """Return the sides of every contact point, one at a wall, for the supports and drives active at `midpoint`."""
-        return self._contact_rows(midpoint).sides
-
-    def delassus_rows(self, midpoint: float) -> tuple[Floats, list[dict[int, float]]]:
-        """Return S = N^T M^-1 N for the supports and drives active at `midpoint`, as `contact_rows.delassus_rows`."""
-        rows = self._contact_rows(midpoint)
-        return rows.diagonal, rows.others
-
-    def _contact_rows(self, midpoint: float) -> ContactRows:
-        active = tuple(k for k, constraint in enumerate(self.constraints) if constraint.active(midpoint))
-        rows = self._known_contact_rows.get(active)
-        if rows is None:
-            sides = self._sides([self.constraints[k] for k in active])
-            rows = self._known_contact_rows[active] = ContactRows(sides, *delassus_rows(sides))
-        return rows
-
-    @cached_property
-    def _known_contact_rows(self) -> dict[tuple[int, ...], ContactRows]:
-        """The rows of N and S for each set of active supports and drives that was met."""
-        return {}
-
-    def _sides(self, active: Sequence[Constraint]) -> list[list[Side]]:
-        directions: dict[int, list[Floats]] = {}
-        for constraint in active:
-            directions.setdefault(constraint.node, []).append(constraint.direction)
-        sides = []
-        for contact_pair in self.contact_pairs:
-            pair_sides = []
-            for node, normal in contact_pair.gap_gradient():
-                free = normal.copy()
-                for direction in directions.get(node, ()):
-                    free -= (direction @ free) * direction
-                pair_sides += self._sides_of(node, normal, free)
-            sides.append(pair_sides)
-        return sides
-
-    def _sides_of(self, node: int, normal: Floats, free: Floats) -> list[Side]:
-        """Return a side of a contact point, with `free` the part of its normal along which no constraint holds it.
-
-        Where the mass couples nodes, those that a force on the side moves too follow, with no normal of their own.
-        """
-        body = self.body_of(node)
-        if self.mass[node] > 0.0 and body.inverse.size:
-            return [
-                Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
-                for moved, response in body.response(node).items()
-            ]
-        if self.mass[node] > 0.0:
-            return [Side(node, normal, free / self.mass[node])]
-        stiffness = float(body.stiffness[body.end_element(node)])
-        return [Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])]
-
-    @cached_property
-    def couples_nodes(self) -> bool:
-        """Whether the mass of a body couples its nodes, so that M^-1 is banded."""
-        return any(body.inverse.size for body in self.bodies.values())
-
-    def mobility(self, node: int) -> float:
-        """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
-        body = self.body_of(node)
-        return body.response(node)[node] if body.inverse.size else 1.0 / self.mass[node]
-
-    @cached_property
-    def points_without_mass(self) -> Any:
-        """Whether each contact point has a side without mass, (P,)."""
-        massless = [self.mass[list(contact_pair.nodes)].min() == 0.0 for contact_pair in self.contact_pairs]
-        return np.array(massless, dtype=bool)
-
     def _check_movable(self) -> None:
         problems: list[Problem] = []
         for start, stop in self.segments(laws=False):
@@ -588,14 +384,6 @@ class Model:
                         advice = "Drive one of its ends at a time: without a free end its force is unknown."
                     problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
             _raise(problems)
-
-    @property
-    def _why_end_elements_are_not_seen(self) -> str:
-        """The reason why a static balance of the end elements of a body is not that of the step; empty where it is."""
-        name = self.case.method.integrator.name
-        if self.viscosity:
-            return f"the viscous force of {name} in its end element is not part of that"
-        return f"with {name} its end element does not act in every step" if self.own_steps else ""
 
     def _refuse_pairs(self) -> None:
         integrator = self.case.method.integrator
