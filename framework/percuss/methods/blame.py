@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import ast
 import dis
-import importlib
-import importlib.metadata
 import inspect
-import os
 import re
 import sys
 import traceback
@@ -19,7 +16,6 @@ from typing import Any
 
 from percuss import version
 from percuss.errors import PercussError, PluginError, RefusedPair, nearest
-from percuss.files import PACKAGE
 
 OWN_PACKAGES = {"percuss", "percuss_methods"}
 RENAMED = {"Rows": "LinearLaw", "Judged": "ContactState"}  # names that contract 2 changed
@@ -166,30 +162,13 @@ def breach(component: Any, method: str, message: str, place: str = "") -> Plugin
     return PluginError(f"{SINGULAR[component.family]} {component.name}: {message}", place)
 
 
-def place_of(error: BaseException, plugin: str) -> str:
-    """Return ``file:line`` of the innermost call of an error inside a plug-in that was being loaded, or an empty text.
-
-    Parameters
-    ----------
-    error
-        The error that the plug-in raised.
-    plugin
-        The file of the plug-in; empty if it is not known.
-    """
+def place_of(error: BaseException) -> str:
+    """Return ``file:line`` of an error inside a plug-in that was being loaded, or an empty text."""
     if isinstance(error, PluginError) and error.place:
         return error.place
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}:{error.lineno}"
-    # Both find distributions where they are imported; importlib_metadata then takes over from importlib.
-    packages: Any = (importlib, *filter(None, map(sys.modules.get, ("pluggy", "importlib_metadata"))))
-    percuss_folder = str(PACKAGE) + os.sep
-    machinery = ("<frozen", percuss_folder, *(str(Path(package.__file__).parent) for package in packages))
-    trace = ((frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__))
-    calls = [call for call in trace if not call[0].startswith(machinery)]
-    home = Path(plugin or (calls[0][0] if calls else ""))
-    if not plugin and (home.parent / "__init__.py").exists():
-        home = home.parent  # An installed plug-in may be a package of several files.
-    return next((f"{file}:{line}" for file, line in reversed(calls) if file.startswith(str(home))), "")
+    return line_in_plugin(error)
 
 
 def definition_place(definition: Any) -> str:

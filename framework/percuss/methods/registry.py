@@ -353,5 +353,5 @@ def _isolate(broken: list[Broken], source: Provenance, part: str = "", culprit: 
     except BaseException as error:  # no error of a plug-in may stop the others
         if is_ctrl_c(error):
             raise
-        place = place_of(error, source.file) or definition_place(culprit) or source.file
+        place = place_of(error) or definition_place(culprit) or source.file
         broken.append(Broken(source.label, ": ".join(filter(None, (part, error_text(error)))), place))
