@@ -70,7 +70,7 @@ def advance_bodies(group: Group, bulk: Bulk, u: Floats, v: Floats, body_accelera
     steps between, in which none of its nodes changes its velocity but for those of the boundary. These are written
     back after every step.
     """
-    force, mass, momentum, dim = bulk.force, bulk.mass, bulk.momentum, bulk.stride
+    force, dim = bulk.force, bulk.stride
     # The force kernel overwrites the forces of all nodes of a block; the carried force is stored after them.
     storage = (BLOCK + 1) * dim
     for b in range(group.body.size):
@@ -80,7 +80,7 @@ def advance_bodies(group: Group, bulk: Bulk, u: Floats, v: Floats, body_accelera
         offset = group.first[b] - lo
         body = group.body[b] * dim
         if not is_due(group.own_step[b], bulk.number[0]):
-            add_momentum(momentum, body, mass[lo * dim : stop * dim], v[lo * dim : stop * dim], dim)
+            add_momentum_of_row(bulk, body, lo * dim, stop * dim, v, dim)
             continue
         for d in range(dim):
             bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
@@ -99,7 +99,7 @@ def advance_bodies(group: Group, bulk: Bulk, u: Floats, v: Floats, body_accelera
             if count > 0:
                 for d in range(dim):
                     force[d] = force[count * dim + d]
-            add_momentum(momentum, body, mass[lo * dim : hi * dim], v[lo * dim : hi * dim], dim)
+            add_momentum_of_row(bulk, body, lo * dim, hi * dim, v, dim)
             lo = hi
 
 
@@ -173,6 +173,14 @@ def add_momentum(momentum: Floats, first: int, mass: Floats, v: Floats, dim: int
     if momentum.size > 0:
         for d in range(dim):
             momentum[first + d] += momentum_along(mass, v, d, dim)
+
+
+def add_momentum_of_row(bulk: Bulk, body: int, first: int, stop: int, v: Floats, dim: int) -> None:
+    """Add the momentum of consecutive nodes to that of a body, in one dimension several nodes at a time."""
+    if dim > 1:
+        add_momentum(bulk.momentum, body, bulk.mass[first:stop], v[first:stop], dim)
+    elif bulk.momentum.size > 0:
+        bulk.momentum[body] += momentum_along(bulk.mass[first:stop], v[first:stop], 0, 1)
 
 
 def kinetic(mass: Floats, v: Floats) -> float:
