@@ -151,8 +151,8 @@ REFUSED = {
     "module": (["numpy", "--kind", "contact"], "there is a module 'numpy' already"),
     "module of Python": (["statistics", "--kind", "contact"], "there is a module 'statistics' already"),
     "no folder": (["mine", "--kind", "contact", "-o", "nowhere"], "expected a folder that exists"),
-    "folder": (["there", "--kind", "contact"], "this is there already"),
-    "file": (["file", "--kind", "contact", "--single-file"], "file.py: this is there already"),
+    "folder": (["there", "--kind", "contact"], "this exists already"),
+    "file": (["file", "--kind", "contact", "--single-file"], "file.py: this exists already"),
 }
 
 

@@ -317,7 +317,7 @@ def test_compare_replaces_a_contacts_own_law_and_says_so(tmp_path: Path) -> None
     )
     (tmp_path / "own.yaml").write_text(text)
     done = percuss_command("compare", "own.yaml", "--contact", "penalty,lagrange", "--json", cwd=tmp_path)
-    assert "the own method of tip is replaced" in done.stderr
+    assert "the named laws replace the own law of tip in every run" in done.stderr
     impulses = [r["summary"]["contacts"]["tip"]["peak_force"] for r in json.loads(done.stdout)["rows"]]
     assert impulses[0] != impulses[1]
 

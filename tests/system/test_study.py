@@ -327,7 +327,7 @@ def test_killed_at_any_moment_it_goes_on_and_ends_the_same(whole, tmp_path):
     last = subprocess.run(command(file, "-o", out, "--json"), capture_output=True, text=True, check=True)
     told = json.loads(last.stdout)
     assert told["found"] == (counts[-1] if counts else 0)
-    assert f"{told['found']} of {RUNS} runs are there already" in last.stderr or not told["found"]
+    assert f"{told['found']} of {RUNS} runs are stored already" in last.stderr or not told["found"]
     assert same(percuss.open_study(out).table, whole)
 
 
@@ -431,7 +431,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path):
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         said = process.communicate(timeout=60)[1]
         assert process.returncode == 130
-        assert "the same command goes on from here" in said
+        assert "the same command continues from here" in said
         assert "Traceback" not in said
         assert before < percuss.open_study(out).counts["done"] < 60
         before = percuss.open_study(out).counts["done"]

@@ -142,7 +142,7 @@ def test_a_compiled_loop_that_ctrl_c_waits_for_is_told_and_a_second_ctrl_c_ends_
     assert ended.is_set()
     sending.close()
     assert capsys.readouterr().err == (
-        "Ctrl-C: a compiled kernel is waited for; a second Ctrl-C ends the process all the same\n"
+        "Ctrl-C: percuss waits for a compiled kernel; a second Ctrl-C ends the process at once\n"
         "interrupted in a compiled kernel\n"
     )
 

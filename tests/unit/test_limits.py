@@ -90,7 +90,7 @@ def test_memory_that_runs_out_all_the_same_is_told(monkeypatch, capsys):
     with pytest.raises(typer.Exit) as caught, reporting(as_json=False):
         raise MemoryError("Unable to allocate 1 TiB")
     assert caught.value.exit_code == 2
-    assert "more memory than there is (Unable to allocate 1 TiB)" in capsys.readouterr().err
+    assert "too little memory for this (Unable to allocate 1 TiB)" in capsys.readouterr().err
 
 
 WRONG = [

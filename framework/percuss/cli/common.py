@@ -35,12 +35,19 @@ if TYPE_CHECKING:
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="YAML file of the case.")]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Replace a value, as method.contact.beta_s=1; repeatable."),
+    typer.Option("--set", metavar="PATH=VALUE", help="Replace a value: method.contact.beta_s=1. Repeatable."),
 ]
 Plugins = Annotated[
-    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="A single-file plug-in; repeatable.")
+    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="Add a single-file plug-in. Repeatable.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, the rest on standard error.")]
+Vary = Annotated[
+    list[str] | None,
+    typer.Option("--vary", metavar="PATH=VALUES", help="Vary a value: 1,2,5 or 0:1:11 or 0.01:100:log:30. Repeatable."),
+]
+Workers = Annotated[
+    int | None, typer.Option("--workers", metavar="N", help="Number of processes; by default one a core.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object; the rest goes to standard error.")]
 
 
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
@@ -131,7 +138,7 @@ def reporting(as_json: bool) -> Iterator[None]:
     except (PercussError, MemoryError) as error:
         if isinstance(error, MemoryError):
             size = described(error).partition(": ")[2] or "of no known size"
-            error = PercussError(f"this needs more memory than there is ({size}): take fewer elements or records")
+            error = PercussError(f"the machine has too little memory for this ({size}): take fewer elements or records")
         problems = [vars(problem) for problem in getattr(error, "problems", ())]
         if as_json:
             status = "bad input" if error.exit_code == 2 else "failed"
@@ -184,7 +191,7 @@ def _watch_interrupts(receiving: socket.socket) -> None:
                     print(f"interrupted{f' in {place}' if place else ''}", file=sys.stderr, flush=True)
                     os._exit(INTERRUPTED)
                 if place:
-                    message = f"Ctrl-C: {place} is waited for; a second Ctrl-C ends the process all the same"
+                    message = f"Ctrl-C: percuss waits for {place}; a second Ctrl-C ends the process at once"
                     print(message, file=sys.stderr, flush=True)
                 receiving.settimeout(None)
                 continue

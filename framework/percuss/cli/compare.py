@@ -13,6 +13,7 @@ from percuss.cli.common import (
     Outputs,
     Plugins,
     Sets,
+    Vary,
     load_to_write,
     names_in,
     print_json,
@@ -25,20 +26,17 @@ from percuss.cli.common import (
 
 def compare(
     case: CaseFile,
-    integrator: Annotated[str, typer.Option("--integrator", metavar="A,B", help="Integrators to run.")] = "",
-    contact: Annotated[str, typer.Option("--contact", metavar="X,Y", help="Contact laws to run.")] = "",
-    vary: Annotated[
-        list[str] | None,
-        typer.Option("--vary", metavar="PATH=VALUES", help="1,2,5 or 0:1:11 or 0.01:100:log:30; repeatable."),
-    ] = None,
+    integrator: Annotated[str, typer.Option("--integrator", metavar="A,B", help="Run these integrators.")] = "",
+    contact: Annotated[str, typer.Option("--contact", metavar="X,Y", help="Run these contact laws.")] = "",
+    vary: Vary = None,
     set_: Sets = None,
     plugin: Plugins = None,
     tied: Annotated[
-        bool, typer.Option("--tied", help="Also run with interfaces tied while the exact contact is closed.")
+        bool, typer.Option("--tied", help="Also tie the interfaces while the exact contact is closed.")
     ] = False,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Overlay the forces; with several `refine`, errors against it."),
+        typer.Option("--plot", metavar="FILE", help="Draw the forces; with several `refine`, the errors over it."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -53,7 +51,7 @@ def compare(
         contacts = names_in(contact)
         own = comparison.own_laws(loaded) if contacts else []
         if own:
-            tell(f"note: the own method of {', '.join(own)} is replaced in every run")
+            tell(f"note: the named laws replace the own law of {', '.join(own)} in every run")
         with progress_bar("runs") as progress:
             rows = comparison.compare(loaded, names_in(integrator), contacts, axes, tied=tied, progress=progress)
         for note in comparison.notes_of_swaps(loaded, names_in(integrator), contacts, axes):

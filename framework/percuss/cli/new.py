@@ -21,9 +21,9 @@ def new(
         ),
     ],
     single_file: Annotated[
-        bool, typer.Option("--single-file", help="NAME.py and NAME.yaml, and no package around them.")
+        bool, typer.Option("--single-file", help="Write NAME.py and NAME.yaml, without a package.")
     ] = False,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where to write; else here.")] = Path(),
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder to write into.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
     """Write the first files of a method of your own.
@@ -37,6 +37,6 @@ def new(
         if as_json:
             print_json({**vars(made), "files": [str(file) for file in made.files], "next": list(made.next)})
         else:
-            print(f"{made.component}, a method of the family {made.family}, is ready to be changed:")
+            print(f"{made.component}, a method of the family {made.family}, is written and runs:")
             print(*(f"  {file}" for file in made.files), sep="\n")
             print("next:", *(f"  {line}" for line in made.next), sep="\n")

@@ -10,7 +10,7 @@ from percuss.cli.common import AsJson, Plugins, print_json, reporting
 
 
 def plugins(
-    name: Annotated[str, typer.Argument(metavar="[NAME]", help="A component to describe.")] = "",
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="Method to describe.")] = "",
     plugin: Plugins = None,
     as_json: AsJson = False,
 ) -> None:

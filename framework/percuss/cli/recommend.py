@@ -12,6 +12,7 @@ from percuss.cli.common import (
     CaseFile,
     Outputs,
     Plugins,
+    Workers,
     expect_drawable,
     names_in,
     print_json,
@@ -24,28 +25,25 @@ from percuss.process import INTERRUPTED
 
 def recommend(
     case: CaseFile,
-    error: Annotated[str, typer.Option("--error", metavar="BOUND", help="Largest error, as 1% or 0.01.")] = "",
+    error: Annotated[str, typer.Option("--error", metavar="BOUND", help="Largest error, for example 1%.")] = "",
     energy: Annotated[
-        str, typer.Option("--energy", metavar="BOUND", help="Largest share of the energy taken or added by contacts.")
+        str, typer.Option("--energy", metavar="BOUND", help="Largest share of the energy that contacts take or add.")
     ] = "",
-    time: Annotated[str, typer.Option("--time", metavar="SECONDS", help="Longest time of the march of a run.")] = "",
-    measure: Annotated[
-        str, typer.Option("--measure", metavar="NAME", help="The error that is bounded.")
-    ] = "force_error_l1",
+    time: Annotated[str, typer.Option("--time", metavar="SECONDS", help="Longest time of a march.")] = "",
+    measure: Annotated[str, typer.Option("--measure", metavar="NAME", help="Error to bound.")] = "force_error_l1",
     integrator: Annotated[
-        str, typer.Option("--integrator", metavar="A,B", help="Integrators to choose from; else all.")
+        str, typer.Option("--integrator", metavar="A,B", help="Integrators to choose from; by default all.")
     ] = "",
     contact: Annotated[
-        str, typer.Option("--contact", metavar="X,Y", help="Contact laws to choose from; else all.")
+        str, typer.Option("--contact", metavar="X,Y", help="Contact laws to choose from; by default all.")
     ] = "",
     runs: Annotated[int, typer.Option("--runs", metavar="N", help="Largest number of runs.")] = 400,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="The same seed draws the same order of pairs.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the order in which pairs are tried.")] = 0,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="File of the runs; else CASE-recommend.sqlite.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE", help="File of the runs; by default CASE-recommend.sqlite."),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core. 1: this one.")
-    ] = None,
+    workers: Workers = None,
     plugin: Plugins = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="Draw the error of all runs over their cost.")
@@ -92,7 +90,7 @@ def recommend(
             tell_recommendation(found)
         outputs.finish()
         if not found.study.complete:
-            tell("interrupted: the same command goes on from here")
+            tell("interrupted: the same command continues from here")
             raise typer.Exit(INTERRUPTED)
         if found.best is None:
             raise typer.Exit(1)

@@ -11,15 +11,16 @@ from percuss.cli.common import reporting
 
 
 def report(
-    study: Annotated[Path, typer.Argument(metavar="STUDY", help="What `percuss study` made.")],
+    study: Annotated[Path, typer.Argument(metavar="STUDY", help="File of rows that `percuss study` wrote.")],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="The page; else STUDY.html beside it.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE", help="Page to write; by default STUDY.html beside the study."),
     ] = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="DIR", help="Pictures as svg and pdf; no page unless -o.")
+        Path | None, typer.Option("--figures", metavar="DIR", help="Write figures as svg and pdf; a page only with -o.")
     ] = None,
     median: Annotated[
-        bool, typer.Option("--median", help="Draw the median run of each pair of methods; else the best run.")
+        bool, typer.Option("--median", help="Draw the median run of each pair, instead of the best.")
     ] = False,
 ) -> None:
     """Write a study as one HTML page, or as figures for print."""

@@ -37,20 +37,20 @@ def run(
     case: CaseFile,
     set_: Sets = None,
     plugin: Plugins = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result (NetCDF-4).")] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result as NetCDF-4 (.nc).")
+    ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw the result: png, svg or pdf by suffix."),
+        typer.Option("--plot", metavar="FILE", help="Draw the result as png, svg or pdf."),
     ] = None,
     exact_only: Annotated[
-        bool, typer.Option("--exact-only", help="The exact solution alone; needs no method, step or elements.")
+        bool, typer.Option("--exact-only", help="Compute the exact solution only, without a method.")
     ] = False,
     nudge: Annotated[
         bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer depend on round-off?")
     ] = False,
-    tied: Annotated[
-        bool, typer.Option("--tied", help="Run with interfaces tied while the exact contact is closed.")
-    ] = False,
+    tied: Annotated[bool, typer.Option("--tied", help="Tie the interfaces while the exact contact is closed.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""
@@ -59,7 +59,8 @@ def run(
         if plot is not None:
             expect_drawable(plot)
         if tied and exact_only:
-            raise InputError([Problem("--tied", "", "the exact solution has no interface to tie", "Leave one out.")])
+            both = "expected --tied or --exact-only, found both"
+            raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
         if exact_only:
             from percuss.results.exact_only import load_for_exact
 

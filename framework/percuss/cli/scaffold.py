@@ -80,9 +80,8 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
     targets = [out / file for file in files] if single_file else [out / name]
     taken = [target for target in targets if target.exists() or target.is_symlink()]
     if taken:
-        raise InputError(
-            [Problem(str(target), "", "this is there already", "Nothing is overwritten.") for target in taken]
-        )
+        advice = "Nothing was overwritten: take another name or folder."
+        raise InputError([Problem(str(target), "", "this exists already", advice) for target in taken])
     with _temporary_folder(out, name) as folder:
         for file, text in texts.items():
             (folder / file).parent.mkdir(exist_ok=True)
@@ -106,11 +105,11 @@ def _expect_valid(name: str, kind: str, out: Path, *, single_file: bool) -> None
     problems = []
     family = KINDS.get(kind)
     if family is None:
-        problems.append(Problem(f"--kind {kind}", "", "there is no such kind", suggestion(kind, KINDS, "kind")))
+        problems.append(Problem(f"--kind {kind}", "", "unknown kind", suggestion(kind, KINDS, "kind")))
     word = name.replace("-", "_")
     if not NAME_PATTERN.fullmatch(name) or not DISTRIBUTION.fullmatch(name):
         advice = "Start with a letter, then letters, digits, _ and -; end with a letter or a digit."
-        problems.append(Problem(name, "", "this is no name for a method", advice))
+        problems.append(Problem(name, "", "expected a name for a method", advice))
     elif flow(name) != name or keyword.iskeyword(word):
         language = "Python" if keyword.iskeyword(word) else "YAML"
         problems.append(Problem(name, "", f"this is a word of {language}", "Take another name."))

@@ -11,7 +11,7 @@ from percuss.cli.common import Plugins, print_json, reporting
 
 def schema(
     plugin: Plugins = None,
-    study: Annotated[bool, typer.Option("--study", help="That of a study file.")] = False,
+    study: Annotated[bool, typer.Option("--study", help="Print the schema of a study file.")] = False,
 ) -> None:
     """Print the JSON schema of a case or a study, for editors."""
     with reporting(as_json=False):

@@ -13,6 +13,7 @@ from percuss.cli.common import (
     Outputs,
     Plugins,
     Sets,
+    Vary,
     load_to_write,
     methods_in_words,
     names_in,
@@ -26,21 +27,20 @@ from percuss.errors import InputError, Problem
 
 def stability(
     case: CaseFile,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option("--vary", metavar="PATH=VALUES", help="1,2,5 or 0:1:11 or 0.01:100:log:30; two make a map."),
-    ] = None,
+    vary: Vary = None,
     curves: Annotated[
-        list[str] | None, typer.Option("--curves", metavar="PATH=VALUES", help="One curve, or one map, a value.")
+        list[str] | None,
+        typer.Option("--curves", metavar="PATH=VALUES", help="Draw one curve, or one map, for each value."),
     ] = None,
     by: Annotated[
-        str, typer.Option("--by", metavar="A,B", help="closed-form, pencil, black-box; several are overlaid.")
+        str,
+        typer.Option("--by", metavar="A,B", help="Criteria: closed-form, pencil or black-box; several are overlaid."),
     ] = "",
     set_: Sets = None,
     plugin: Plugins = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the rows (csv).")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw curves or maps.")] = None,
-    whole: Annotated[bool, typer.Option("--all", help="Print every combination, however many there are.")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the rows as csv.")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the curves or maps.")] = None,
+    whole: Annotated[bool, typer.Option("--all", help="Print every combination.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the critical Courant number over varied parameters."""

@@ -12,6 +12,7 @@ from percuss.cli.common import (
     AsJson,
     Outputs,
     Plugins,
+    Workers,
     duration,
     print_json,
     print_verdict,
@@ -26,24 +27,25 @@ from percuss.process import INTERRUPTED
 def study(
     file: Annotated[Path, typer.Argument(metavar="STUDY", help="YAML file of the study.")],
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="File of the rows; else STUDY.sqlite, here.")
+        Path | None,
+        typer.Option("-o", "--out", metavar="FILE", help="File of the rows; by default STUDY.sqlite in this folder."),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core. 1: this one.")
-    ] = None,
+    workers: Workers = None,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the workers of this Dask scheduler.")
     ] = None,
     plugin: Plugins = None,
     again: Annotated[
         list[str] | None,
-        typer.Option("--again", metavar="STATUS", help="Make runs of a status again, as failed; repeatable."),
+        typer.Option(
+            "--again", metavar="STATUS", help="Make the runs of a status again, for example failed. Repeatable."
+        ),
     ] = None,
     export: Annotated[
-        Path | None, typer.Option("--export", metavar="FILE", help="Write the table: csv or parquet by suffix.")
+        Path | None, typer.Option("--export", metavar="FILE", help="Write the table as csv or parquet.")
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Count the runs, name those that cannot run, estimate the time.")
+        bool, typer.Option("--dry-run", help="Check and count the runs and estimate the time; store nothing.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -77,7 +79,7 @@ def study(
         print_verdict(rows_verdict(rows, list(made.columns)), as_json=as_json)
         counts = made.counts
         if counts.get("waiting"):
-            tell("interrupted: the same command goes on from here")
+            tell("interrupted: the same command continues from here")
         if lost := counts.get("lost"):
             tell(f"{lost} of {len(rows)} runs failed because of the machine: the same command makes them again")
         outputs.finish()
@@ -118,7 +120,7 @@ class _ResumeNotice:
 
     def __call__(self, done: int, total: int) -> None:
         if not self.announced and done:
-            tell(f"{done} of {total} runs are there already")
+            tell(f"{done} of {total} runs are stored already")
         self.announced = True
         self.progress(done, total)
 

@@ -24,16 +24,16 @@ def verify(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[CASE|RESULT]...",
-            help="YAML files of cases, run against their `expect`; saved results, whose cases are run again.",
+            metavar="CASE|RESULT",
+            help="Cases to compare with what they expect; saved results to make again.",
         ),
     ] = None,
     plugin: Annotated[
         list[Path] | None,
-        typer.Option("--plugin", metavar="FILE", help="A single-file plug-in; without a case, what is verified."),
+        typer.Option("--plugin", metavar="FILE", help="Add a single-file plug-in; without a case, it is verified."),
     ] = None,
     method: Annotated[
-        list[str] | None, typer.Option("--method", metavar="NAME", help="A registered method to verify; repeatable.")
+        list[str] | None, typer.Option("--method", metavar="NAME", help="Method to verify. Repeatable.")
     ] = None,
     cases: Annotated[
         Path | None, typer.Option("--cases", metavar="FOLDER", help="Write the case of each failed check of a method.")

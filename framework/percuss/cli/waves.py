@@ -23,10 +23,14 @@ from percuss.cli.common import (
 
 def waves(
     case: CaseFile,
-    contact: Annotated[str, typer.Option("--contact", metavar="NAME", help="By default the first.")] = "",
+    contact: Annotated[
+        str, typer.Option("--contact", metavar="NAME", help="Contact to measure; by default the first.")
+    ] = "",
     set_: Sets = None,
     plugin: Plugins = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw them over frequency.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Draw transmission and reflection over frequency.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how a closed contact transmits and reflects waves.
