@@ -245,6 +245,16 @@ def test_the_shape_shown_has_finer_elements_on_its_right(folder: Path) -> None:
     assert mesh.lengths == pytest.approx([1.25] * 4 + [0.625] * 8)
 
 
+@pytest.mark.deep
+def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
+    law = (folder / "damped.py").read_text(encoding="utf-8")
+    assert "rate=self.tau" in law
+    (folder / "wrong_sign.py").write_text(law.replace("rate=self.tau", "rate=-self.tau"), encoding="utf-8")
+    done = percuss_command("verify", "--plugin", "wrong_sign.py", cwd=folder)
+    assert done.returncode == 1
+    assert "energy grew by" in " ".join(done.stdout.split())
+
+
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
     case = percuss.load(folder / "cases" / "hunek.yaml", plugins=[folder / "perfectly_plastic.py"])
     plastic = {"name": "perfectly-plastic", "young": 100, "density": 0.01, "limit": 0.04}
