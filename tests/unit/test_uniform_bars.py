@@ -151,14 +151,6 @@ def test_other_bodies_are_advanced_by_their_kernels(changes):
     assert March(Model(percuss.load(BOUNCE, changes))).uniform.size == 0
 
 
-def test_an_element_that_is_no_spring_is_called(monkeypatch):
-    assert uniform_of(hunek(10)).size == 2
-    uniform_bars._is_spring.cache_clear()
-    monkeypatch.setattr(uniform_bars.ElementProbe, "force", lambda self, number, displacement: np.zeros(2))
-    assert uniform_of(hunek(10)).size == 0
-    uniform_bars._is_spring.cache_clear()
-
-
 def test_an_element_of_somebody_else_is_called(monkeypatch):
     monkeypatch.setattr(uniform_bars, "is_third_party", lambda module: True)
     assert uniform_of(hunek(10)).size == 0

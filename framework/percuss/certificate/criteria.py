@@ -8,7 +8,6 @@ theta = 1.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import itertools
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -304,13 +303,12 @@ class PencilCriterion:
 
         Contact can damp all of such a bar, so a step above theta = 1 may be stable.
         """
-        if self.model.points_without_mass.any():  # their state is not one of displacement and velocity alone
-            return None
-        if self.model.couples_nodes:  # its states are weighted with diagonal masses
-            return None
-        return (
-            BlackBoxCriterion(self.model) if self._short and 2 * self.model.mass.size <= LARGEST_DENSE_STATE else None
-        )
+        model = self.model
+        # The state of ends without mass is not one of displacement and velocity alone, and states are weighted with
+        # diagonal masses.
+        covered = not (model.points_without_mass.any() or model.couples_nodes)
+        small = self._short and 2 * model.mass.size <= LARGEST_DENSE_STATE
+        return BlackBoxCriterion(model) if covered and small else None
 
     @cached_property
     def _short(self) -> bool:
@@ -320,7 +318,7 @@ class PencilCriterion:
     @cached_property
     def free(self) -> float:
         """Largest step that is stable with no contact closed but ties."""
-        return free_step(self.pencil) * self.limit_ratio
+        return self.pencil.free_step() * self.limit_ratio
 
     @cached_property
     def bound(self) -> float:
@@ -472,7 +470,7 @@ class BlackBoxCriterion:
         """Largest step that is stable with no contact closed but ties."""
         model = self.model
         ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
-        return free_step(self.motions.pencil) * ratio
+        return self.motions.pencil.free_step() * ratio
 
     @cached_property
     def _combinations(self) -> list[tuple[int, ...]]:
@@ -630,21 +628,3 @@ class BlackBoxCriterion:
             if known.conclusive:
                 self._examined[dt, closed] = known
         return known
-
-
-_FREE_STEPS: dict[bytes, float] = {}
-
-
-def free_step(pencil: Pencil) -> float:
-    """Return the largest step that is stable with no contact closed but ties."""
-    digest = hashlib.blake2b(np.float64(pencil.model.omega).tobytes())
-    for part in pencil.parts:
-        for array in part.matrix[1:]:
-            digest.update(np.int64(array.size).tobytes() + array.tobytes())
-    key = digest.digest()
-    step = _FREE_STEPS.get(key)  # Many runs share their bodies and differ in their contacts alone.
-    if step is None:
-        if len(_FREE_STEPS) >= 256:
-            _FREE_STEPS.clear()  # This is safe while another thread is in this function.
-        step = _FREE_STEPS[key] = pencil.free_step()
-    return step

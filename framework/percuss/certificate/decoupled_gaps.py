@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from percuss.certificate.criteria import StepAssessment, free_step
+from percuss.certificate.criteria import StepAssessment
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.certificate.pencil import Pencil, largest_eigenvalue, largest_step_below
 from percuss.solver.end_forces import end_forces, sees_end_force
@@ -158,7 +158,7 @@ class DecoupledGapsCriterion:
     @cached_property
     def free(self) -> float:
         """Largest step that is stable without contact and without laws."""
-        return free_step(self.pencil)
+        return self.pencil.free_step()
 
     def assess_step(self, dt: float) -> StepAssessment:
         """Return the assessment of a step."""

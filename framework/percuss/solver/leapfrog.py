@@ -84,12 +84,7 @@ class LeapFrogStepper:
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
-        return self._advance(kernels, amplitudes, record, first, count, self.u, self.v)
-
-    def _advance(
-        self, kernels: Kernels, amplitudes: LoadAmplitudes, record: Record, first: int, count: int, u: Floats, v: Floats
-    ) -> int:
-        done: int = kernels.loop.advance(self.loop, amplitudes, record, u, v, self.model.dt, first, count)
+        done: int = kernels.loop.advance(self.loop, amplitudes, record, self.u, self.v, self.model.dt, first, count)
         return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
@@ -105,7 +100,7 @@ class LeapFrogStepper:
             self._single = arrays, arrays[0], arrays[1], amplitudes
         after, u, v, no_loads = self._single
         after[:] = state
-        self._advance(kernels, no_loads, record, period, period, u, v)
+        kernels.loop.advance(self.loop, no_loads, record, u, v, self.model.dt, period, period)
         return after.copy()
 
     def load_impulse(self, amplitudes: Any) -> Floats:

@@ -150,14 +150,8 @@ class MultistageStepper:
 
     def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
-        return self._advance(kernels, amplitudes, record, first, count, self.state)
-
-    def _advance(
-        self, kernels: Kernels, amplitudes: StageAmplitudes, record: Record, first: int, count: int, state: State
-    ) -> int:
-        done: int = kernels.loop.advance(
-            self.system, self.stages.numbers, amplitudes, record, *state, self.model.dt, first, count
-        )
+        numbers, dt = self.stages.numbers, self.model.dt
+        done: int = kernels.loop.advance(self.system, numbers, amplitudes, record, *self.state, dt, first, count)
         return done
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
@@ -171,7 +165,7 @@ class MultistageStepper:
             array.fill(0.0)
         nodal = [array[..., : self.nodal] for array in full_state]
         nodal[0][:], nodal[1][:], nodal[2][:] = state[0], state[1], state[2:]
-        self._advance(kernels, no_loads, record, 1, 1, full_state)
+        kernels.loop.advance(self.system, self.stages.numbers, no_loads, record, *full_state, self.model.dt, 1, 1)
         return np.concatenate([nodal[0][None], nodal[1][None], nodal[2]])
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step

@@ -20,7 +20,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
@@ -54,6 +54,7 @@ SHORTEST_SERVICE = 60.0
 SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
 
 Keep = Callable[[Sequence[Record]], None]
+Made = TypeVar("Made")
 
 
 class Batches:
@@ -159,7 +160,7 @@ def _submit(crew: _Crew, batches: Batches, in_flight: _InFlight, lost: _Lost) ->
         if not batch:
             return True
         try:
-            in_flight[crew.submit(batch)] = batch
+            in_flight[crew.submit(_work, batch)] = batch
         except BrokenProcessPool:
             lost.batches.append(batch)
             return False
@@ -275,7 +276,7 @@ class LocalWorkers:
         summaries: list[Mapping[str, Any]] = []
         for step in steps:
             try:
-                future = self.crew.rehearse(step)
+                future = self.crew.submit(_rehearse, step)
                 while not stop.is_set() and not wait([future], timeout=0.2).done:
                     pass
                 if stop.is_set():
@@ -310,13 +311,10 @@ class _Crew:
         arguments = (bench, self.alive, str(self.notes), stalled_after)
         self.pool = ProcessPoolExecutor(number, context, _begin, arguments)
 
-    def submit(self, batch: list[Job]) -> Future[list[Record]]:
+    def submit(self, function: Callable[[Any], Made], argument: object) -> Future[Made]:
+        """Let a worker call a function of this module."""
         with _starting():
-            return self.pool.submit(_work, batch)
-
-    def rehearse(self, step: Task) -> Future[Mapping[str, Any] | None]:
-        with _starting():
-            return self.pool.submit(_rehearse, step)
+            return self.pool.submit(function, argument)
 
     def ends(self) -> dict[str, _End]:
         """Return how the workers ended that were making runs, by the keys of these runs."""
