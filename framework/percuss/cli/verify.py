@@ -36,7 +36,8 @@ def verify(
         list[str] | None, typer.Option("--method", metavar="NAME", help="Method to verify. Repeatable.")
     ] = None,
     cases: Annotated[
-        Path | None, typer.Option("--cases", metavar="FOLDER", help="Write the case of each failed check of a method.")
+        Path | None,
+        typer.Option("--cases", metavar="FOLDER", file_okay=False, help="Write the case of each failed check."),
     ] = None,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Give every check of a method, its demand and its case.")

@@ -32,8 +32,6 @@ from percuss.testing.subject import (
     registered_checks,
 )
 
-__all__ = ["Check", "CheckFailed", "NotApplicable", "Outcome", "Report", "Subject", "checks_of", "conformance"]
-
 
 def known_checks() -> list[Check]:
     """Return all checks of the kit in the order in which they are run."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from percuss.files import writing
 from percuss.methods.interfaces import Component
 from percuss.testing.subject import Check, Status, named
 
@@ -17,7 +18,8 @@ from percuss.testing.subject import Check, Status, named
 OTHERS = "with methods of other plug-ins, which the verdict does not count:"
 MARKS = {"passed": ".", "failed": "F", "passes unexpectedly": "F", "expected failure": "x", "not applicable": "s"}
 WIDTH = 79
-GROUPS_SHOWN, LINES_OF_A_GROUP, NAMES_SHOWN = 4, 3, 3
+NEXT_ENTRY = ",\n" + " " * 25
+GROUPS_SHOWN, LINES_OF_A_GROUP, NAMES_SHOWN = 3, 3, 3
 
 
 @dataclass(frozen=True)
@@ -154,9 +156,10 @@ class Report:
     def write_cases(self, folder: Path) -> int:
         """Write the case of each failure to a file of its name in a folder, and return how many there are."""
         cases = {outcome.name.replace(" ", "-"): outcome.case for outcome in self.failures if outcome.case}
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, case in cases.items():
-            (folder / f"{self.component.name}-{name}.yaml").write_text(case, encoding="utf-8")
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name, case in cases.items():
+                (folder / f"{self.component.name}-{name}.yaml").write_text(case, encoding="utf-8")
         return len(cases)
 
     # ----------------------------------------------------------------------------------------------- in words
@@ -177,22 +180,21 @@ class Report:
     def _told_groups(self) -> Iterator[str]:
         """Yield the lines of the groups of failures, and how a failure is declared."""
         groups = self.groups()
+        yield from [""] if groups else []
         for group in groups[:GROUPS_SHOWN]:
             names = [outcome.name for outcome in group]
             what = ", ".join(names[:2] + ["..."] * (len(names) > 2))
             what = f"{len(group)} checks ({what})" if len(group) > 1 else what
-            yield ""
             yield from _filled(f"{what}: {group[0].sentence}")
         if len(groups) > GROUPS_SHOWN:
-            yield f"\n{len(groups) - GROUPS_SHOWN} more kinds of failure: --verbose gives all"
+            yield f"and {sum(map(len, groups[GROUPS_SHOWN:]))} other failures, which --verbose gives"
         if self.unmade:
             yield f"\nIt cannot run, so {self.unmade} checks were not made."
         names = list(self._declarable())
         if names:
             yield "\nIf this is the nature of the method, declare it in its class, with the reason:"
-            yield "    expected_failures = {"
-            yield from (f'        "{name}": "why",' for name in names[:NAMES_SHOWN])
-            yield f"    }}{f'  # {len(names) - NAMES_SHOWN} more' if len(names) > NAMES_SHOWN else ''}"
+            entries = [f'"{name}": "why"' for name in names[:NAMES_SHOWN]] + ["..."] * (len(names) > NAMES_SHOWN)
+            yield f"    expected_failures = {{{NEXT_ENTRY.join(entries)}}}"
 
     def _declarable(self) -> Iterator[str]:
         """Yield the names by which failures in pairs can be declared: of a check that fails in all pairs, its own."""

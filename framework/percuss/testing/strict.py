@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
-from percuss.methods.kernel_trial import fault_of_nan
+from percuss.methods.kernel_trial import fault_of_nan, kernel_of
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.subject import CheckFailed, NotApplicable
 
@@ -291,10 +291,7 @@ class StrictSystem:
             responses[0], responses[1], *self._neighbours(), locked(self._state_before), self._state_before.copy(),
             np.zeros_like(self._shift),
         )  # fmt: skip
-        kernel: Any = getattr(type(self.law), "multipliers", None)
-        if kernel is None:
-            raise CheckFailed("bind returned no LinearLaw, and there is no static method `multipliers`")
-        kernel = getattr(kernel, "py_func", kernel)
+        kernel: Any = getattr(kernel_of(self.law), "py_func", kernel_of(self.law))
         kernel(self.bound, trial, multiplier)
         expect_numbers(kernel, self.bound, trial, multiplier)
         self._state_after, self._shift = trial.after, trial.shift

@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.errors import InputError, RunError, suggestion
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
-from percuss.methods.kernel_trial import COUPLED, trial_of
+from percuss.methods.kernel_trial import COUPLED, kernel_of, trial_of
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import (
     SAFETY_FACTOR,
@@ -123,20 +123,15 @@ def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
             if value.shape not in {(), (count,)}:
                 raise CheckFailed(f"LinearLaw.{name} has shape {value.shape} at {count} points, expected ({count},)")
         return {f"LinearLaw.{name}": np.broadcast_to(value, (count,)) for name, value in values.items()}
-    kernel = getattr(subject.component, "multipliers", None)
-    if kernel is None:
-        raise CheckFailed(
-            f"bind returned {type(bound).__name__}, which is no LinearLaw, and there is no static method "
-            "`multipliers(bound, trial, multiplier)`"
-        )
-    multiplier = np.full(count, np.nan)
+    kernel: Any = kernel_of(subject.make(subject.examples[0]))
+    kernel, multiplier = getattr(kernel, "py_func", kernel), np.full(count, np.nan)
     try:
-        getattr(kernel, "py_func", kernel)(bound, trial, multiplier)
+        kernel(bound, trial, multiplier)
     except ValueError as error:
         if "read-only" in str(error):
             raise CheckFailed(f"`multipliers` changes its input: {error}") from None
         raise
-    expect_numbers(getattr(kernel, "py_func", kernel), bound, trial, multiplier)
+    expect_numbers(kernel, bound, trial, multiplier)
     return {"multiplier": multiplier} | ({"shift": trial.shift.copy()} if trial.shift.size else {})
 
 

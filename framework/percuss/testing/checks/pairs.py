@@ -176,10 +176,8 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
     """
     from hypothesis import strategies as st
 
-    examples_of_partner = [
-        dict(example) for example in subject.registry.components[PARTNERS[subject.family], partner].examples
-    ]
-    pairs = list(itertools.product(subject.examples, examples_of_partner))
+    other = subject.registry.components[PARTNERS[subject.family], partner]
+    pairs = list(itertools.product(subject.examples, other.examples))
 
     def check_growth(case: Mapping[str, Any], options: Mapping[str, Any], partner_options: Mapping[str, Any]) -> None:
         full_case = subject.placed(case, options, {"name": partner, **partner_options})
@@ -192,7 +190,7 @@ def check_energy_never_grows(subject: Subject, partner: str) -> None:
         except RunError as stopped:
             if stopped.result.summary["certificate"]["stable"] != "yes":
                 return
-            raise CheckFailed(f"at a stable step the run was {stopped}") from None
+            raise CheckFailed(f"the run was {stopped}") from None
         certificate = result.summary["certificate"]
         if certificate["stable"] not in {"yes", "unknown"} or (
             certificate["theta"] is not None and certificate["theta"] >= 1.0
