@@ -112,7 +112,7 @@ def test_equal_failures_are_told_once_and_a_single_mistake_on_one_screen():
     assert "12 of 12 failed" in told
     assert "so 3 checks were not made" in told
     # a check that fails in all pairs is declared by its name alone
-    assert 'expected_failures = { "exact-impact": "why", "energy-never-grows with p0": "why", }' in told
+    assert 'expected_failures = {"exact-impact": "why", "energy-never-grows with p0": "why"}' in told
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 80
 

@@ -17,6 +17,7 @@ from percuss.testing.subject import Check, Status, named
 # heading of the outcomes that are no part of the verdict
 OTHERS = "with methods of other plug-ins, which the verdict does not count:"
 MARKS = {"passed": ".", "failed": "F", "passes unexpectedly": "F", "expected failure": "x", "not applicable": "s"}
+WORDS = {"expected failure": "declared", "not applicable": "skipped", "passes unexpectedly": "unexpected pass"}
 WIDTH = 79
 NEXT_ENTRY = ",\n" + " " * 25
 GROUPS_SHOWN, LINES_OF_A_GROUP, NAMES_SHOWN = 3, 3, 3
@@ -127,7 +128,7 @@ class Report:
     def verdict(self) -> str:
         """One line that states whether the component conforms, and the number of outcomes of each status."""
         counts = {outcome.status: self.count(outcome.status) for outcome in self.outcomes if outcome.counts}
-        counted = ", ".join(f"{number} {status}" for status, number in counts.items())
+        counted = ", ".join(f"{number} {WORDS.get(status, status)}" for status, number in counts.items())
         word = "conforms" if self.passed else "DOES NOT CONFORM"
         return f"{self.component.name} ({self.component.family}) {word}: {counted}"
 
@@ -187,7 +188,7 @@ class Report:
             what = f"{len(group)} checks ({what})" if len(group) > 1 else what
             yield from _filled(f"{what}: {group[0].sentence}")
         if len(groups) > GROUPS_SHOWN:
-            yield f"and {sum(map(len, groups[GROUPS_SHOWN:]))} other failures, which --verbose gives"
+            yield f"other failures, shown by --verbose: {sum(map(len, groups[GROUPS_SHOWN:]))}"
         if self.unmade:
             yield f"\nIt cannot run, so {self.unmade} checks were not made."
         names = list(self._declarable())
@@ -223,10 +224,9 @@ def _result(outcomes: list[Outcome]) -> str:
     """Return the result of a check, with counts if it was made in pairs."""
     most = ("failed", "passes unexpectedly", "passed", "expected failure", "not applicable")
     status = next(status for status in most if any(outcome.status == status for outcome in outcomes))
-    word = {"expected failure": "declared", "not applicable": "skipped", "passes unexpectedly": "failed"}
     number = sum(outcome.status == status for outcome in outcomes)
     count = f"{number} of {len(outcomes)} " if len(outcomes) > 1 else ""
-    return f"{count}{word.get(status, status)}".rjust(15)
+    return f"{count}{WORDS.get(status, status)}".rjust(15)
 
 
 def here(text: str) -> str:
