@@ -80,7 +80,7 @@ GROUND = {
 }
 DOORS = {"percuss", "percuss.__main__"}
 # a result shows its picture in a notebook
-DECLARED = {(f"percuss.results.{result}", "percuss.reporting.report") for result in ("result", "exact_result")}
+DECLARED = {("percuss.results.case_result", "percuss.reporting.report")}
 NOT_THERE = {"percuss.laws"}  # a name that a test asks for in vain
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,10 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.results.exact_result import ExactSolutionResult
-    from percuss.results.result import Result
-
-    Drawn: TypeAlias = Result | ExactSolutionResult  # the results that have histories and stress fields to draw
+    from percuss.results.case_result import CaseResult
 
 
 INK, SOFT, FAINT, ALARM = "#1a1a1a", "#5f5f5f", "#c8c8c8", "#B33A00"
@@ -53,7 +50,7 @@ def number(value: Any, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if isinstance(value, (int, float)) else one_line(value)
 
 
-def subtitle_lines(result: Result) -> list[str]:
+def subtitle_lines(result: CaseResult) -> list[str]:
     """Return the two lines below a title: the methods with the parameters used, and the steps with the status."""
     resolved, summary = result.provenance.get("resolved", {}), result.summary
     laws: dict[str, list[str]] = {}
@@ -76,12 +73,12 @@ def _symbol(name: str) -> str:
     return GREEK[head] + SMALL.get(tail, underscore + tail) if head in GREEK else name
 
 
-def stopped_at(result: Drawn) -> float:
+def stopped_at(result: CaseResult) -> float:
     """Return the time at which a run ended or stopped, or up to which an exact solution holds."""
     return float(result.summary["end"])
 
 
-def warning_lines(result: Result) -> list[str]:
+def warning_lines(result: CaseResult) -> list[str]:
     """Return the warnings that must head a run that is not complete or not valid; none for a valid run."""
     if result.status == "done":
         return [f"NOT A VALID RESULT: {words}" for words in open_accounts(result.summary)]
@@ -330,13 +327,13 @@ def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
         beside.write_bytes(content)
 
 
-def axis_end(result: Result) -> float:
+def axis_end(result: CaseResult) -> float:
     """Return the end of the time axis: the planned end, or 1.3 times the time of the stop if that is less."""
     planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
     return float(max(min(planned, 1.3 * stopped_at(result)), result.summary["dt"]))
 
 
-def hatch_after_stop(axes: Axes, result: Drawn, until: float, *, word: bool = True, upwards: bool = False) -> None:
+def hatch_after_stop(axes: Axes, result: CaseResult, until: float, *, word: bool = True, upwards: bool = False) -> None:
     """Hatch the part of the time axis from the stop of a run that is not done up to `until`, the end of the axis."""
     stopped = stopped_at(result)
     if result.status == "done" or stopped >= until:

@@ -27,14 +27,13 @@ from percuss.reporting.figures import (
     write,
 )
 from percuss.reporting.run_figure import figure_of, force_figure
+from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.ledger import ledger_words
-from percuss.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from percuss.reporting.figures import Drawn
-    from percuss.results.exact_result import ExactSolutionResult
+    from percuss.results.case_result import CaseResult
 
 
 # Every colour is set explicitly, so that a dark notebook shows the same light card.
@@ -47,42 +46,31 @@ CELL = "padding:2px 14px 2px 0;text-align:left;vertical-align:top;background:#ff
 BAND = f"background:{ALARM};color:#ffffff;font-weight:bold;border-radius:3px;padding:3px 8px;margin:6px 0"
 
 
-def notebook_html(result: Result) -> str:
-    """Return a run as HTML: its settings, its energy and momentum balance, its contacts and a picture of their forces.
+def notebook_html(result: CaseResult) -> str:
+    """Return a result as HTML: settings or solution, the balances, the contacts and a picture of their forces.
 
-    Parameters
-    ----------
-    result
-        The run.
-
-    Returns
-    -------
-    str
-        HTML that looks the same in light and dark notebooks. Without matplotlib it has no picture.
+    It looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
+    if isinstance(result, ExactSolutionResult):
+        facts = {"status": result.status, "solution": exact_figure.solution_line(result)}
+        return _card(result, exact_figure.warning_lines(result), facts, result.summary["end"])
     methods, steps = subtitle_lines(result)
     facts = {"status": result.status, "methods": methods, "steps": steps}
     return _card(result, warning_lines(result), facts, axis_end(result))
 
 
-def plotted(result: Drawn, path: str | os.PathLike[str] | None) -> Figure:
+def plotted(result: CaseResult, path: str | os.PathLike[str] | None) -> Figure:
     """Return the figure of a result, which a notebook shows; write it to `path` if that is given."""
     if path is not None:
         check_suffix(path)
-    figure = figure_of(result) if isinstance(result, Result) else exact_figure.exact_figure(result)
+    figure = exact_figure.exact_figure(result) if isinstance(result, ExactSolutionResult) else figure_of(result)
     vars(figure)["_repr_png_"] = partial(picture, figure, "png")
     if path is not None:
         write(path, lambda: figure)
     return figure
 
 
-def exact_html(result: ExactSolutionResult) -> str:
-    """Return an exact solution as HTML: its balances, its contacts and a picture of their forces."""
-    facts = {"status": result.status, "solution": exact_figure.solution_line(result)}
-    return _card(result, exact_figure.warning_lines(result), facts, result.end)
-
-
-def _card(result: Drawn, warnings: list[str], facts: dict[str, str], until: float) -> str:
+def _card(result: CaseResult, warnings: list[str], facts: dict[str, str], until: float) -> str:
     """Return the HTML of a result with its warnings, its facts, its contacts and their forces up to `until`."""
     title = escape(one_line(result.title or "Untitled case"))
     head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
@@ -108,7 +96,7 @@ def _facts(rows: dict[str, str]) -> str:
     return f'<table style="{TABLE}">{body}</table>'
 
 
-def _contacts(result: Drawn) -> str:
+def _contacts(result: CaseResult) -> str:
     """Return the HTML table of the contacts, or an empty text for a run without contacts."""
     contacts = result.summary["contacts"]
     if not contacts:
@@ -127,7 +115,7 @@ def _contacts(result: Drawn) -> str:
     return f'<table style="{TABLE}"><tr>{head}</tr>{body}</table>'
 
 
-def _picture(result: Drawn, until: float) -> str:
+def _picture(result: CaseResult, until: float) -> str:
     """Return the picture of the contact forces as an img element, so that it cannot change the styles of the page."""
     try:
         content = picture(force_figure(result, until), "png")

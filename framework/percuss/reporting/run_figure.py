@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from percuss.reporting.figures import Drawn
+    from percuss.results.case_result import CaseResult
     from percuss.results.result import Result
 
 
@@ -57,14 +57,14 @@ def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
     write(path, lambda: figure_of(result))
 
 
-def figure_of(result: Result) -> Figure:
+def figure_of(result: CaseResult) -> Figure:
     """Return the figure of a run without a window: contact forces, energies and stress."""
     energy = result.summary["energy"]
     closure = ledger_words(energy)
     return history_figure(result, axis_end(result), subtitle_lines(result), warning_lines(result), closure)
 
 
-def history_figure(result: Drawn, until: float, small: Sequence[str], loud: Sequence[str], closure: str) -> Figure:
+def history_figure(result: CaseResult, until: float, small: Sequence[str], loud: Sequence[str], closure: str) -> Figure:
     """Return a figure of contact forces, energies and stress in space and time.
 
     Parameters
@@ -98,7 +98,7 @@ def history_figure(result: Drawn, until: float, small: Sequence[str], loud: Sequ
         return fix_layout(figure)
 
 
-def force_figure(result: Drawn, until: float) -> Figure:
+def force_figure(result: CaseResult, until: float) -> Figure:
     """Return the figure of the contact forces up to `until`, as a notebook shows it."""
     with drawing():
         from matplotlib.figure import Figure
@@ -115,7 +115,7 @@ def force_figure(result: Drawn, until: float) -> Figure:
         return fix_layout(figure)
 
 
-def _panel_count(result: Drawn) -> int:
+def _panel_count(result: CaseResult) -> int:
     return min(max(len(result.coordinates["contact"]), 1), MOST_PANELS)
 
 
@@ -124,7 +124,7 @@ def contacts_left_out(names: Sequence[str]) -> list[str]:
     return [f"the first {MOST_PANELS} of {len(names)} contacts are shown"] if len(names) > MOST_PANELS else []
 
 
-def forces(panels: Sequence[Axes], result: Drawn) -> None:
+def forces(panels: Sequence[Axes], result: CaseResult) -> None:
     """Draw the force of each contact in a panel with the values that the case expects and the exact history."""
     names, time = result.coordinates["contact"], result.arrays["time"]
     if not names:
@@ -141,7 +141,7 @@ def forces(panels: Sequence[Axes], result: Drawn) -> None:
     legend(panels[0], entries, room=max(30, 74 - len(names[0])))
 
 
-def draw_references(axes: Axes, result: Drawn, names: Sequence[str]) -> dict[str, Any]:
+def draw_references(axes: Axes, result: CaseResult, names: Sequence[str]) -> dict[str, Any]:
     """Draw the exact histories and the expected values of contacts, and return their legend entries."""
     entries: dict[str, Any] = {}
     exact = getattr(result, "exact_histories", None) or {}
@@ -165,7 +165,7 @@ def draw_references(axes: Axes, result: Drawn, names: Sequence[str]) -> dict[str
     return entries
 
 
-def _energies(axes: Axes, result: Drawn, closure: str) -> None:
+def _energies(axes: Axes, result: CaseResult, closure: str) -> None:
     """Draw the energies and works of a result, and write how well they agree."""
     arrays, heads = result.arrays, {name: quantity.head for name, quantity in QUANTITIES.items()}
     total = arrays["kinetic_energy"] + arrays["elastic_energy"]

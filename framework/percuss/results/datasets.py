@@ -18,12 +18,11 @@ _AXES = {
     "probe": ("probe", "component"),
     "run": (),
 }
+Source = Literal["leap-frog", "multistage", "implicit", "exact"]  # kind of scheme, or none
 _TIMES = ("time", "time_half")  # a result without steps has no second one
 
 
-def definition_attributes(
-    source: Literal["leap-frog", "multistage", "implicit", "exact"], units: Mapping[str, str]
-) -> dict[str, dict[str, str]]:
+def definition_attributes(source: Source, units: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Return definition, unit and, for energies, times of each history of a run or of an exact solution.
 
     Units have the names in `units` where the case gives them, else words as ``force``.

@@ -11,8 +11,7 @@ import numpy as np
 from percuss.case.quantities import QUANTITIES
 
 if TYPE_CHECKING:
-    from percuss.results.exact_result import ExactSolutionResult
-    from percuss.results.result import Result
+    from percuss.results.case_result import CaseResult
 
 __all__ = ["Change", "Difference", "changes", "differences"]
 
@@ -73,7 +72,7 @@ class Change:
         return asdict(self)
 
 
-def differences(then: Result | ExactSolutionResult, now: Result | ExactSolutionResult) -> list[Difference]:
+def differences(then: CaseResult, now: CaseResult) -> list[Difference]:
     """Return all quantities whose bits differ: histories in the order of their first difference, then numbers."""
     histories = [
         *_of_arrays({**then.arrays}, {**now.arrays}, then.coordinates),
