@@ -179,7 +179,7 @@ class StudySection(Section):
         Doc("conditions that every run meets"),
     ] = ()
     tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
-    nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer hang on round-off?")] = False
+    nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer depend on round-off?")] = False
     stalled_after: Annotated[
         float, Gt(0), Unit("s"), Doc("seconds without a completed step after which a run is ended as failed")
     ] = 600.0
