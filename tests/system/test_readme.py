@@ -252,7 +252,7 @@ def test_the_kit_finds_the_dashpot_of_the_wrong_sign(folder: Path) -> None:
     (folder / "wrong_sign.py").write_text(law.replace("rate=self.tau", "rate=-self.tau"), encoding="utf-8")
     done = percuss_command("verify", "--plugin", "wrong_sign.py", cwd=folder)
     assert done.returncode == 1
-    assert "energy grew by" in " ".join(done.stdout.split())
+    assert "energy grows by" in " ".join(done.stdout.split())
 
 
 def test_the_material_shown_never_exceeds_its_limit_and_its_ledger_closes(folder: Path) -> None:
