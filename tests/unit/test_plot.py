@@ -14,7 +14,7 @@ from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
 from percuss.case.quantities import TRUE_ERRORS
 from percuss.errors import InputError, PercussError, RunError
-from percuss.reporting import comparison_figure, convergence_figure, figures, report, run_figure
+from percuss.reporting import animation, comparison_figure, convergence_figure, figures, report, run_figure
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run
 
@@ -458,6 +458,41 @@ def test_a_convergence_figure_shows_errors_in_per_cent_orders_and_a_slope():
     assert "a + b k=2" in words(figure)
     title = [text for text in figure.texts if "Title" in text.get_text()]
     assert all(text.get_window_extent().x1 < figure.bbox.x1 for text in title)
+
+
+def test_an_animation_shows_each_snapshot(good, tmp_path):
+    from matplotlib.patches import StepPatch
+
+    result = fresh(good)
+    result.field_arrays["time"] = good.field_arrays["time"][::14][:3]
+    result.field_arrays["stress"] = good.field_arrays["stress"][::14][:3]
+    with figures.drawing():
+        figure, show, shown = animation.wave_frames(result)
+        show(shown[-1])
+    assert shown == [0, 1, 2]
+    time, stress = result.field_arrays["time"][-1], result.field_arrays["stress"][-1]
+    steps = figure.axes[0].findobj(StepPatch)
+    assert np.array_equal(np.concatenate([step.get_data().values for step in steps]), stress)
+    assert f"time {time:.4g}" in words(figure)
+    assert figure.axes[1].lines[-1].get_xdata() == [time, time]
+    animation.animate(result, tmp_path / "a.gif")
+    from PIL import Image
+
+    with Image.open(tmp_path / "a.gif") as picture:
+        assert (picture.n_frames, picture.size) == (3, (960, 600))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_an_animation_that_cannot_be_made_is_refused_before_the_run(good, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(PercussError, match=r"an \.mp4 needs the program ffmpeg, .* or name the file \.gif"):
+        animation.check_animation("a.mp4")
+    with pytest.raises(InputError, match=r"expected an animation ending in \.gif or \.mp4, found \.avi"):
+        animation.check_animation("a.avi")
+    result = fresh(good)
+    result.field_arrays.clear()
+    with pytest.raises(InputError, match="no stress over space and time"):
+        animation.animate(result, tmp_path / "a.gif")
 
 
 # -- the notebook ------------------------------------------------------------------------------------------

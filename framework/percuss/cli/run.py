@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -30,6 +30,7 @@ from percuss.process import INTERRUPTED
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
 
 
@@ -44,6 +45,9 @@ def run(
         Path | None,
         typer.Option("--plot", metavar="FILE", help="Draw the result as png, svg or pdf."),
     ] = None,
+    animate: Annotated[
+        Path | None, typer.Option("--animate", metavar="FILE", help="Show the waves as they run: gif or mp4 by suffix.")
+    ] = None,
     exact_only: Annotated[
         bool, typer.Option("--exact-only", help="Compute the exact solution only, without a method.")
     ] = False,
@@ -55,9 +59,8 @@ def run(
 ) -> None:
     """Run a case; print, save and draw its result."""
     with reporting(as_json):
-        _expect_netcdf(out)
-        if plot is not None:
-            expect_drawable(plot)
+        files = _Files(out, plot, animate)
+        files.check_names()
         if tied and exact_only:
             both = "expected --tied or --exact-only, found both"
             raise InputError([Problem("percuss run", "", both, "An exact solution has no interface to tie.")])
@@ -71,40 +74,65 @@ def run(
             from percuss.studies.perform import tied_twin
 
             loaded = tied_twin(loaded)
-        if plot is not None and loaded.record.fields == 0:
+        if (plot or animate) and loaded.record.fields == 0:
             loaded = loaded.with_overrides({"record.fields": 400})
         if as_json:
             print_notes(loaded)
-        for path in (out, plot):
+        for path in files:
             if path is not None:
                 expect_writable(path, loaded.inputs)
         if exact_only:
-            _solve(loaded, out, plot, as_json=as_json)
+            _solve(loaded, files, as_json=as_json)
         else:
             search = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
-            _run(loaded, out, plot, "" if tied else search, nudge=nudge, as_json=as_json)
+            _run(loaded, files, "" if tied else search, nudge=nudge, as_json=as_json)
 
 
-def _expect_netcdf(out: Path | None) -> None:
-    """Refuse a result whose suffix is not of NetCDF, before the case is read."""
-    if out is not None and out.suffix.lower() != ".nc":
-        message = f"expected a result ending in .nc, found {out.suffix or 'no ending'}"
-        raise InputError([Problem(str(out), "", message, "Name it result.nc.")])
+class _Files(NamedTuple):
+    """Files that the command writes, each a path or None."""
+
+    out: Path | None
+    plot: Path | None
+    animate: Path | None
+
+    def check_names(self) -> None:
+        """Refuse a suffix that is not that of such a file, before the case is read."""
+        if self.out is not None and self.out.suffix.lower() != ".nc":
+            message = f"expected a result ending in .nc, found {self.out.suffix or 'no ending'}"
+            raise InputError([Problem(str(self.out), "", message, "Name it result.nc.")])
+        if self.plot is not None:
+            expect_drawable(self.plot)
+        if self.animate is not None:
+            from percuss.reporting.animation import check_animation
+
+            check_animation(self.animate)
+
+    def write(self, result: Result | ExactSolutionResult) -> Outputs:
+        """Save, draw and animate a result; a run that was not started has none."""
+        outputs = Outputs()
+        if result.status == "unstable" and result.summary["steps"] == 0:
+            return outputs
+        if self.out is not None:
+            outputs.write(result.save, self.out)
+        if self.plot is not None:
+            from percuss.reporting import exact_figure, run_figure
+
+            draw = run_figure.plot_result if "resolved" in result.provenance else exact_figure.plot_exact
+            outputs.write(draw, result, self.plot)
+        if self.animate is not None:
+            from percuss.reporting.animation import animate
+
+            outputs.write(animate, result, self.animate)
+        return outputs
 
 
-def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) -> None:
+def _solve(case: Case, files: _Files, *, as_json: bool) -> None:
     """Print, save and draw the exact solution of a case."""
     from percuss.results.exact_only import run_exact
 
     with exact_solution_shown():
         result = run_exact(case)
-    outputs = Outputs()
-    if out is not None:
-        outputs.write(result.save, out)
-    if plot is not None:
-        from percuss.reporting.exact_figure import plot_exact
-
-        outputs.write(plot_exact, result, plot)
+    outputs = files.write(result)
     if as_json:
         print_json({"title": result.title, **result.summary, "error": "; ".join(outputs.errors) or None})
     else:
@@ -116,7 +144,7 @@ def _solve(case: Case, out: Path | None, plot: Path | None, *, as_json: bool) ->
         raise typer.Exit(1)
 
 
-def _run(case: Case, out: Path | None, plot: Path | None, search: str, *, nudge: bool, as_json: bool) -> None:
+def _run(case: Case, files: _Files, search: str, *, nudge: bool, as_json: bool) -> None:
     """Run a case, and print, save and draw its result; `search` is a command that finds better methods, if there is."""
     from percuss.reporting.verdict import run_verdict
     from percuss.results.ledger import open_accounts
@@ -131,7 +159,7 @@ def _run(case: Case, out: Path | None, plot: Path | None, search: str, *, nudge:
             if error.result is None:  # a plug-in raised it
                 raise
             failure, result = error, error.result
-    outputs = _written_outputs(result, out, plot)
+    outputs = files.write(result)
     if as_json:
         errors = [*([str(failure)] if failure else []), *outputs.errors]
         print_json({"title": result.title, **result.summary, "error": "; ".join(errors) or None})
@@ -147,17 +175,3 @@ def _run(case: Case, out: Path | None, plot: Path | None, search: str, *, nudge:
         raise typer.Exit(INTERRUPTED)
     if result.status != "done" or open_accounts(result.summary):
         raise typer.Exit(1)
-
-
-def _written_outputs(result: Result, out: Path | None, plot: Path | None) -> Outputs:
-    """Save and draw a result."""
-    outputs = Outputs()
-    if result.status == "unstable" and result.summary["steps"] == 0:
-        return outputs  # A run that was not started has no result to save or draw.
-    if out is not None:
-        outputs.write(result.save, out)
-    if plot is not None:
-        from percuss.reporting.run_figure import plot_result
-
-        outputs.write(plot_result, result, plot)
-    return outputs

@@ -34,7 +34,7 @@ class _Strip(NamedTuple):
     ends: Any
 
 
-def _strips(fields: Mapping[str, Any], ends: Mapping[str, Any]) -> tuple[dict[str, _Strip], str]:
+def strips_of(fields: Mapping[str, Any], ends: Mapping[str, Any]) -> tuple[dict[str, _Strip], str]:
     """Return the strip of each body on one common axis, and the label of that axis.
 
     Bodies on one straight line keep their positions along it. Others are laid one after another by their lengths.
@@ -77,7 +77,7 @@ def space_time(axes: Axes, result: CaseResult, until: float) -> None:
     if "geometry" not in result.provenance:
         write_reason(axes, "This result was saved by an earlier version,\nwhich did not keep the places of the bodies.")
         return
-    strips, label = _strips(fields, result.provenance["geometry"]["bodies"])
+    strips, label = strips_of(fields, result.provenance["geometry"]["bodies"])
     time, stress = np.asarray(fields["time"], dtype=float), np.asarray(fields["stress"], dtype=float)
     finite = np.abs(stress[np.isfinite(stress)])
     largest = float(finite.max(initial=0.0))
@@ -89,7 +89,7 @@ def space_time(axes: Axes, result: CaseResult, until: float) -> None:
     for strip in strips.values():
         mesh = axes.pcolormesh(strip.edges, rows, np.ma.masked_invalid(stress[:, strip.columns]), **style)
         axes.vlines(strip.edges[[0, -1]], 0, rows[-1], colors="#8a8a8a", linewidth=0.6, zorder=2.5)
-    _contact_lines(axes, result, strips, up=_body_names(axes, strips))
+    _contact_lines(axes, result, strips, up=body_names(axes, strips))
     axes.set_xlabel(with_unit(label, "length", result.units), parse_math=False)
     axes.set_ylabel(with_unit("time", "time", result.units), parse_math=False)
     axes.set_ylim(0, until)
@@ -103,7 +103,7 @@ def space_time(axes: Axes, result: CaseResult, until: float) -> None:
     bar.ax.set_ylabel(f"compression  ←  {middle}  →  tension", parse_math=False)
 
 
-def _body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
+def body_names(axes: Axes, strips: Mapping[str, _Strip]) -> float:
     """Write the names of the bodies above their strips, and return the upper edge of the names in axes coordinates.
 
     The names are turned upright where a strip is too narrow for its name; at most 30 of them are written.
@@ -136,7 +136,7 @@ def _contact_lines(axes: Axes, result: CaseResult, strips: Mapping[str, _Strip],
         pressed = result.arrays["contact_force"][:, k] > 0
         closed = (result.arrays["gap"][:, k] <= 1e-9 * size) | pressed
         lines = ((closed, 3.0, "white"), (pressed, 5.5, "white"), (closed, 1.4, INK), (pressed, 3.4, INK))
-        for place in _contact_positions(contacts[name], strips):
+        for place in contact_positions(contacts[name], strips):
             for mask, width, colour in lines:
                 start, stop = _intervals(mask, time)
                 at = np.full(start.shape, place)
@@ -156,7 +156,7 @@ def _intervals(mask: Any, time: Any) -> tuple[Any, Any]:
     return np.maximum(time[change[::2]] - half, 0.0), time[change[1::2] - 1] + half
 
 
-def _contact_positions(sides: Any, strips: Mapping[str, _Strip]) -> list[float]:
+def contact_positions(sides: Any, strips: Mapping[str, _Strip]) -> list[float]:
     """Return the positions of a contact on the picture's axis: one in the middle of the gap, or one for each side.
 
     The two sides have a position each where the axis shows them farther apart than they are in space.

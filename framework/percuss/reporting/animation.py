@@ -1,0 +1,185 @@
+"""Animation of a result: the stress along the bodies as time goes on, above the contact forces."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.case.quantities import QUANTITIES, with_unit
+from percuss.errors import InputError, PercussError, Problem
+from percuss.files import replacing
+from percuss.reporting.exact_figure import solution_line
+from percuss.reporting.figures import (
+    ALARM,
+    COLOURS,
+    DASHES,
+    FAINT,
+    INK,
+    OVERLAY,
+    SOFT,
+    drawing,
+    fix_layout,
+    header,
+    legend,
+    number,
+    powers,
+    stopped_at,
+    subtitle_lines,
+    thinned,
+)
+from percuss.reporting.space_time import body_names, contact_positions, strips_of
+from percuss.results.exact_result import ExactSolutionResult
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from percuss.reporting.figures import Drawn
+
+SUFFIXES = (".gif", ".mp4")
+MOST_FRAMES = 100
+FRAMES_PER_SECOND = 15
+SIZE, DOTS_PER_INCH = (9.6, 6.0), 100  # inches; 960 x 600 pixels
+
+
+def check_animation(path: str | os.PathLike[str]) -> None:
+    """Refuse the path of an animation that cannot be made, before a run is made for it.
+
+    Raises
+    ------
+    InputError
+        If `path` does not end in .gif or .mp4.
+    PercussError
+        If matplotlib is not installed, or ffmpeg, which writes .mp4, is not.
+    """
+    suffix = Path(path).suffix
+    if suffix.lower() not in SUFFIXES:
+        message = f"expected an animation ending in .gif or .mp4, found {suffix or 'no ending'}"
+        raise InputError([Problem(str(path), "", message, "Name the file with one of the two.")])
+    with drawing():
+        from matplotlib.animation import FFMpegWriter
+    if suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        message = "an .mp4 needs the program ffmpeg, which is not installed: install it, or name the file .gif"
+        raise PercussError(message)
+
+
+def animate(result: Drawn, path: str | os.PathLike[str]) -> None:
+    """Write the waves of a run or of an exact solution as a gif or mp4 file, completely or not at all.
+
+    Parameters
+    ----------
+    result
+        A result with stress fields (`record.fields`); of many snapshots 100 are shown, spread evenly.
+    path
+        File, as for `check_animation`.
+    """
+    check_animation(path)
+    if not result.field_arrays:
+        message = "has no stress over space and time to animate"
+        raise InputError([Problem(str(path), "", message, "Record it: record: {fields: 100}.")])
+    suffix = Path(path).suffix.lower()
+    with drawing():
+        from matplotlib.animation import FFMpegWriter, PillowWriter
+
+        figure, show, frames = wave_frames(result)
+        _freeze(figure)
+        writer = (PillowWriter if suffix == ".gif" else FFMpegWriter)(fps=FRAMES_PER_SECOND)
+        with replacing(path, suffix) as beside, writer.saving(figure, str(beside), DOTS_PER_INCH):
+            for frame in frames:
+                show(frame)
+                writer.grab_frame()
+
+
+def wave_frames(result: Drawn) -> tuple[Figure, Callable[[int], None], list[int]]:
+    """Return the figure of an animation, the function that shows a snapshot in it, and the snapshots to show."""
+    from matplotlib.figure import Figure
+
+    time = np.asarray(result.field_arrays["time"], dtype=float)
+    frames = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_FRAMES)).round().astype(int)).tolist()
+    figure = Figure(figsize=SIZE, facecolor="white")
+    small = [solution_line(result)] if isinstance(result, ExactSolutionResult) else subtitle_lines(result)[:1]
+    loud = [] if result.status == "done" else [f"{result.status.upper()}: the result is not complete"]
+    header(figure, result.title, small, loud)
+    waves, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
+    show_stress = _stress_lines(waves, result)
+    now = _force_lines(force, result)
+    fix_layout(figure)
+
+    def show(frame: int) -> None:
+        show_stress(frame)
+        now.set_xdata([time[frame], time[frame]])
+
+    show(frames[0])
+    return figure, show, frames
+
+
+def _freeze(figure: Figure) -> None:
+    """Turn all that stands still into one image, so that each frame draws the moving parts alone."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure.set_dpi(DOTS_PER_INCH)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()  # which leaves out the moving parts
+    still = np.array(canvas.buffer_rgba())
+    panels = (artist for axes in figure.axes for artist in axes.get_children())
+    for artist in (*figure.texts, *figure.patches, *figure.artists, *panels):
+        artist.set_visible(artist.get_animated())
+        artist.set_animated(False)
+    figure.figimage(still, zorder=-1)
+
+
+def _stress_lines(axes: Axes, result: Drawn) -> Callable[[int], None]:
+    """Draw the stress of each body, and return the function that shows a snapshot."""
+    fields, units = result.field_arrays, result.units
+    strips, label = strips_of(fields, result.provenance["geometry"]["bodies"])
+    time, stress = np.asarray(fields["time"], dtype=float), np.asarray(fields["stress"], dtype=float)
+    largest = float(np.abs(stress[np.isfinite(stress)]).max(initial=0.0)) or 1.0
+    lines = {}
+    for name, strip in strips.items():
+        values = stress[0, strip.columns]
+        lines[name] = axes.stairs(values, strip.edges, baseline=None, color=COLOURS[0], linewidth=1.8, animated=True)
+        axes.axvspan(*strip.edges[[0, -1]], facecolor="#f4f4f4", edgecolor=FAINT, zorder=0)
+    contacts, k = result.provenance["geometry"]["contacts"], range(len(result.coordinates["contact"]))
+    places = [contact_positions(contacts[name], strips) for name in result.coordinates["contact"]]
+    # A contact presses in a snapshot if it carries a force at the recorded time that is nearest.
+    nearest = np.abs(result.arrays["time"][:, None] - time).argmin(axis=0) if result.arrays["time"].size else time
+    (pressed,) = axes.plot([], [], "o", color=INK, markersize=7, animated=True)
+    body_names(axes, strips)
+    moment = axes.text(0.99, 0.97, "", transform=axes.transAxes, ha="right", va="top", parse_math=False, animated=True)
+    axes.set_ylim(-1.1 * largest, 1.1 * largest)
+    axes.set_xlabel(with_unit(label, "length", units), parse_math=False)
+    axes.set_ylabel(with_unit("stress", "force/length^2", units), parse_math=False)
+    axes.set_title("compression is negative; ● contact with force", loc="left", size=9, color=SOFT, y=1.1)
+    powers(axes)
+
+    def show(frame: int) -> None:
+        for name, strip in strips.items():
+            lines[name].set_data(stress[frame, strip.columns])
+        forces = result.arrays["contact_force"][nearest[frame]]
+        here = [place for j in k for place in places[j] if forces[j] > 0]
+        pressed.set_data(here, [0.0] * len(here))
+        at = f"time {number(float(time[frame]))}"
+        moment.set_text(f"{at} {units['time']}" if units.get("time") else at)
+
+    return show
+
+
+def _force_lines(axes: Axes, result: Drawn) -> Any:
+    """Draw the forces of the first contacts over time, and return the line that marks a moment."""
+    names = result.coordinates["contact"][:OVERLAY]
+    entries: dict[str, Any] = {}
+    for k, name in enumerate(names):
+        force = thinned(result.arrays["time"], result.arrays["contact_force"][:, k])
+        (entries[name],) = axes.plot(*force, color=COLOURS[k], linestyle=DASHES[k])
+    if entries:
+        legend(axes, entries, room=100)
+    axes.set_xlim(0, stopped_at(result))
+    axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
+    axes.set_ylabel(with_unit(QUANTITIES["contact_force"].label, "force", result.units), parse_math=False)
+    powers(axes)
+    return axes.axvline(0.0, color=ALARM, linewidth=1.2, animated=True)
