@@ -195,19 +195,11 @@ class March:
         variables = self.state_variables
         for array in (variables.before, variables.after, self.internal_work, self.shifts, self.shifts_before):
             array[:] = 0.0
-        body_number = {node: model.body_of(node).number for node in self.boundary_nodes}
-        dofs = [
-            (
-                node * dim + axis,
-                model.mass[node],
-                body_number[node] * dim + axis,
-                *([0.0] * 4),
-                self.own_step[body_number[node]],
-                0.0,
-            )
-            for node in self.boundary_nodes
-            for axis in range(dim)
-        ]
+        dofs: list[tuple[Any, ...]] = []
+        for node in self.boundary_nodes:
+            body = model.body_of(node).number
+            mass, own_step = model.mass[node], self.own_step[body]
+            dofs += [(node * dim + axis, mass, body * dim + axis, *([0.0] * 4), own_step, 0.0) for axis in range(dim)]
         self.boundary = self._boundary_at(0.5 * model.dt, record_array(dofs, leapfrog_loop.BOUNDARY_DOF))
         self.uniform = uniform_bars(model, self.boundary_nodes)
         if self.boundary.ends_without_mass.size > 0:
@@ -300,18 +292,11 @@ class March:
             (self.place[nodal_force.node], i * dim, model.mobility(nodal_force.node), nodal_force.column)
             for i, nodal_force in enumerate(model.nodal_forces, start=len(active))
         ]
-        followers = [
-            (
-                self.place[follower.node],
-                i * dim,
-                model.mobility(follower.node),
-                follower.column,
-                follower.switched_on,
-                follower.load.stop,
-                *([0.0] * 6),
-            )
-            for i, follower in enumerate(model.followers, start=len(active) + len(model.nodal_forces))
-        ]
+        followers = []
+        for i, follower in enumerate(model.followers, start=len(active) + len(model.nodal_forces)):
+            place, mobility = self.place[follower.node], model.mobility(follower.node)
+            times = follower.switched_on, follower.load.stop
+            followers.append((place, i * dim, mobility, follower.column, *times, *([0.0] * 6)))
         axes = [
             *(constraint.direction for _, constraint in active),
             *(nodal_force.force for nodal_force in model.nodal_forces),

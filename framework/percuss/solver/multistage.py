@@ -73,17 +73,10 @@ class MultistageStepper:
         self.ends = ends_of(stages, model.dt)
         self.responses = self._responses(model.tables)
         loads = list(model.case.loads.values())
-        bodies = list(model.bodies.values())
-        rows = [
-            (
-                bodies[body_force.body].start,
-                bodies[body_force.body].stop,
-                k * model.dim,
-                loads.index(body_force.load) + 1,
-                0.0,
-            )
-            for k, body_force in enumerate(model.body_forces)
-        ]
+        bodies, rows = list(model.bodies.values()), []
+        for k, body_force in enumerate(model.body_forces):
+            body, column = bodies[body_force.body], loads.index(body_force.load) + 1
+            rows.append((body.start, body.stop, k * model.dim, column, 0.0))
         self.body_forces = record_array(rows, BODY_FORCE)
         self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
         self._single: tuple[State, StageAmplitudes] | None = None
