@@ -58,7 +58,7 @@ def verify(
             reports = _run_kit(plugin or [], method or [], quiet=as_json, verbose=verbose)
             written = sum(report.write_cases(cases) for report in reports) if cases else 0
             if cases and not as_json:
-                print(f"{written} cases are in {cases}")
+                print(f"cases of failed checks in {cases}: {written}")
             passed = all(report.passed for report in reports)
             data = {"methods": [report.as_dict() for report in reports]}
         if as_json:
@@ -97,7 +97,7 @@ def _is_result(path: Path) -> bool:
     """Return whether a file is meant as a saved result: by its name, or by its first bytes."""
     if path.suffix == ".nc":
         return True
-    if not is_file(path):  # which is told when it is read as a case
+    if not is_file(path):  # reading it as a case gives the message
         return False
     try:
         with path.open("rb") as file:
