@@ -808,8 +808,8 @@ def test_the_table_can_be_exported(tmp_path, whole):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ({"measure": [{"name": "status", "quantity": "impulse", "take": "value"}]}, "is that of another column"),
-        ({"vary": {"refine": [1, 2]}, "paired": [{"refine": 3}]}, "refine is varied in another way too"),
+        ({"measure": [{"name": "status", "quantity": "impulse", "take": "value"}]}, "is the name of another column"),
+        ({"vary": {"refine": [1, 2]}, "paired": [{"refine": 3}]}, "refine is varied twice"),
         ({"vary": {"foo.bar": [1], "refine": [1]}}, "foo"),
     ],
 )

@@ -94,7 +94,7 @@ def refusal(path):
     assert told.startswith(f"{path}: ")
     made_by = "drawn.yaml" if "sessions" not in told and "percuss-study-2" not in told else ""
     assert f"\n  Make the study again with `percuss study {made_by}" in told
-    assert told.endswith(" -o NEW.sqlite`, or take a copy of the file that is whole.")
+    assert told.endswith(" -o NEW.sqlite`, or use an undamaged copy.")
     return told
 
 
@@ -128,7 +128,7 @@ def test_no_change_gives_other_rows(whole, tmp_path, kind, count):
 
 # What an editor may do to a file that SQLite finds whole, and what is said of it.
 EDITS = {
-    "a run removed": ("DELETE FROM runs WHERE key = ?1", "rows were added to its table runs, or taken from it"),
+    "a run removed": ("DELETE FROM runs WHERE key = ?1", "rows were added to its table runs or removed from it"),
     "a run under another key": ("UPDATE runs SET key = 'x' WHERE key = ?1", "row 'x' of its table runs"),
     "a status": ("UPDATE runs SET status = 'failed' WHERE key = ?1", "row '00"),
     "a number": ("UPDATE runs SET seconds = seconds + 1e-12 WHERE key = ?1", "row '00"),
@@ -140,8 +140,8 @@ EDITS = {
         "INSERT INTO plan SELECT 99, key, row, digest FROM plan WHERE key = ?1",
         "row 99 of its table plan",
     ),
-    "a row removed": ("DELETE FROM plan WHERE key = ?1", "rows were added to its table plan, or taken from it"),
-    "no plan": ("DELETE FROM plan", "rows were added to its table plan, or taken from it"),
+    "a row removed": ("DELETE FROM plan WHERE key = ?1", "rows were added to its table plan or removed from it"),
+    "no plan": ("DELETE FROM plan", "rows were added to its table plan or removed from it"),
     "no commands": ("DELETE FROM facts WHERE name = 'commands'", "rows were added to its table facts"),
     "a command without its value": (
         "UPDATE facts SET value = replace(value, '\"value\"', '\"other\"') WHERE name = 'commands'",
@@ -149,13 +149,13 @@ EDITS = {
     ),
     "columns": ("UPDATE facts SET value = '{}' WHERE name = 'columns'", "row 'columns' of its table facts"),
     "a file": ("UPDATE files SET text = text || ' '", "row 0 of its table files"),
-    "a session": ("DELETE FROM sessions", "rows were added to its table sessions, or taken from it"),
+    "a session": ("DELETE FROM sessions", "rows were added to its table sessions or removed from it"),
     "no arrays": ("DELETE FROM arrays WHERE key = ?1", "the histories of the run 00"),
     "arrays of another run": ("UPDATE arrays SET npz = (SELECT max(npz) FROM arrays)", "the histories of the run 0"),
     "no seals": ("DELETE FROM seals", "rows were added to its table "),
     "a seal": ("UPDATE seals SET sum = 'z'", "the sum of the digests of its table "),
-    "a column twice": ("ALTER TABLE runs ADD COLUMN status2", "its table runs does not have the columns"),
-    "no table": ("DROP TABLE files", "its table files does not have the columns that it was made with"),
+    "a column twice": ("ALTER TABLE runs ADD COLUMN status2", "its table runs has other columns than"),
+    "no table": ("DROP TABLE files", "its table files has other columns than those it was made with"),
     "the format": ("UPDATE facts SET value = '\"percuss-study-9\"' WHERE name = 'format'", "found percuss-study-9"),
 }
 
@@ -179,7 +179,7 @@ def test_the_plan_of_another_study_is_told(whole, tmp_path):
         db.execute("DELETE FROM plan")
         db.execute("INSERT INTO plan SELECT * FROM other.plan")
     db.close()
-    assert "rows were added to its table plan, or taken from it" in refusal(bad)
+    assert "rows were added to its table plan or removed from it" in refusal(bad)
 
 
 def test_a_file_of_an_older_format_is_refused_with_the_command_that_makes_it_again(tmp_path):

@@ -207,7 +207,7 @@ def test_a_log_that_holds_rows_is_not_passed_over(tmp_path, read_only):
     log.write_bytes(b"rows")
     out.write_bytes(b"others")
     read_only(tmp_path)
-    with pytest.raises(InputError, match=r"a\.sqlite-wal beside it holds rows, and this folder cannot be written to"):
+    with pytest.raises(InputError, match=r"a\.sqlite-wal beside it holds rows, and this folder cannot be written"):
         percuss.open_study(out)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FORMAT = "percuss-result-3"  # format 1 had no checksums, format 2 one that only a reader of HDF5 could find
-ADVICE = "Make the run again, or take a copy of the file that is whole."
+ADVICE = "Make the run again, or use an undamaged copy."
 CHECKSUM = re.compile(rb"\npercuss sha256 ([0-9a-f]{64})\n")
 CHECKSUM_SIZE = 81  # bytes
 BLOCK_SIZE = 2**20  # bytes that are read at once

@@ -57,7 +57,7 @@ def run_cluster(bench: Bench, jobs: Sequence[Job], address: str, keep: Keep, sto
         with client.as_current():
             _distribute(client, pickle.dumps(bench), jobs, keep, stop)
     except (CancelledError, OSError) as error:
-        message = "the scheduler is gone; what came back is kept, and the same command goes on from there"
+        message = "the scheduler is gone; the rows made so far are kept, and the same command continues"
         raise RunError(f"{address}: {message} ({type(error).__name__})") from error
     except ImportError as error:  # raised on a worker and passed on by the scheduler
         raise RunError(f"{address}: a worker lacks a package: {error}; install percuss there too") from error
@@ -69,7 +69,7 @@ def _client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        advice = "Install percuss[study], or leave --scheduler out: the cores of this machine are used."
+        advice = "Install percuss[study], or leave --scheduler out to use the cores of this machine."
         problem = Problem("--scheduler", "", "needs distributed, which is not installed", advice)
         raise InputError([problem]) from None
     try:
@@ -132,7 +132,7 @@ class _WaitForWorkers:
             self.told += 1
             LOG.warning(
                 "%s: the scheduler has no workers, for %.0f s now: start some with `dask worker %s`; Ctrl-C ends the "
-                "wait and keeps what is made",
+                "wait and keeps the rows made so far",
                 address,
                 now - self.since,
                 address,
@@ -155,7 +155,7 @@ def _records_of_killer(batch: list[Job], batches: Batches) -> list[Record]:
     if len(batch) > 1:
         batches.alone |= {job.key for job in batch}
         return []
-    reason = "its worker process died again and again; the next time the study is run it is tried again"
+    reason = "its worker process died several times; the next session tries the run again"
     return [Record(batch[0].key, LOST, reason, WORKER)]
 
 
@@ -175,5 +175,5 @@ def _work(packed: bytes, version: str, batch: list[Job]) -> tuple[list[Record], 
     from distributed import get_worker
 
     if version != __version__:
-        raise RunError(f"a worker has percuss {__version__}, and this is {version}: install the same there")
+        raise RunError(f"a worker has percuss {__version__}, and this is {version}: install the same version there")
     return _bench(packed).records(batch), get_worker().address

@@ -134,7 +134,7 @@ def _record_to_store(record: Record, task: Task, spec: StudySpec) -> Record:
         spec.cases[task.case].with_overrides(task.changes)
     except InputError:
         return record
-    reason = f"the process that was to make the run cannot read the case: {record.reason}"
+    reason = f"the worker process cannot read the case: {record.reason}"
     return dataclasses.replace(record, status=LOST, reason=reason)
 
 

@@ -110,7 +110,7 @@ class Bench:
                 with plugin_faults():
                     case = self._case_once(task.case)
             except Exception as error:  # noqa: BLE001 - it was read where the study began: this machine differs
-                reason = f"the process that was to make the run cannot read the case: {error}"
+                reason = f"the worker process cannot read the case: {error}"
                 records.append(Record(key, LOST, reason, "worker", misfit=True))
                 continue
             run = perform_timed(case, task, nudge=self.nudge, repeats=self.repeats)
@@ -145,14 +145,14 @@ class Bench:
         environment = {**surroundings(), "percuss": f"{__version__} {own_digest()}"} if self.surroundings else {}
         for name, digest in components.items():
             if name not in local_digests:
-                raise PluginError(f"{name} is not installed here, and it is where the study was begun")
+                raise PluginError(f"{name} is not installed here, but was where the study was started")
             if local_digests[name] != digest:
-                raise PluginError(f"the sources of {name} are others here than where the study was begun")
+                raise PluginError(f"the sources of {name} differ here from those where the study was started")
         for name in sorted({*environment, *self.surroundings}):
             local, planned = environment.get(name, "not set"), self.surroundings.get(name, "not set")
             if local != planned:
                 difference = "has other sources here than" if name == "percuss" else f"is {local} here, and {planned}"
-                raise PluginError(f"{name} {difference} where the study was begun")
+                raise PluginError(f"{name} {difference} where the study was started")
 
     @functools.cached_property
     def _cases_read(self) -> dict[str, Case]:
@@ -224,7 +224,7 @@ def _copied(files: Mapping[str, bytes]) -> Path:
     folder = Path(tempfile.gettempdir()) / f"percuss-{user}-{digest}"
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.lstat().st_uid != user:  # who owns the folder can put other code there after it was compared
-        raise PluginError(f"{folder} belongs to another user: have it removed, or set TMPDIR to a folder of your own")
+        raise PluginError(f"{folder} belongs to another user: set TMPDIR to a folder of your own")
     for path, text in _missing_files(folder, files):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")

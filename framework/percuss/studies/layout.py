@@ -51,7 +51,7 @@ class RangeSection(Section):
 
     from_: Annotated[float, Doc("lower end")]
     to: Annotated[float, Doc("upper end")]
-    scale: Annotated[Literal["linear", "log"], Doc("whether values or their logarithms are evenly spread")] = "linear"
+    scale: Annotated[Literal["linear", "log"], Doc("whether values or their logarithms are evenly spaced")] = "linear"
 
     def __post_init__(self) -> None:
         if not self.from_ < self.to:
@@ -127,7 +127,7 @@ class KeepSection(Section):
 
     kind: ClassVar[str] = "keep"
 
-    histories: Annotated[int, Ge(0), Unit("1"), Doc("at most so many points of each contact force; 0 keeps none")] = 0
+    histories: Annotated[int, Ge(0), Unit("1"), Doc("most points kept of each contact force; 0 keeps none")] = 0
 
 
 MEASURE = Expects("a name, or a measure as {name: plateau, quantity: contact_force, ...}")
@@ -152,7 +152,7 @@ class StudySection(Section):
         MethodsSection, Expects("a mapping"), EmptyIfAbsent(), Doc("integrators and contact laws; every pair is run")
     ]
     keep: Annotated[KeepSection, Expects("a mapping"), EmptyIfAbsent(), Doc("what is kept of each run beside its row")]
-    title: Annotated[str, Doc("one line that says what the study is")] = ""
+    title: Annotated[str, Doc("title of the study in one line")] = ""
     question: Annotated[str, Doc("what it is to answer")] = ""
     set: Annotated[dict[str, Any], PATHS, Doc("values replaced in every case, by dotted path")] = field(
         default_factory=dict
@@ -179,7 +179,7 @@ class StudySection(Section):
         Doc("conditions that every run meets"),
     ] = ()
     tied: Annotated[bool, Doc("also run with interfaces tied while the exact contact is closed")] = False
-    nudge: Annotated[bool, Doc("run a nudged twin of each: does the answer depend on round-off?")] = False
+    nudge: Annotated[bool, Doc("repeat each run with a tiny change, to see if it depends on round-off")] = False
     stalled_after: Annotated[
         float, Gt(0), Unit("s"), Doc("seconds without a completed step after which a run is ended as failed")
     ] = 600.0
@@ -189,7 +189,7 @@ class StudySection(Section):
             Ge(1),
             Le(1000),
             Unit("1"),
-            Doc("how often each march is made, the least time counts; null: up to 5, until two alike agree to 5 %"),
+            Doc("marches of each run, of which the least time counts; null: up to 5, until two agree to 5 %"),
         ]
         | None
     ) = None

@@ -180,7 +180,7 @@ def failure_status(error: BaseException, registry: Registry) -> tuple[str, str]:
     )
     if in_plugin and not isinstance(error, ENVIRONMENT):
         return "failed", message
-    return LOST, f"the machine or percuss itself failed, which says nothing of the methods: {message}"
+    return LOST, f"the machine or percuss itself failed, not the methods: {message}"
 
 
 class _NoTwin(PercussError):
@@ -218,7 +218,7 @@ def tied_twin(case: Case) -> Case:
     model = settled(case.with_overrides(tied_contacts) if tied_contacts else case).model
     solution, _, reason = exact_solution(model, (model.steps + 1) * model.dt)
     if solution is None or reason:
-        raise _NoTwin(f"nothing says when the exact contact is closed: {reason}")
+        raise _NoTwin(f"the times at which the exact contact is closed are unknown: {reason}")
     tied_during = {
         f"contacts.{name}.method": {"name": law.name, law.tied_during: contact.closed}
         for name, contact in solution.contacts.items()

@@ -294,7 +294,7 @@ class _StudyReader:
         for section, paths, others in (("paired", together, [*varied]), ("sample", drawn, [*varied, *together])):
             for path in paths:
                 if path in others:
-                    self.reader.wrong((section,), f"{path} is varied in another way too", "Give each path once.")
+                    self.reader.wrong((section,), f"{path} is varied twice", "Give each path once.")
 
     def columns(self, cases: dict[str, Case], varied: Sequence[str]) -> tuple[Column, ...]:
         """Return the measured columns; `varied` are the paths that differ between runs."""
@@ -304,7 +304,7 @@ class _StudyReader:
             self.refuse_after_all_ends(("measure", i), cases, varied)
             if column_of_measure is not None and not isinstance(measure, str) and column_of_measure.name in RESERVED:
                 self.reader.wrong(
-                    ("measure", i), f"the name '{column_of_measure.name}' is that of another column", "Rename it."
+                    ("measure", i), f"the name '{column_of_measure.name}' is the name of another column", "Rename it."
                 )
             elif column_of_measure is not None and column_of_measure.name in out:
                 self.reader.wrong(

@@ -89,7 +89,7 @@ class Store:
 
     def _unusable(self, message: str) -> InputError:
         """Return the error of a file that is no study of this format as it was stored."""
-        advice = f"Make the study again with `{self._made_by} -o NEW.sqlite`, or take a copy of the file that is whole."
+        advice = f"Make the study again with `{self._made_by} -o NEW.sqlite`, or use an undamaged copy."
         return self._error(message, advice)
 
     @contextmanager
@@ -108,7 +108,7 @@ class Store:
                 raise self._unusable(f"expected the file of a study, found something else ({error})") from error
             if code in OF_THE_MACHINE and write:
                 message = f"cannot be written to: {error}; all rows stored before are kept"
-                advice = "The same command goes on from there, when the file can be written."
+                advice = "When the file can be written again, the same command continues."
                 raise UnwrittenError(f"{self.path}: {message}. {advice}") from error
             if code in OF_THE_MACHINE:
                 raise self._error(f"cannot be read: {error}", "Name another file with -o.") from error
@@ -130,8 +130,8 @@ class Store:
             return sqlite3.connect(f"{file}?mode=rw", timeout=60.0, uri=True)
         log = self.path.with_name(f"{self.path.name}-wal")
         if log.exists() and log.stat().st_size:
-            message = f"cannot be read: {log.name} beside it holds rows, and this folder cannot be written to"
-            raise self._error(message, "Copy both files to a folder of yours.")
+            message = f"cannot be read: {log.name} beside it holds rows, and this folder cannot be written"
+            raise self._error(message, "Copy both files to a folder of your own.")
         return sqlite3.connect(f"{file}?mode=ro&immutable=1", uri=True)
 
     def _check(self, db: sqlite3.Connection) -> None:
@@ -152,7 +152,7 @@ class Store:
             raise self._unusable(f"expected the format {FORMAT}, found {shortened(actual, 100)}")
         for name, sql in TABLES.items():
             if tables.get(name) != sql:
-                raise self._damaged(f"its table {name} does not have the columns that it was made with")
+                raise self._damaged(f"its table {name} has other columns than those it was made with")
 
     # ------------------------------------------------------------------------------------------- rows and seals
 
@@ -165,7 +165,7 @@ class Store:
         if table not in self._kept or self._kept[table][0] != seal:
             rows, total = self._verified(table, db.execute(f"SELECT * FROM {table} ORDER BY 1"))  # noqa: S608
             if total != seal:
-                raise self._damaged(f"rows were added to its table {table}, or taken from it")
+                raise self._damaged(f"rows were added to its table {table} or removed from it")
             self._kept[table] = seal, rows
         return self._kept[table][1]
 
@@ -175,7 +175,7 @@ class Store:
         for row in rows:
             digest = _digest(table, row[:-1])
             if digest != row[-1]:
-                raise self._damaged(f"row {row[0]!r} of its table {table} does not have the digest written with it")
+                raise self._damaged(f"row {row[0]!r} of its table {table} does not have the digest stored with it")
             verified.append(row[:-1])
             total += int(digest, 16)
         return verified, total % 2**256
@@ -348,7 +348,7 @@ class Store:
                 return None
             found = db.execute("SELECT CAST(npz AS BLOB) FROM arrays WHERE key = ?", (key,)).fetchone()
             if found is None or content_digest(found[0]) != digest:
-                raise self._damaged(f"the histories of the run {key} do not have the digest written with it")
+                raise self._damaged(f"the histories of the run {key} do not have the digest stored with it")
             return unpacked(found[0])
 
 

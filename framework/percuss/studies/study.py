@@ -92,7 +92,7 @@ def study(
     unknown = [status for status in again if status not in AGAIN]
     if unknown:
         message = f"expected one of {', '.join(AGAIN)}, found '{unknown[0]}'"
-        raise InputError([Problem("--again", "", message, "Runs that were lost are always made again.")])
+        raise InputError([Problem("--again", "", message, "Lost runs are always made again.")])
     spec = read_study(path, [Path(plugin) for plugin in plugins])
     if out is not None:
         expect_no_input(out, spec.inputs)

@@ -28,7 +28,7 @@ class StudyFile:
     Attributes
     ----------
     path
-        Path of the file, from the folder where the study was begun if it lies in it.
+        Path of the file, from the folder where the study was started if it lies in it.
     role
         ``study``, ``case``, ``data`` or ``plug-in``.
     sha256

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Study", "exportable", "open_study"]
 
-SECONDS = "wall time of the march alone, the least of its repeats; the processor is in the provenance"
+SECONDS = "wall time of the time steps alone, the least of its repeats; the provenance names the processor"
 
 NAMES = ("case", "integrator", "contact")
 
@@ -67,7 +67,7 @@ class Study:
         return self._store.files()
 
     def command(self, key: str) -> str | None:
-        """Return the command that makes the run of a row alone, given where the study was begun.
+        """Return the command that makes the run of a row alone, given where the study was started.
 
         Parameters
         ----------

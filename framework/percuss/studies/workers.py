@@ -202,7 +202,7 @@ class _Lost:
         given_up = []
         self.in_vain += 1
         if self.in_vain > IN_VAIN and not running:
-            raise RunError("worker processes die before they make a run: try --workers 1, which says why")
+            raise RunError("worker processes die before they make a run: --workers 1 shows the reason")
         for batch in reversed(self.batches):
             for job in reversed(batch):
                 if job.key not in running:
@@ -218,9 +218,7 @@ class _Lost:
                 elif crash:
                     given_up.append(Record(job.key, "failed", crash, WORKER))
                 else:
-                    reason = (
-                        f"its worker process died {STRIKES} times; the next time the study is run it is tried again"
-                    )
+                    reason = f"its worker process died {STRIKES} times; the next session tries the run again"
                     given_up.append(Record(job.key, LOST, reason, WORKER))
         self.batches = []
         return given_up

@@ -106,7 +106,7 @@ function showCommand(row) {
   if (!page.commands) return;
   const command = commandOf(row);
   $("alone").hidden = false;
-  $("alone-note").textContent = `${command ? "Where the study was begun, this command runs alone" : "No command runs alone"}: ${nameOf(row)}`;
+  $("alone-note").textContent = `${command ? "Where the study was started, this command makes one run" : "No command makes this run"}: ${nameOf(row)}`;
   $("command").textContent = command;
   $("command").hidden = $("copy").hidden = !command;
   $("copied").textContent = "";
