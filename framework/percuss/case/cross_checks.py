@@ -121,7 +121,7 @@ class CrossChecks:
         return True
 
     def _are_ends(self, path: KeyPath, addresses: Sequence[Address], *, whole_body: bool = False) -> list[int]:
-        """Return which addresses of a list are ends of the case; an address that stands twice is wrong."""
+        """Return which addresses of a list are ends of the case; an address that occurs twice is wrong."""
         good = []
         for i, address in enumerate(addresses):
             if self._is_end((*path, i), address, whole_body=whole_body):
@@ -224,11 +224,11 @@ class CrossChecks:
         name, statistic, quantity = expectation.quantity, expectation.statistic, quantity_named(expectation.quantity)
         if quantity.axis is None:
             if statistic != "value":
-                message = f"{name} is one number a run, it has no {statistic}"
+                message = f"{name} is a single number of a run and has no {statistic}"
                 self.wrong((*path, statistic), message, "Write `value:`.", key=True)
             for time in ("during", "at"):
                 if getattr(expectation, time) is not None:
-                    message = f"{name} is one number a run and belongs to no time"
+                    message = f"{name} is a single number of a run and has no time"
                     self.wrong((*path, time), message, f"Remove `{time}:`.", key=True)
         elif statistic == "value" and expectation.at is None:
             self.wrong((*path, "at"), "missing (the time at which `value` holds)", "Add `at:`.", key=True)
@@ -246,23 +246,23 @@ class CrossChecks:
         contacts = [key for key, *_ in self._parts("contacts")]
         at = (*path, "contact")
         if quantity.of != "contact" and contact is not None:
-            self.wrong(at, f"{name} belongs to no contact", "Remove `contact:`.", key=True)
+            self.wrong(at, f"{name} is not a quantity of a contact", "Remove `contact:`.", key=True)
         elif quantity.of == "contact" and contact is not None and contact not in contacts:
             self.wrong(at, f"there is no contact '{contact}'", suggestion(contact, contacts, "name"))
         elif quantity.of == "contact" and contact is None and len(contacts) != 1:
             if contacts:
                 advice = f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
-                self.wrong(at, f"missing (whose {name})", advice, key=True)
+                self.wrong(at, f"missing (the owner of {name})", advice, key=True)
             elif not self.reader.problems:  # Mistakes in the contacts have been reported already.
-                self.wrong(at, f"missing (whose {name})", "The case has no contact.", key=True)
+                self.wrong(at, f"missing (the owner of {name})", "The case has no contact.", key=True)
         at = (*path, "probe")
         if quantity.of == "probe" and expectation.probe is not None:
             if self._is_end(at, expectation.probe):
                 self._check_recorded(at, expectation.probe)
         elif quantity.of == "probe":
-            self.wrong(at, f"missing (whose {name})", "Add `probe:` with an end.", key=True)
+            self.wrong(at, f"missing (the owner of {name})", "Add `probe:` with an end.", key=True)
         elif expectation.probe is not None:
-            self.wrong(at, f"{name} belongs to no end", "Remove `probe:`.", key=True)
+            self.wrong(at, f"{name} is not a quantity of an end", "Remove `probe:`.", key=True)
 
     def _check_recorded(self, path: KeyPath, probe: Address) -> None:
         """Report a probe whose motion the case does not record; without `probes` that of the ends in contact is."""

@@ -14,4 +14,4 @@ def after_the_end(during: tuple[float, float] | None, at: float | None, end: flo
         return None
     key, what = ("during", "an interval that begins") if during is not None else ("at", "a time")
     message = f"expected {what} at or before the end of the run, {end:.9g}, found {first:g}"
-    return key, message, "What comes later has no value: name an earlier time, or make the run longer."
+    return key, message, "Choose an earlier time, or make the run longer."

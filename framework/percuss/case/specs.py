@@ -333,7 +333,7 @@ class RecordSpec(Section):
 
     kind: ClassVar[str] = "record"
 
-    every: Annotated[int, Ge(1), Unit("1"), Doc("record every so many steps")] = 1
+    every: Annotated[int, Ge(1), Unit("1"), Doc("number of steps from one record to the next")] = 1
     probes: (
         Annotated[
             tuple[AnAddress, ...], Expects("a list of ends, as [short.right]"), Doc("ends whose motion is recorded")

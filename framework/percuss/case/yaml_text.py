@@ -171,7 +171,7 @@ def _checked_aliases(text: str) -> list[tuple[int, int]]:
             positions.append(_position(event))
             values, levels = values + sizes[anchor][0], max(levels, len(open_nodes) + sizes[anchor][1])
         elif anchor in lines:
-            message = f"the anchor &{anchor} stands twice: here and in line {lines[anchor]}"
+            message = f"the anchor &{anchor} occurs twice: here and in line {lines[anchor]}"
             raise _fatal_error(_position(event), message, "Give one of them another name.")
         elif anchor is not None:
             lines[anchor] = event.start_mark.line + 1
@@ -199,11 +199,11 @@ def _check_limits(event: Any, values: int, levels: int, documents: int) -> None:
     if levels > MAX_DEPTH:
         raise _fatal_error(_position(event), f"nested more than {MAX_DEPTH} levels deep", "A case needs far fewer.")
     if values > MAX_NODES:
-        message = f"more than {MAX_NODES} values, aliases written out"
+        message = f"more than {MAX_NODES} values, aliases included"
         raise _fatal_error(_position(event), message, "Keep tables in a file.")
     if documents > 1:
         message = "expected one document, found a second one"
-        raise _fatal_error(_position(event), message, "Keep one case a file.")
+        raise _fatal_error(_position(event), message, "Put each case in a file of its own.")
 
 
 class _Document:
@@ -252,7 +252,7 @@ class _Document:
             position = self.place(key_node)
             key = self.key(key_node, path, position)
             if key in data:
-                message = f"the key '{key}' stands twice: here and in line {lines[key]}"
+                message = f"the key '{key}' occurs twice: here and in line {lines[key]}"
                 self.mistakes.append(Mistake(position, (*path, key), message, "Keep one of them."))
             before = next(reversed(data.values()), None)
             lines[key] = position[0]

@@ -129,7 +129,7 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
         if owner_name is not None and quantity.of != owner:
             raise ValueError(f"{section.quantity} belongs to no {owner}", f"Remove `{owner}:`.", owner)
     if quantity.of == "probe" and section.probe is None:
-        raise ValueError(f"missing (whose {section.quantity})", "Add `probe:` with an end.", "probe")
+        raise ValueError(f"missing (the owner of {section.quantity})", "Add `probe:` with an end.", "probe")
     if section.contact is not None and section.contact not in contacts:
         raise ValueError(f"there is no contact '{section.contact}'", suggestion(section.contact, contacts), "contact")
     if section.probe is not None and section.probe.partition(".")[0] not in bodies:
@@ -139,7 +139,9 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
     if quantity.axis is not None and section.take == "value" and section.at is None:
         raise ValueError("missing (the time of the value)", "Add `at:`, or `take: mean` or the like.", "at")
     if quantity.axis is None and section.take != "value":
-        raise ValueError(f"{section.quantity} is one number a run, it has no {section.take}", "Remove `take:`.", "take")
+        raise ValueError(
+            f"{section.quantity} is a single number of a run and has no {section.take}", "Remove `take:`.", "take"
+        )
     if section.at is not None and section.during is not None:
         raise ValueError("has both `during` and `at`", "Keep one.", "at")
     subject = section.contact or section.probe or ""
