@@ -60,7 +60,7 @@ def contacts(monkeypatch):
     contact = dict.fromkeys(terminal.CONTACT_NUMBERS, -1.23456789e-05)
     monkeypatch.setattr(type(next(iter(terminal.CONTACT_NUMBERS.values()))), "of_contact", lambda *_: -1.23456789e-05)
     laws = {"tip": "bipenalty (beta_s 0.25, ratio 1)"}
-    terminal._print_contacts(terminal.console_of_output(), {"tip": contact}, laws, {"tip": 0.000123})
+    terminal._print_contacts(terminal.console_of_output(), {"tip": contact}, laws, {"tip": 0.000123}, {})
 
 
 def stability(monkeypatch, **options):

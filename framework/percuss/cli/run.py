@@ -115,10 +115,7 @@ class _Files(NamedTuple):
         if self.out is not None:
             outputs.write(result.save, self.out)
         if self.plot is not None:
-            from percuss.reporting import exact_figure, run_figure
-
-            draw = run_figure.plot_result if "resolved" in result.provenance else exact_figure.plot_exact
-            outputs.write(draw, result, self.plot)
+            outputs.write(result.plot, self.plot)
         if self.animate is not None:
             from percuss.reporting.animation import animate
 

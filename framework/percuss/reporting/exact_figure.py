@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
-from percuss.reporting.figures import number, write
+from percuss.reporting.figures import number
 from percuss.reporting.run_figure import history_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from percuss.results.exact_result import ExactSolutionResult
-
-
-def plot_exact(result: ExactSolutionResult, path: str | os.PathLike[str]) -> None:
-    """Write the figure of an exact solution as a file ending in .png, .svg or .pdf; see `run_figure.plot_result`."""
-    write(path, lambda: exact_figure(result))
 
 
 def exact_figure(result: ExactSolutionResult) -> Figure:

@@ -39,15 +39,12 @@ class Column:
         Rank in which it is left out where the table is too wide: the highest first; None if it never is.
     is_number
         Whether its cells are numbers, which are never broken.
-    least
-        Width below which it is not made narrower, unless its content is.
     """
 
     head: str
     cells: list[str] = field(default_factory=list)
     drop: int | None = None
     is_number: bool = True
-    least: int = 1
 
     @property
     def full_width(self) -> int:
@@ -60,7 +57,7 @@ class Column:
         pieces = BREAKS.findall(self.head)
         for cell in self.cells:
             pieces += [cell] if self.is_number else BREAKS.findall(cell)
-        return max(min(self.least, self.full_width), *(len(piece.rstrip()) for piece in pieces))
+        return max(1, *(len(piece.rstrip()) for piece in pieces))
 
 
 def plain_text(text: str) -> str:

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from percuss.results.summary import Summary
 
 
-LONGEST_PATH = 4096  # a path is shown in one line, or not at all
 STABILITY_LINES = 12  # most lines of the table of critical Courant numbers, unless the whole table is asked for
 STABILITY_REASONS = 3  # most reasons below it
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 CLEARLY_BETTER = 0.9  # ratio of two errors
 MOST_REASONS, MOST_NAMED = 12, 3
 PLACE = re.compile(r" at step \d+, time \S+, node \d+ \(node \d+ of body '[^']*'\)")  # differs from run to run
-MOST_REASONS, MOST_NAMED = 12, 3
-PLACE = re.compile(r" at step \d+, time \S+, node \d+ \(node \d+ of body '[^']*'\)")  # differs from run to run
 
 
 def run_verdict(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
