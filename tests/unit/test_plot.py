@@ -12,7 +12,7 @@ import percuss
 from fake_studies import BAR
 from fake_studies import TWO_BARS as BARS
 from percuss.case.case import load
-from percuss.case.quantities import TRUE_ERRORS
+from percuss.case.quantities import TRUE_ERRORS, percent
 from percuss.errors import InputError, PercussError, RunError
 from percuss.reporting import animation, comparison_figure, convergence_figure, figures, report, run_figure
 from percuss.results.result import Result, open_result
@@ -533,8 +533,10 @@ def test_a_notebook_shows_table_and_picture(good):
     assert cells[cells.index("status") + 1] == "done"
     assert "bipenalty" in cells[cells.index("methods") + 1]
     assert f"{good.summary['steps']} steps" in cells[cells.index("steps") + 1]
-    assert f"{good.summary['energy']['ledger_error']:.4g}" in cells[cells.index("energy") + 1]
-    assert f"{good.summary['momentum']['error']:.4g}" in cells[cells.index("momentum") + 1]
+    assert percent(good.summary["energy"]["ledger_error"], 2) in cells[cells.index("energy") + 1]
+    assert percent(good.summary["momentum"]["error"], 2) in cells[cells.index("momentum") + 1]
+    error = good.summary["exact"]["contacts"]["tip"]["force_error_l1"]
+    assert cells[:2] == ["true error", f"the contact force is off by {percent(error, 2)}"]
     start = cells.index("tip")
     keys = ("impulse", "peak_force", "first_closed", "last_open", "closed_time")
     numbers = [*(tip[key] for key in keys), tip["penetration"]["largest"]]

@@ -16,6 +16,7 @@ from percuss.cli.common import (
     expect_drawable,
     names_in,
     print_json,
+    print_verdict,
     progress_bar,
     reporting,
     tell,
@@ -55,6 +56,7 @@ def recommend(
     The same command given again continues the search.
     """
     with reporting(as_json):
+        from percuss.reporting.tell_recommendation import recommendation_verdict, tell_recommendation
         from percuss.studies.recommendation import bound_of
         from percuss.studies.recommendation import recommend as search
 
@@ -85,9 +87,8 @@ def recommend(
         if as_json:
             print_json(found.as_dict())
         else:
-            from percuss.reporting.tell_recommendation import tell_recommendation
-
             tell_recommendation(found)
+        print_verdict(recommendation_verdict(found), as_json=as_json)
         outputs.finish()
         if not found.study.complete:
             tell("interrupted: the same command continues from here")

@@ -27,6 +27,7 @@ from percuss.reporting.figures import (
     write,
 )
 from percuss.reporting.run_figure import figure_of, force_figure
+from percuss.reporting.verdict import error_words
 from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.ledger import ledger_words
 
@@ -47,7 +48,7 @@ BAND = f"background:{ALARM};color:#ffffff;font-weight:bold;border-radius:3px;pad
 
 
 def notebook_html(result: CaseResult) -> str:
-    """Return a result as HTML: settings or solution, the balances, the contacts and a picture of their forces.
+    """Return a result as HTML: its true error or solution, settings, balances, contacts and a picture of their forces.
 
     It looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
@@ -55,7 +56,9 @@ def notebook_html(result: CaseResult) -> str:
         facts = {"status": result.status, "solution": exact_figure.solution_line(result)}
         return _card(result, exact_figure.warning_lines(result), facts, result.summary["end"])
     methods, steps = subtitle_lines(result)
-    facts = {"status": result.status, "methods": methods, "steps": steps}
+    why_unknown = f": {result.summary['exact_reason']}" if result.summary["exact_reason"] else ""
+    facts = {"true error": f"{error_words(result)}{why_unknown}", "status": result.status}
+    facts |= {"methods": methods, "steps": steps}
     return _card(result, warning_lines(result), facts, axis_end(result))
 
 

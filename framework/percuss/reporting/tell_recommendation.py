@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from percuss.case.quantities import METRICS
+from percuss.case.quantities import METRICS, percent
 from percuss.case.yaml_text import flow
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
+from percuss.reporting.verdict import failures
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from percuss.studies.recommendation import Bounds, Recommendation, Tried
 
-MOST_REASONS = 5
 INDENT = "  "
 
 
 def tell_recommendation(found: Recommendation) -> None:
-    """Print what was tried, the recommendation with what it says in a case, what came second, and the Pareto front."""
+    """Print what was tried, the Pareto front, and what the recommendation is in a case and as a command."""
     console = console_of_output()
     done = [one for one in found.tried if one.status == "done"]
     pairs = len({one.candidate.pair for one in done})
@@ -29,35 +30,41 @@ def tell_recommendation(found: Recommendation) -> None:
         f"of {pairs} pairs, whose marches took {marches:.3g} s"
     )
     console.print(f"the error is {plain_text(error_in_words(found))}")
-    if found.untried:
-        console.print(f"{found.untried} pairs were not tried: --runs allows no more")
-    if found.left:
-        console.print(f"{found.left} choices of methods, options and step are not settled: --runs allows no more")
-    if found.best is not None:
-        _print_best(console, found, found.best)
-    elif found.nearest is not None:
-        console.print(f"no run meets that; the nearest is {plain_text(in_words(found.nearest))}", soft_wrap=True)
-    else:
-        console.print("no run meets that, and none has the numbers that are bounded")
     _print_front(console, found)
-    reasons = Counter((one.status, one.reason.split("\n")[0]) for one in found.tried if one.status != "done")
-    for (status, reason), count in reasons.most_common(MOST_REASONS):
-        console.print(f"{count} {status}: {plain_text(reason)}", soft_wrap=True)
-    if len(reasons) > MOST_REASONS:
-        console.print(f"and {len(reasons) - MOST_REASONS} other reasons")
     if found.refused:
         pairs_refused = "; ".join(f"{integrator} + {contact}" for integrator, contact in found.refused)
         console.print(f"refused, with reasons in --json: {plain_text(pairs_refused)}", soft_wrap=True)
     console.print(f"runs: {plain_text(str(found.study.path))}", soft_wrap=True)
+    if found.best is not None:
+        _print_in_case(console, found, found.best)
+
+
+def recommendation_verdict(found: Recommendation) -> Iterator[str]:
+    """Yield the cheapest run that meets the bounds, what came second, and what was not tried."""
+    yield from failures((one.status, one.reason, " + ".join(one.candidate.pair)) for one in found.tried)
+    if found.untried:
+        yield f"{found.untried} pairs were not tried: --runs allows no more."
+    if found.left:
+        yield f"{found.left} choices of methods, options and step were not tried: --runs allows no more."
+    if found.best is None:
+        nearest = f"the nearest is {in_words(found.nearest)}" if found.nearest else "none has the bounded numbers"
+        yield f"No run meets the bounds; {nearest}."
+        return
+    if found.best.stable != "yes":
+        yield f"Stability: the certificate says {found.best.stable}; only this run shows that the best is stable."
+    others = f"; {found.unsettled} others were not tried" if found.unsettled else ""
+    yield f"None of {found.beside} neighbours of the best is cheaper and meets the bounds{others}."
+    yield f"Second: {in_words(found.second)}." if found.second else "No run of another pair meets the bounds."
+    yield f"Cheapest: {in_words(found.best)}."
 
 
 def bounds_in_words(bounds: Bounds) -> str:
     """Return what was asked, in words."""
     parts = []
     if bounds.error is not None:
-        parts.append(f"{METRICS[bounds.measure].label} of at most {100 * bounds.error:.4g} %")
+        parts.append(f"{METRICS[bounds.measure].label} of at most {percent(bounds.error, 4)}")
     if bounds.energy is not None:
-        parts.append(f"energy kept to {100 * bounds.energy:.4g} %")
+        parts.append(f"energy kept to {percent(bounds.energy, 4)}")
     if bounds.seconds is not None:
         parts.append(f"a march of at most {bounds.seconds:.4g} s")
     return ", ".join(parts)
@@ -76,8 +83,8 @@ def error_in_words(found: Recommendation) -> str:
 def in_words(one: Tried) -> str:
     """Return a run in one line: methods, options, mesh, step, and its numbers."""
     numbers = [
-        f"error {100 * one.error:.3g} %" if one.error is not None else "",
-        f"energy {100 * one.energy:.2g} %" if one.energy is not None else "",
+        f"error {percent(one.error)}" if one.error is not None else "",
+        f"energy {percent(one.energy, 2)}" if one.energy is not None else "",
         f"{one.evaluations:.3g} node evaluations",
         f"{1e3 * one.seconds:.3g} ms" if one.seconds is not None else "",
     ]
@@ -97,41 +104,27 @@ def methods_in_words(one: Tried) -> str:
     return f"{' + '.join(names)}, refine {candidate.refine:g}, Courant number {candidate.courant:g}"
 
 
-def _print_best(console: Any, found: Recommendation, best: Tried) -> None:
-    console.print(f"[bold]cheapest:[/bold] {plain_text(in_words(best))}", soft_wrap=True)
+def _print_in_case(console: Console, found: Recommendation, best: Tried) -> None:
+    """Print what the best run says in a case, and the command that makes it."""
     changes = best.candidate.changes
+    console.print("in a case:")
     method = {name: changes[f"method.{name}"] for name in ("integrator", "contact")}
     lines = ["method:", *(f"{INDENT}{name}: {flow(value)}" for name, value in method.items())]
     lines += [f"refine: {best.candidate.refine:g}", f"time: {{courant: {best.candidate.courant:g}}}"]
-    for line in lines:
-        console.print(f"{INDENT}{plain_text(line)}", soft_wrap=True)
     command = found.study.command(best.key)
-    if command is not None:
-        console.print(f"{INDENT}{plain_text(command)}", soft_wrap=True)
-    if best.stable != "yes":
-        console.print(f"its certificate says {best.stable}: that it is stable is known from this run alone")
-    console.print(f"of its {found.beside} neighbours none is cheaper and meets the bounds")
-    if found.unsettled:
-        console.print(f"{found.unsettled} other neighbours were not tried: give more --runs")
-    if found.second is not None:
-        console.print(f"[bold]second:[/bold] {plain_text(in_words(found.second))}", soft_wrap=True)
-    else:
-        console.print("no run of another pair meets the bounds")
+    for line in [*lines, *([command] if command is not None else [])]:
+        console.print(f"{INDENT}{plain_text(line)}", soft_wrap=True)
 
 
-def _print_front(console: Any, found: Recommendation) -> None:
+def _print_front(console: Console, found: Recommendation) -> None:
     front = found.front
     if not front:
         return
     columns = [
         Column("methods", [methods_in_words(one) for one in front], is_number=False),
-        Column("error", [_share(one.error) for one in front]),
-        Column("energy", [_share(one.energy) for one in front], drop=1),
+        Column("error", [percent(one.error) for one in front]),
+        Column("energy", [percent(one.energy) for one in front], drop=1),
         Column("node evaluations", [f"{one.evaluations:.3g}" for one in front]),
         Column("ms", [f"{1e3 * one.seconds:.3g}" if one.seconds is not None else "-" for one in front], drop=2),
     ]
     print_table(console, columns, "none is both cheaper and nearer to the bounds")
-
-
-def _share(value: float | None) -> str:
-    return "-" if value is None or not math.isfinite(value) else f"{100 * value:.3g} %"

@@ -67,7 +67,7 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
 def error_words(result: Result) -> str:
     """Return the true error of a run in a few words, or that it is unknown."""
     summary = result.summary
-    error, covered = largest_error(summary), summary["exact_covered"]
+    error, covered = largest_error(summary), summary.get("exact_covered")
     errors = summary["exact"] or covered
     if error is None or errors is None:
         return "the true error is unknown"
@@ -87,7 +87,7 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     if summary["exact_covered"]:
         yield f"The exact solution ends before the run: {summary['exact_reason']}."
     if others is None or error is None:
-        yield f"{words} (exact solution known)."
+        yield f"{words}{' (exact solution known)' if error is not None else ', although the exact solution is known'}."
         return
     best = min(others.laws.values(), default=0.0)
     law = next((name for name, of_law in others.laws.items() if CLEARLY_BETTER * of_law <= best), "")  # a simple one
@@ -142,17 +142,32 @@ def rows_verdict(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> I
         yield f"{case}: best is {run_words(best)}; {label} {value_text(error, best[error])}{among}."
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
-    reasons: dict[tuple[str, str, str], list[str]] = {}
-    for row in rows:
-        if row["reason"]:
-            reason = PLACE.sub("", row["reason"].split("\n")[0])
-            reasons.setdefault((row["status"], row["said_by"], reason), []).append(run_words(row))
-    for (status, said_by, reason), runs in sorted(reasons.items(), key=lambda item: -len(item[1]))[:MOST_REASONS]:
-        named = ", ".join(dict.fromkeys(runs[:MOST_NAMED]))
-        more = f" and {len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""
-        yield f"{len(runs)} {status}: {named}{more}: {f'{said_by} says: ' if said_by else ''}{reason}"
-    if len(reasons) > MOST_REASONS:
-        yield f"and {len(reasons) - MOST_REASONS} other reasons: see the column `reason`"
+    sources = (f"{row['said_by']} says: " if row["said_by"] else "" for row in rows)
+    yield from failures(
+        (row["status"], row["reason"] and f"{source}{row['reason']}", run_words(row))
+        for row, source in zip(rows, sources, strict=True)
+    )
+
+
+def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Yield a line for each reason why runs failed, the most frequent first.
+
+    Parameters
+    ----------
+    runs
+        Status, reason and words of each run; runs without a reason have not failed.
+    """
+    by_reason: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for status, reason, words in runs:
+        if reason:
+            by_reason.setdefault((status, PLACE.sub("", reason.split("\n")[0])), []).append((words, reason))
+    for (status, first_line), failed in sorted(by_reason.items(), key=lambda item: -len(item[1]))[:MOST_REASONS]:
+        named = ", ".join(dict.fromkeys(words for words, _ in failed[:MOST_NAMED]))
+        more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
+        why = first_line if len(failed) > 1 else " ".join(failed[0][1].split())
+        yield f"{len(failed)} {status}: {named}{more}: {why}"
+    if len(by_reason) > MOST_REASONS:
+        yield f"and {len(by_reason) - MOST_REASONS} other reasons: see the reason of each run in --json"
 
 
 def run_words(row: Mapping[str, Any]) -> str:

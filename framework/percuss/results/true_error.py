@@ -46,7 +46,7 @@ def largest_error(summary: ExactEntries) -> float | None:
 
     Where the exact solution ends before the run, it is the error of the part that the solution covers.
     """
-    errors = summary["exact"] or summary["exact_covered"]
+    errors = summary["exact"] or summary.get("exact_covered")
     if errors is None:
         return None
     of_contacts = (contact["force_error_l1"] for contact in errors["contacts"].values())
