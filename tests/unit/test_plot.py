@@ -161,7 +161,7 @@ def test_the_lines_are_the_data(good):
         assert holds(energy, half, good.arrays[name]), name
     assert holds(energy, half, total)
     assert holds(energy, half, total - good.arrays["external_work"])
-    assert f"ledger closes to {good.summary['energy']['ledger_error']:.4g}" in words(energy)
+    assert f"ledger closes to {percent(good.summary['energy']['ledger_error'], 2)}" in words(energy)
 
 
 def test_expected_values_are_drawn_over_their_time_with_their_tolerance(good):
