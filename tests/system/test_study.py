@@ -864,5 +864,5 @@ def test_of_a_large_study_a_dry_run_examines_runs_at_equal_distances(tmp_path, m
     monkeypatch.setattr(forecast, "MOST_EXAMINED", 3)
     path = write(tmp_path, methods={"contacts": ["penalty"]}, vary={"time.courant": "0.1:0.5:9"})
     found = forecast.forecast(path)
-    assert (found.runs, [row["time.courant"] for row in found.rows]) == (9, [0.1, 0.25, 0.4])
-    assert found.node_steps == 3 * sum(row["node_steps"] for row in found.rows)
+    assert (found["runs"], [row["time.courant"] for row in found["rows"]]) == (9, [0.1, 0.25, 0.4])
+    assert found["node_steps"] == 3 * sum(row["node_steps"] for row in found["rows"])

@@ -96,18 +96,18 @@ def _print_forecast(file: Path, plugins: list[Path], *, as_json: bool) -> None:
 
     with progress_bar("runs") as progress:
         found = forecast(file, plugins, progress)
-    able = found.counts.get("waiting", 0)
+    able, examined = found["counts"].get("waiting", 0), len(found["rows"])
     if as_json:
-        print_json({**vars(found), "counts": found.counts, "node_steps": found.node_steps})
+        print_json(found)
     else:
-        print(printable(f"{found.title}: {found.runs} runs; none was stored"))
-        if len(found.rows) < found.runs:
-            print(f"of these {len(found.rows)} at equal distances were examined")
-        if found.seconds is not None:
+        print(printable(f"{found['title']}: {found['runs']} runs; none was stored"))
+        if examined < found["runs"]:
+            print(f"of these {examined} at equal distances were examined")
+        if found["seconds"] is not None:
             cores = f"{os.cpu_count()} core{'s' if os.cpu_count() != 1 else ''}"
-            time = f"roughly {duration(found.seconds)} on {cores} by the time of the cheapest run"
-            print(f"{able} can run: {found.node_steps:.3g} steps times nodes, {time}")
-    print_verdict(rows_verdict(found.rows, []), as_json=as_json)
+            time = f"roughly {duration(found['seconds'])} on {cores} by the time of the cheapest run"
+            print(f"{able} can run: {found['node_steps']:.3g} steps times nodes, {time}")
+    print_verdict(rows_verdict(found["rows"], []), as_json=as_json)
     if not able:
         raise typer.Exit(1)
 

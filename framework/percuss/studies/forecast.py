@@ -6,7 +6,6 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,51 +13,17 @@ from percuss.studies.perform import WAITING, foreseen, perform_timed
 from percuss.studies.spec import read_study
 from percuss.studies.study import planned
 
-__all__ = ["Forecast", "forecast"]
+__all__ = ["forecast"]
 
 MOST_EXAMINED = 500
 MARCHES = 2  # that a study makes of a run at least, to time it
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """A study before its first run.
-
-    Attributes
-    ----------
-    title
-        Title of the study.
-    runs
-        Number of all runs.
-    rows
-        A mapping for each run that was examined, as of the table of the study, with ``node_steps``; ``status`` is
-        ``waiting`` for a run that nothing speaks against, else ``refused``, ``unstable`` or ``failed``, with the
-        reason. Of a large study runs at equal distances are examined.
-    seconds
-        Rough time of all runs on all cores of this machine, from the time of the cheapest run; None without such a run.
-    """
-
-    title: str
-    runs: int
-    rows: list[dict[str, Any]]
-    seconds: float | None
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Number of examined runs with each status."""
-        return dict(Counter(row["status"] for row in self.rows))
-
-    @property
-    def node_steps(self) -> float:
-        """Steps times nodes of all runs that can be made; of a large study an estimate."""
-        return float(sum(row["node_steps"] for row in self.rows)) * self.runs / len(self.rows)
 
 
 def forecast(
     path: str | Path | Mapping[str, Any],
     plugins: Sequence[str | Path] = (),
     progress: Callable[[int, int], None] | None = None,
-) -> Forecast:
+) -> dict[str, Any]:
     """Return what is known of a study before its first run; one run, the cheapest, is made to time it.
 
     Parameters
@@ -69,6 +34,15 @@ def forecast(
         Single-file plug-ins besides those that the cases name.
     progress
         Called with (runs examined, runs in all).
+
+    Returns
+    -------
+    dict
+        ``title`` and number of all ``runs``; ``rows``, a mapping for each run that was examined, as of the table of the
+        study, with ``node_steps`` and the ``status`` ``waiting`` for a run that nothing speaks against, else
+        ``refused``, ``unstable`` or ``failed`` with the reason; the ``counts`` of each status; the ``node_steps`` of
+        all runs that can be made, and their ``seconds`` on all cores of this machine, from the time of the cheapest
+        run, None without such a run. Of a large study runs at equal distances are examined, and both are estimates.
 
     Raises
     ------
@@ -99,4 +73,11 @@ def forecast(
             besides = max(times["total"] - times["compile"] - marched, 0.0)
             each = (besides + marched * node_steps / work[cheapest] for node_steps in work.values())
             seconds = sum(each) * len(jobs) / len(tasks) / (os.cpu_count() or 1)
-    return Forecast(str(spec.data.get("title", "")), len(jobs), rows, seconds)
+    return {
+        "title": str(spec.data.get("title", "")),
+        "runs": len(jobs),
+        "rows": rows,
+        "counts": dict(Counter(row["status"] for row in rows)),
+        "node_steps": sum(work.values()) * len(jobs) / len(tasks),
+        "seconds": seconds,
+    }
