@@ -23,6 +23,7 @@ from percuss.testing.draws import (
     option_values,
 )
 from percuss.testing.subject import (
+    PARTNERS,
     CheckFailed,
     NotApplicable,
     Subject,
@@ -218,9 +219,11 @@ def _use(subject: Subject, instance: Any, options: Mapping[str, Any]) -> Any:
     A method whose pair with the default partner is refused runs with the first partner that it may have.
     """
     if subject.family in METHODS:
-        for partner in ("", *subject.partners):
+        case = {**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}
+        partners = [(name, subject.registry.components[PARTNERS[subject.family], name]) for name in subject.partners]
+        for partner in ("", *({"name": name, **cls.examples[0]} for name, cls in partners)):
             with contextlib.suppress(NotApplicable):
-                return subject.run(subject.placed({**TWO_BARS, "time": {"steps": 3, "courant": 0.5}}, options, partner))
+                return subject.run(subject.placed(case, options, partner))
     elif subject.family == "shapes":
         instance.mesh(np.zeros(instance.dimension() or 1), 1)
     elif subject.family == "loads":
