@@ -2,7 +2,7 @@
 
 What is loaded from it is executed. It is therefore private to its user, and it is not used where anybody else could
 write to it. A file begins with a digest of its name and content, which is checked before anything reads the content:
-neither a damaged file nor a whole one in the place of another is taken for what was stored.
+neither a damaged file nor a whole one instead of another is taken for what was stored.
 """
 
 from __future__ import annotations

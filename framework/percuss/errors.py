@@ -143,7 +143,7 @@ class RunError(PercussError):
 
 
 def printable(text: str) -> str:
-    """Return a text with an escape in the place of each control character, so that it cannot steer a terminal."""
+    """Return a text with an escape instead of each control character, so that it cannot steer a terminal."""
     return CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 

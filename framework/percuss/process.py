@@ -59,7 +59,7 @@ def _open_closed_streams() -> None:
 
 
 def _prepared(stream: io.TextIOWrapper) -> io.TextIOWrapper:
-    """Return a stream in the place of standard output or standard error that no letter and no reader can break."""
+    """Return a stream instead of standard output or standard error that no letter and no reader can break."""
     if os.name != "posix":  # a console of Windows has a stream of its own
         stream.reconfigure(errors="backslashreplace")
         return stream

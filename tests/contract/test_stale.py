@@ -94,7 +94,7 @@ EDITS = {
         "from helpers import f", "f(k)",
         NJIT + "C = 1.0\n@njit\ndef g(x):\n    return C * x\n@njit\ndef f(x):\n    return g(x)\n", "1.0", "2.0",
     ),
-    "in the place of a nested helper": ("from helpers import f", "f(k)", OVERLOADED, "i(x):\n        return 1.0", None),
+    "instead of a nested helper": ("from helpers import f", "f(k)", OVERLOADED, "i(x):\n        return 1.0", None),
     "vectorised": ("from helpers import f", "f(k)", "from numba import vectorize\n@vectorize\n" + PLAIN, "1.0", "2.0"),
     "class, jitted": ("from helpers import S", "S(k).c", JITCLASS, "1.0", "2.0"),
     "in a tuple, jitted": ("import helpers as h", "h.F[0](k)", NJIT + f"@njit\n{PLAIN}F = (f,)\n", "1.0", "2.0"),
@@ -143,7 +143,7 @@ EDITS = {
 }  # fmt: skip
 # what of these has no content by which it is identified: machine code that reaches them is not kept on disk
 UNTOLD = (
-    "class, jitted", "partial", "partial, jitted", "in the place of a nested helper", "vectorised",
+    "class, jitted", "partial", "partial, jitted", "instead of a nested helper", "vectorised",
     "in a tuple, jitted", "calls itself, jitted", "calls itself", "call each other",
 )  # fmt: skip
 QUICK = ["default, jitted", "enumeration"]

@@ -729,7 +729,7 @@ def schema_paths(cls, registry):
 
 
 def without_marches(result):
-    """Put a result that is there already in the place of every march, cut maps short; return a function to undo it."""
+    """Put a result that is there already instead of every march, cut maps short; return a function to undo it."""
     from percuss.cli import verify
     from percuss.results import runner
     from percuss.studies import parameters as grammar

@@ -16,7 +16,7 @@ from percuss.results.runner import examined_run
 from percuss.solver.model import Model
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
-HANGS = 1e-4  # a nudge that moves the answer by more: the run hangs on round-off and is compared with nothing
+HANGS = 1e-4  # a nudge that moves the answer by more: the run depends on round-off and is compared with nothing
 FLOOR = 1e-13  # of the peak
 SLACK = 10.0  # round-off may do that many times what the nudges tried here did
 COMPARED = ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy", "contact_work")
@@ -77,7 +77,7 @@ def apart(one, other, names=COMPARED):
 
 
 def round_off(case, base=None, names=COMPARED):
-    """Return what round-off may do to each history of a case, over its peak; infinite where it hangs on it."""
+    """Return what round-off may do to each history of a case, over its peak; infinite where it depends on it."""
     base = base if base is not None else run(case)
     worst = dict.fromkeys(names, FLOOR)
     for nudge in (NUDGE, -NUDGE):

@@ -42,7 +42,7 @@ def test_no_input_ends_badly(bench, kind):
     bad = {}
     for seed in range(QUICK[kind]):
         word, detail = bench.try_(kind, seed)
-        if word not in {*GOOD, "slow"}:  # how long a second is hangs on the machine
+        if word not in {*GOOD, "slow"}:  # how long a second is depends on the machine
             bad[seed] = word, detail
     assert not bad
 

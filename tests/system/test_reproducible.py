@@ -73,7 +73,7 @@ def test_bits_do_not_depend_on_the_threads_of_blas():
 
 
 def test_eigenvalues_that_choose_the_step_are_found_by_one_thread(tmp_path, monkeypatch):
-    """The step that `courant: auto` takes hangs on their last digits, and all histories on the step."""
+    """The step that `courant: auto` takes depends on their last digits, and all histories on the step."""
     law = tmp_path / "damped.py"
     law.write_text(DAMPED, encoding="utf-8")
     case = hunek(5, contact="damped", integrator="central-difference") | {"plugins": [str(law)]}

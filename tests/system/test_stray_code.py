@@ -15,7 +15,7 @@ import percuss
 from fake_studies import TWO_BARS
 from percuss.studies import job_package
 
-# A file in the place of each of these modules tells that it was imported, and fails.
+# A file instead of each of these modules tells that it was imported, and fails.
 THIRD_PARTY = {"matplotlib", "numba", "numpy", "pyarrow", "rich", "scipy", "typer", "xarray", "yaml"}
 STRAY = """with open({sentinel!r}, "a") as file:
     file.write({name!r} + chr(10))

@@ -180,7 +180,7 @@ def test_the_period_is_best_at_the_quoted_spectral_radius():
 
 
 def test_low_frequencies_would_grow_with_the_old_prediction():
-    """What the docstring of `explicit-hht` says of the form with u*_n in the place of u_n."""
+    """What the docstring of `explicit-hht` says of the form with u*_n instead of u_n."""
     alpha, x = -0.1, 0.25
     beta, gamma = (1 - alpha) ** 2 / 4, 0.5 - alpha
     # state (u, dt v, dt^2 a, dt^2 f); f_{n+1} = -omega^2 u*_{n+1}

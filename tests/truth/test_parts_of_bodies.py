@@ -72,7 +72,7 @@ def test_a_simple_wave_travels_at_the_speed_of_the_tangent(body, fastest, stress
 
     A strain leaves the end when ``v = integral of c d(strain)`` is reached there, and runs at its own speed
     ``c = sqrt(tangent / density)`` through the bar before the motion. That is the solution of von Karman and Duwez
-    (1950), doi 10.1063/1.1699544, for a ramp in the place of a jump. Both bodies become softer, so that the wave
+    (1950), doi 10.1063/1.1699544, for a ramp instead of a jump. Both bodies become softer, so that the wave
     spreads out and no shock forms.
     """
     rise, end, length = 0.04, 0.09, 10.0

@@ -175,7 +175,7 @@ def same(base_case, base, other, factors=None):
     """Hold what must not change against what a nudge does; `factors` are the units of the other run."""
     allowed = round_off(base_case, base, INVARIANT)
     if math.isinf(allowed["contact_force"]):
-        event("hangs on round-off")
+        event("depends on round-off")
         return
     scaled = copy.copy(other)
     scaled.arrays = {k: v / (factors or {}).get(k, 1.0) for k, v in other.arrays.items() if k in INVARIANT}

@@ -119,7 +119,7 @@ def start_of_a_half_step(dt, p=1.0):
     return p * dt, (p * dt) ** 2 / 2
 
 
-START = -1  # in the place of a stage, the last one: the acceleration that is kept before the first step
+START = -1  # instead of a stage, the last one: the acceleration that is kept before the first step
 STARTS = {"verlet": start_of_a_half_step, "velocity-verlet": start_of_a_half_step,
           "explicit-newmark": start_of_a_half_step,
           "noh-bathe": functools.partial(start_of_a_half_step, p=0.54)}  # fmt: skip

@@ -31,7 +31,7 @@ TEXTS = (
 
 
 def number_advice(text: str) -> str:
-    """Return advice for a text in the place of a number: a decimal comma or a unit; else nothing."""
+    """Return advice for a text instead of a number: a decimal comma or a unit; else nothing."""
     if COMMA.fullmatch(text):
         return f"Write {text.replace(',', '.')}: the decimal mark is a point."
     given = WITH_UNIT.fullmatch(text)

@@ -17,7 +17,7 @@ CHANGES = {
     2: "`Rows` is `LinearLaw`, `Judged` is `ContactState` with `response` in place of `answer`, `Trial.gap_answer` and "
     "`Trial.rate_answer` are `gap_response` and `rate_response`, `DataFile.columns` is `as_columns`",
     3: "kernels of elements call `stress(material, point, strain)` and `energy_density(material, point, before, "
-    "after)`, where `material` is what they receive in the place of the parameters, and `point` is `first` plus the "
+    "after)`, where `material` is what they receive instead of the parameters, and `point` is `first` plus the "
     "number of the element in the call",
     4: "a mass is `nodal(element_mass, lumping)`: `lumping.at_nodes(element_mass)` gives the mass of each element to "
     "its nodes, half to each of two",

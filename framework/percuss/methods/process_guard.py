@@ -33,7 +33,7 @@ from percuss.methods.blame import (
 )
 
 MOST_FILES = 256  # numbers of open files that are looked at
-MISSING = object()  # in the place of a name that has been removed
+MISSING = object()  # instead of a name that has been removed
 STREAMS = ("stdin", "stdout", "stderr")
 STANDSTILL = 10.0  # seconds without a completed step after which the line of the plug-in is named
 

@@ -56,7 +56,7 @@ def study(
     out
         File of the rows; by default the name of the study with the ending ``.sqlite``, in the current folder, and with
         some letters added if that file holds another study. Runs stored in it whose inputs have not changed are not
-        made again, except those that were lost to the machine.
+        made again, except those that failed because of the machine.
     workers
         Number of processes; by default one per core. With 1 the runs are made in this process.
     scheduler

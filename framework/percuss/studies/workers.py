@@ -364,7 +364,7 @@ def _memory_of(process: str) -> int:
 def _starting() -> Iterator[None]:
     """Keep processes that start now from code that nothing names and from using several threads of BLAS.
 
-    Python would put the current folder first on their path, and multiprocessing puts it in the place of an empty entry
+    Python would put the current folder first on their path, and multiprocessing puts it instead of an empty entry
     of ours. A script without ``if __name__ == "__main__"`` would run again in each process. The threads of several
     processes would slow each other down.
     """
