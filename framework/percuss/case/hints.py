@@ -41,7 +41,9 @@ def number_advice(text: str) -> str:
     prefixed = PREFIXED.fullmatch(unit)
     if prefixed is None:
         return f"Write {number} alone, without a unit: all numbers of a case are in units that fit together."
-    return f"Write the number alone: {number}e{POWERS[prefixed[1]]} if your unit is {prefixed[2]}, {number} if {unit}."
+    power = POWERS[prefixed[1]]
+    scaled = f"{float(number) * 10**power:.12g}" if "e" in number.lower() else f"{number}e{power}"
+    return f"Write the number alone: {scaled} if your unit is {prefixed[2]}, {number} if {unit}."
 
 
 def name_advice(word: str, family: str, *registries: Registry) -> str:

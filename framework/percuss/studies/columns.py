@@ -127,7 +127,7 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
     owners = {"contact": section.contact, "probe": section.probe}
     for owner, owner_name in owners.items():
         if owner_name is not None and quantity.of != owner:
-            raise ValueError(f"{section.quantity} belongs to no {owner}", f"Remove `{owner}:`.", owner)
+            raise ValueError(f"{section.quantity} is not a quantity of a {owner}", f"Remove `{owner}:`.", owner)
     if quantity.of == "probe" and section.probe is None:
         raise ValueError(f"missing (the owner of {section.quantity})", "Add `probe:` with an end.", "probe")
     if section.contact is not None and section.contact not in contacts:
