@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["ONE_THREAD", "one_blas_thread", "start_with_one_blas_thread"]
-
 # Variables of the environment from which the libraries take their number of threads when they are loaded.
 ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",

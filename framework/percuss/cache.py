@@ -19,8 +19,6 @@ from pathlib import Path
 from percuss.errors import InputError, UnwrittenError
 from percuss.files import replacing
 
-__all__ = ["cache_folder", "keep", "kept"]
-
 DIGEST_SIZE = 32  # bytes
 TEMPORARY = ".part"
 ABANDONED_AFTER = 3600.0  # seconds after which no process is writing a temporary file any more

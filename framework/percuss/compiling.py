@@ -16,8 +16,6 @@ from typing import Any
 
 from percuss.heartbeat import beat
 
-__all__ = ["LOCK", "NOTICES", "Stopwatch", "announced", "compile_seconds", "compiler", "counted", "listen"]
-
 LOCK = threading.RLock()
 # These callbacks are called with True when numba begins to compile a function, and with False when it has finished.
 # They are not called for functions loaded from disk.

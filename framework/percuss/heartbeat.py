@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-__all__ = ["Watch", "beat", "heard_by", "progress"]
-
 _BEATS = [0]
 _LISTENERS: ContextVar[tuple[Callable[[float], object], ...]] = ContextVar("_LISTENERS", default=())
 

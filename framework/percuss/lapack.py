@@ -9,8 +9,6 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
-__all__ = ["lapack"]
-
 MODULE = "_flapack"  # of the package scipy.linalg, whose module `lapack` passes its routines on
 ROUTINES = ("dpttrf", "dpttrs", "dstebz", "dpbtrf", "dpbtrs")
 

@@ -15,8 +15,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["INTERRUPTED", "begin", "ctrl_c_raises", "end_whatever_runs", "processes_with"]
-
 INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
 GRACE = 2.0  # seconds that threads have to end after the command has ended
 

@@ -13,8 +13,6 @@ from percuss.methods.blame import SINGULAR
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
-__all__ = ["expect_files", "expect_mapping_or_path", "expect_methods", "expect_names", "expect_paths", "wrong_argument"]
-
 
 def wrong_argument(function: str, message: str, value: Any, advice: str) -> InputError:
     """Return the error for an argument of the wrong kind."""

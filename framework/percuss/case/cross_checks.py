@@ -14,8 +14,6 @@ from percuss.errors import suggestion
 if TYPE_CHECKING:
     from percuss.case.reader import Reader
 
-__all__ = ["CrossChecks", "completed"]
-
 
 def completed(case: CaseSection, dimension: int) -> CaseSection:
     """Return a case without mistakes in which the computed fields of its parts are set.

@@ -14,8 +14,6 @@ from percuss.case.options import LARGEST_NUMBER
 from percuss.files import found_instead
 from percuss.methods.interfaces import DataFile
 
-__all__ = ["UnusableFileError", "read_text", "table_in"]
-
 MAX_BYTES = 100_000_000  # of a file
 COLUMNS_OF_NUMBERS = 2  # A file of no more columns holds numbers alone: times and values.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["after_the_end"]
-
 ROUND_OFF = 1e-9  # relative, of the end of a run that is computed from its steps
 
 

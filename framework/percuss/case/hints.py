@@ -11,8 +11,6 @@ from percuss.methods.blame import SINGULAR
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
-__all__ = ["file_advice", "name_advice", "number_advice"]
-
 COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
 WITH_UNIT = re.compile(r"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
 PREFIXED = re.compile(r"([kMGmµun])(Pa|m|s|N|g|J)")

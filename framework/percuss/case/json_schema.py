@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Component
     from percuss.methods.registry import Registry
 
-__all__ = ["case_schema", "component_schema", "name_or", "schema_of"]
-
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 

@@ -16,8 +16,6 @@ from percuss.case.yaml_text import KeyPath, dotted, flow
 from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.registry import Registry
 
-__all__ = ["apply", "as_given_by"]
-
 
 def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> tuple[Source, list[str]]:
     """Return the source with values replaced, and notes on the options of components that were exchanged.

@@ -11,27 +11,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-__all__ = [
-    "COMPARED_BY_KIT",
-    "COMPARISON_TABLE",
-    "CONTACT_NUMBERS",
-    "MEASURABLE",
-    "METRICS",
-    "QUANTITIES",
-    "STATISTICS",
-    "STUDY_PANELS",
-    "STUDY_TABLE",
-    "SUMMARY",
-    "TRUE_ERRORS",
-    "UNIT_KINDS",
-    "Quantity",
-    "name_schema",
-    "percent",
-    "unit_name",
-    "values_at",
-    "with_unit",
-]
-
 
 def percent(value: float | None, digits: int = 3) -> str:
     """Return a fraction in per cent, as people read it; a dash where there is no number."""

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from percuss.case.source import Source
     from percuss.methods.registry import Registry
 
-__all__ = ["Reader"]
-
 T = TypeVar("T")
 
 

@@ -38,20 +38,6 @@ from percuss.methods.interfaces import (
     Unit,
 )
 
-__all__ = [
-    "Address",
-    "BodySpec",
-    "CaseSection",
-    "ContactSpec",
-    "During",
-    "Expectation",
-    "LoadSpec",
-    "MethodSpec",
-    "RecordSpec",
-    "TimeSpec",
-    "UnitsSpec",
-]
-
 Vector = tuple[float, ...]
 ActsAs = Literal["force", "acceleration", "velocity"]
 

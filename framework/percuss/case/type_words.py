@@ -13,8 +13,6 @@ from percuss.case.yaml_text import flow
 from percuss.errors import nearest
 from percuss.methods.interfaces import DataFile, Ge, Unit
 
-__all__ = ["Expects", "advice_for", "branches", "describe", "fact", "found", "is_union", "item_type"]
-
 T = TypeVar("T")
 
 

@@ -30,20 +30,6 @@ from percuss.methods.process_guard import process_as_before
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
-__all__ = [
-    "NO_KEY",
-    "Context",
-    "EmptyIfAbsent",
-    "Keyed",
-    "Mistake",
-    "Named",
-    "Section",
-    "adapter",
-    "failure",
-    "mistakes_in",
-    "validate",
-]
-
 T = TypeVar("T")
 
 _STRICT = core_schema.CoreConfig(strict=True, allow_inf_nan=False)

@@ -15,8 +15,6 @@ import yaml
 
 from percuss.methods.interfaces import NAME_PATTERN
 
-__all__ = ["MAX_DEPTH", "KeyPath", "Mark", "Mistake", "NotPlainError", "compose", "dotted", "flow"]
-
 KeyPath = tuple[str | int, ...]
 
 MAX_DEPTH = 40

@@ -23,8 +23,6 @@ from percuss.files import PACKAGE, is_folder
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
 
-__all__ = ["KINDS", "Scaffold", "scaffold"]
-
 KINDS = {{"masses": "mass"}.get(family, family[:-1]): family for family in FAMILIES}
 TEMPLATES = PACKAGE / "templates"
 DISTRIBUTION = re.compile(r"[A-Za-z]([A-Za-z0-9_-]*[A-Za-z0-9])?")

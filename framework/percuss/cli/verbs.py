@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from percuss.results.verify import Check
     from percuss.studies.study_table import Study
 
-__all__ = ["check", "new", "plugins", "report", "schema", "verify", "waves"]
-
 
 def check(case: Case) -> Explanation:
     """Return the explanation of a case: its bodies, contacts, step and stability, in words and numbers, without a run.

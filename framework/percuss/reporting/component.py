@@ -23,17 +23,6 @@ from percuss.methods.interfaces import FAMILIES, AllowInf, Component
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
-__all__ = [
-    "Docs",
-    "Explanation",
-    "component_data",
-    "component_text",
-    "components_named",
-    "docs",
-    "registry_data",
-    "registry_text",
-]
-
 FORMULA = "Formula:"
 NAMES = 30  # characters before the summaries in the list of components
 MOST = 100  # characters in a line on a wide terminal

@@ -19,8 +19,6 @@ from rich.text import Text
 
 from percuss.errors import printable
 
-__all__ = ["Column", "console", "plain_text", "print_table"]
-
 GAP = 3  # characters between two columns: two of padding and the line
 BREAKS = re.compile(r"[^\s._,/=-]*[\s._,/=-]*")  # the pieces of a name or a head, between which a line may end
 

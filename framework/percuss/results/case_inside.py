@@ -16,8 +16,6 @@ from percuss.methods.single_file import SingleFile
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-__all__ = ["case_inside"]
-
 
 def case_inside(provenance: Mapping[str, Any], *, plugins: Sequence[Path] = (), name: str = "the result") -> Case:
     """Return the case inside a result.

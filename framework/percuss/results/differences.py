@@ -13,8 +13,6 @@ from percuss.case.quantities import QUANTITIES
 if TYPE_CHECKING:
     from percuss.results.case_result import CaseResult
 
-__all__ = ["Change", "Difference", "changes", "differences"]
-
 # Entries of a summary in which two runs of one case may differ: times, and sentences about the way to the case.
 _NOT_COMPARED = {"seconds", "notes", "compiled_why"}
 _UNCHANGED_BY_TIME = ("versions", "settings", "source_digest", "machine")

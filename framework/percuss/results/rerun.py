@@ -15,8 +15,6 @@ from percuss.results.exact_only import run_exact
 from percuss.results.result import Result, open_result
 from percuss.results.runner import run_again
 
-__all__ = ["Rerun", "rerun"]
-
 
 @dataclass(frozen=True)
 class Rerun:

@@ -17,8 +17,6 @@ from percuss.studies.store import Store, as_json_data
 if TYPE_CHECKING:
     from percuss.studies.spec import StudySpec
 
-__all__ = ["claimed"]
-
 
 @contextmanager
 def claimed(

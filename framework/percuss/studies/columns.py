@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from percuss.results.summary import Summary
     from percuss.studies.layout import MeasureSection
 
-__all__ = ["Column", "column", "column_by_name", "metric"]
-
 
 @dataclass(frozen=True)
 class Column:

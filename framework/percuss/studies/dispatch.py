@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from percuss.studies.tasks import Task
     from percuss.studies.workers import LocalWorkers
 
-__all__ = ["Progress", "local_workers", "make", "row_counter", "summaries_of"]
-
 Progress = Callable[[int, int], None]
 
 

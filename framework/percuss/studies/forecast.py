@@ -13,8 +13,6 @@ from percuss.studies.perform import WAITING, foreseen, perform_timed
 from percuss.studies.spec import read_study
 from percuss.studies.study import planned
 
-__all__ = ["forecast"]
-
 MOST_EXAMINED = 500
 MARCHES = 2  # that a study makes of a run at least, to time it
 

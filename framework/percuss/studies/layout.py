@@ -14,17 +14,6 @@ from percuss.case.type_words import Expects
 from percuss.case.validation import EmptyIfAbsent, Section
 from percuss.methods.interfaces import Doc, Ge, Gt, Le, Unit
 
-__all__ = [
-    "Condition",
-    "KeepSection",
-    "MeasureSection",
-    "MethodsSection",
-    "RangeSection",
-    "SampleSection",
-    "StudySection",
-]
-
-
 NAMES = Expects("a list of names", "Write the names in brackets, separated by commas.")
 PATHS = Expects("a mapping of paths to values")
 

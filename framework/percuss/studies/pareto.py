@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["front_of"]
-
 
 def front_of(cost: Any, error: Any) -> Any:
     """Return the row numbers of the Pareto front of error against cost, by rising cost, of runs that have both."""

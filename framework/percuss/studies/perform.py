@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
     from percuss.solver.march import Progress
 
-__all__ = ["LOST", "Run", "failure_status", "perform", "perform_timed", "tied_twin", "tying_law"]
-
 WAITING = "waiting"  # status of a run that is still to be made
 LOST = "lost"  # status of a run whose failure does not come from its methods: it is made again
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from percuss.studies.spec import StudySpec
     from percuss.studies.tasks import Task
 
-__all__ = ["check_measures", "check_points", "rehearsals", "rehearse"]
-
 
 def check_points(spec: StudySpec) -> None:
     """Check that each varied path and value, and each option of a method, is right for at least one run.

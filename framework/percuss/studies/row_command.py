@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.studies.tasks import Task
 
-__all__ = ["RowCommands", "Template", "command_of", "named_path"]
-
 # Texts, and between them places of numbers: the varied path, and whether its value is a whole number.
 Template = list[str | dict[str, Any]]
 

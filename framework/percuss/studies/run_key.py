@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from percuss.studies.columns import Column
     from percuss.studies.tasks import Task
 
-__all__ = ["Keys", "files_named"]
-
 SILENT = ("title", "source", "expect", "plugins")  # entries of a case that change no number of its run
 
 

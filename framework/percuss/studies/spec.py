@@ -25,8 +25,6 @@ from percuss.studies.columns import Column, column, column_by_name
 from percuss.studies.layout import Condition, MeasureSection, SampleSection, StudySection
 from percuss.studies.parameters import Sample
 
-__all__ = ["StudySpec", "read_study"]
-
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
 PATHS_OF_END = {"time", "time.end", "time.step", "time.steps"}  # on which the end of a run depends

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from percuss.studies.columns import Column
     from percuss.studies.perform import Run
 
-__all__ = ["Record", "record", "unpacked"]
-
 
 @dataclass(frozen=True)
 class Record:

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from percuss.studies.job_package import Bench, Job
     from percuss.studies.spec import StudySpec
 
-__all__ = ["planned", "study"]
-
 AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are made again on request
 
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from percuss.studies.job_package import Bench
     from percuss.studies.spec import StudySpec
 
-__all__ = ["StudyFile", "files_of"]
-
 LONGEST_TEXT = 200_000  # bytes of a file that is kept as text
 LONGEST_TEXTS = 2_000_000  # bytes of all texts of a study
 

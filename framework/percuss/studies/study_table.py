@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from percuss.studies.row_command import Template
     from percuss.studies.study_files import StudyFile
 
-__all__ = ["Study", "exportable", "open_study"]
-
 SECONDS = "wall time of the time steps alone, the least of its repeats; the provenance names the processor"
 
 NAMES = ("case", "integrator", "contact")

@@ -12,8 +12,6 @@ from percuss.case.options import options_of
 if TYPE_CHECKING:
     from percuss.case.case import Case
 
-__all__ = ["TIED", "Task", "tasks"]
-
 TIED = "tied"  # name of a tied twin in place of that of a contact law
 
 
