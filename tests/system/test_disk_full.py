@@ -87,7 +87,7 @@ def test_rows_that_do_not_fit_leave_those_before(study, tmp_path):
     assert f"{rows}: cannot be written: " in done.stderr
     assert not list(tmp_path.iterdir())
     words = ["study", "long.yaml", "-o", rows, "--workers", "1"]
-    (study / "long.yaml").write_text(yaml.safe_dump({**ROW, "set": {"time.end": 10}, "keep": {"histories": 10_000}}))
+    (study / "long.yaml").write_text(yaml.safe_dump({**ROW, "set": {"time.end": 40}, "keep": {"histories": 10_000}}))
     with full_disk(50_000):  # enough to begin with, and for what SQLite needs for itself
         done = percuss_command(*words, cwd=study, plain=True)
     assert done.returncode == 2, done.stderr

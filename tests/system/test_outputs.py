@@ -113,7 +113,7 @@ def test_no_output_takes_the_place_of_an_input(bench, command, name, role):
         ("study study.yaml -o new.sqlite --workers 1 --export record.csv", "found the data file record.csv"),
         ("study study.yaml -o study.yaml --workers 1", "study.yaml: expected a file to write, found the study"),
         ("study study.yaml -o case.yaml --workers 1", "case.yaml: expected a file to write, found the case"),
-        ("study study.yaml -o my-law.yaml --workers 1", "expected the file of a study, found something else"),
+        ("study study.yaml -o my-law.yaml --workers 1", "expected the file of a study, found a case"),
         ("study study.yaml -o new.csv --workers 1 --export new.csv", "found the file of rows new.csv, which is read"),
         ("recommend case.yaml --error 1% --runs 10 --workers 1 -o case.yaml", "found the case case.yaml"),
         ("study study.yaml -o new.sqlite --workers 1 --export nowhere/rows.csv", "expected a folder nowhere"),

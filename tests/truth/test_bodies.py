@@ -478,7 +478,7 @@ def test_a_failure_of_the_kit_prints_a_case_that_runs(tmp_path):
     assert all(line.strip() in told for line in outcome.case.splitlines())
     done = command("run", "failed.yaml", cwd=tmp_path)
     assert done.returncode == 1
-    assert "runs of leaking" in done.stdout
+    assert "balances of leaking" in done.stdout
     assert "momentum does not balance" in done.stdout
 
 

@@ -218,9 +218,9 @@ def _work_of(model: Model) -> tuple[Any, ...]:
 
 def stop_message(stop: StopSummary) -> str:
     """Return the message for a stopped run: reason, step, time, node and likely cause."""
+    where = f"node {stop['node']} (node {stop['node_in_body']} of body '{stop['body']}')"
     if stop["what"] == NOT_STARTED:
-        happened = "not started: the certificate says unstable"
+        happened = f"not started: the certificate says unstable, {where} limits the step"
     else:
-        where = f"node {stop['node']} (node {stop['node_in_body']} of body '{stop['body']}')"
         happened = f"stopped at step {stop['step']}, time {stop['time']:.9g}, {where}: {stop['what']}"
     return f"{happened}\n  likely cause: {stop['cause']}"
