@@ -224,9 +224,8 @@ def state_of(page):
           columns: table.getColumns().filter((shown) => shown.isVisible()).map((shown) => shown.getField()),
           boxes: [...document.querySelectorAll("#columns input")].map((box) => box.checked),
           choices: [...document.querySelectorAll("select")].map((chosen) => chosen.value),
-          logs: [...document.querySelectorAll("input[id*=log]")].map((box) => box.checked),
           forces: picked, marked, lines: charts.vary.chart.getOption().series.length,
-          methods: [...document.querySelectorAll("#legend button")].map((entry) => entry.getAttribute("aria-pressed")),
+          methods: [...document.querySelectorAll(".legend.methods button")].map((entry) => entry.getAttribute("aria-pressed")),
         })"""
     )
 
@@ -301,7 +300,7 @@ def test_the_address_holds_what_was_chosen(browser, page_of_rows):
         changed()
         page.select_option("#statistic", "median")
         changed()
-        page.click("#legend button >> nth=1")
+        page.click(".legend.methods button >> nth=1")
         changed()
         page.wait_for_timeout(1000)  # a click on a table that is still being drawn is lost
         opened.click_in_table(".tabulator-row >> nth=2")
