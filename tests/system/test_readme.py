@@ -89,6 +89,7 @@ LASTING = (
     "percuss stability",
     "percuss study",
     "percuss report",
+    "percuss recommend",
     "--vary",
 )  # commands that take long
 

@@ -392,7 +392,10 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
     out = tmp_path / "a.sqlite"
     study = given(tmp_path, methods={"contacts": ["penalty", "lagrange"]})
     for what, said in (
-        ({"contacts/lagrange": "0" * 64}, "the sources of contacts/lagrange differ here from those where the study was started"),
+        (
+            {"contacts/lagrange": "0" * 64},
+            "the sources of contacts/lagrange differ here from those where the study was started",
+        ),
         ({"contacts/theirs": "0" * 64}, "contacts/theirs is not installed here"),
     ):
         real = benches.packed
