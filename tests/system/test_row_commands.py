@@ -225,7 +225,7 @@ def state_of(page):
           boxes: [...document.querySelectorAll("#columns input")].map((box) => box.checked),
           choices: [...document.querySelectorAll("select")].map((chosen) => chosen.value),
           forces: picked, marked, lines: charts.vary.chart.getOption().series.length,
-          methods: [...document.querySelectorAll(".legend.methods button")].map((one) => one.getAttribute("aria-pressed")),
+          methods: [...document.querySelectorAll(".legend.methods button")].map((b) => b.getAttribute("aria-pressed")),
         })"""
     )
 
