@@ -112,6 +112,10 @@ def test_a_command_runs(command: str, folder: Path) -> None:
             each for each in COMMANDS if each.startswith("percuss study") and f"/{Path(words[2]).stem}." in each
         )
         assert percuss_command(*shlex.split(study)[1:], cwd=folder).returncode == 0
+    for made in COMMANDS:  # a file that an earlier command of the pages writes
+        name = shlex.split(made)[2] if made.startswith("percuss new ") else ""
+        if name and {f"{name}.py", f"{name}.yaml"} & set(words) and not (folder / f"{name}.py").exists():
+            assert percuss_command(*shlex.split(made)[1:], cwd=folder).returncode == 0
     done = percuss_command(*words[1:], cwd=folder)
     assert done.returncode == 0, done.stderr
     assert done.stdout
