@@ -172,7 +172,7 @@ def test_once_uninstalled_it_is_gone(world: World) -> None:
         assert {"leaper", "penalty"} <= set(told)
         done = world.run("run", "case.yaml", cwd="soft-stop")
         assert done.returncode == 2
-        assert "case.yaml:19:19: method.contact.name: unknown contact law" in done.stderr
+        assert "case.yaml:20:19: method.contact.name: unknown contact law" in done.stderr
         assert "soft-stop" in done.stderr
         assert "Traceback" not in done.stderr
         assert world.run("run", "case.yaml", "--set", "method.contact=penalty", cwd="soft-stop").returncode == 0
