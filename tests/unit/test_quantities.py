@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 import percuss
 from percuss.case.quantities import (
@@ -15,6 +16,7 @@ from percuss.case.quantities import (
     QUANTITIES,
     STUDY_PANELS,
     STUDY_TABLE,
+    Quantity,
     unit_name,
     values_at,
     with_unit,
@@ -183,3 +185,7 @@ def test_named_units_stand_in_results_figures_and_tables(tmp_path, capsys):
     figure = figure_of(again)
     assert [axes.get_ylabel() for axes in figure.axes[:2]] == ["contact force [kN]", "energy [kN·mm]"]
     assert figure.axes[1].get_xlabel() == "time"
+
+
+def test_every_entry_of_the_table_has_the_types_of_a_quantity():
+    TypeAdapter(dict[str, Quantity]).validate_python({name: vars(one) for name, one in QUANTITIES.items()})

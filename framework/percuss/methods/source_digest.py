@@ -88,7 +88,7 @@ def own_digest() -> str:
     """
     digest = hashlib.sha256()
     modules = {Path(file): name for name, file in _loaded_files() if name.partition(".")[0] == "percuss"}
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted([*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.toml")]):
         content = path.read_bytes()
         if path in modules:
             _refuse_edited(modules[path], path, content)
