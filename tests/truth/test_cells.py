@@ -458,7 +458,6 @@ def test_a_saved_run_is_made_again_bit_by_bit(tmp_path):
 
 def test_a_picture_has_every_element(tmp_path):
     pytest.importorskip("matplotlib")
-    from percuss.reporting.run_figure import plot_result
 
     case = impact("quadratic-bar", {"name": "penalty"}, n=5)
     case["record"]["fields"] = 5
@@ -466,7 +465,7 @@ def test_a_picture_has_every_element(tmp_path):
     assert result.field_arrays["stress"].shape[1] == 5 + 10
     middle = np.concatenate([(np.arange(5) + 0.5) * 2.0, 10.0 + (np.arange(10) + 0.5) * 2.0])
     np.testing.assert_allclose(result.field_arrays["position"][:, 0], middle, rtol=1e-12)
-    plot_result(result, tmp_path / "picture.png")
+    result.plot(tmp_path / "picture.png")
     assert (tmp_path / "picture.png").stat().st_size > 10_000
 
 

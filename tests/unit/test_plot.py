@@ -102,7 +102,7 @@ def holds(axes, x, y):
 @pytest.mark.parametrize("suffix", [*MAGIC, ".PNG"])
 def test_each_suffix_gives_its_kind_of_file(good, tmp_path, suffix):
     path = tmp_path / f"picture{suffix}"
-    run_figure.plot_result(good, path)
+    good.plot(path)
     assert path.read_bytes().startswith(MAGIC[suffix.lower()])
     assert list(tmp_path.iterdir()) == [path]
 
@@ -118,7 +118,7 @@ def test_the_same_result_gives_the_same_bytes(good, kind):
 @pytest.mark.parametrize(("name", "found"), [("a.jpg", ".jpg"), ("picture", "no ending"), (".png", "no ending")])
 def test_another_suffix_is_refused_before_anything_is_written(good, tmp_path, name, found):
     path = tmp_path / name
-    for draw in (lambda: run_figure.plot_result(good, path), lambda: comparison_figure.plot_comparison([], path)):
+    for draw in (lambda: good.plot(path), lambda: figures.write(path, comparison_figure.comparison_figure([]))):
         with pytest.raises(InputError) as caught:
             draw()
         assert str(caught.value) == (
@@ -133,13 +133,13 @@ def test_nothing_is_left_behind_and_nothing_lost_where_drawing_fails(good, tmp_p
     path.write_bytes(b"before")
     monkeypatch.setattr(run_figure, "_energies", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        run_figure.plot_result(good, path)
+        good.plot(path)
     assert [(p.name, p.read_bytes()) for p in tmp_path.iterdir()] == [("a.png", b"before")]
 
 
 def test_a_missing_folder_is_said(good, tmp_path):
     with pytest.raises(InputError, match="expected a folder"):
-        run_figure.plot_result(good, tmp_path / "none" / "a.png")
+        good.plot(tmp_path / "none" / "a.png")
 
 
 def test_settings_of_matplotlib_stay_as_they_were(good):
@@ -366,7 +366,7 @@ def test_the_ticks_of_a_logarithmic_axis_are_several_and_differ(low, high):
 def test_a_title_is_never_mathematics(good, tmp_path):
     result = fresh(good)
     result.provenance["case"]["title"] = "costs $1 and $\\nonsense{ 2\nin two lines"
-    run_figure.plot_result(result, tmp_path / "a.png")
+    result.plot(tmp_path / "a.png")
     assert "costs $1 and $\\nonsense{ 2 in two lines" in words(run_figure.figure_of(result))
 
 
@@ -398,7 +398,7 @@ def test_a_comparison_overlays_the_runs_and_lists_the_others(good, unstable, tmp
     assert "not shown: nitsche: is refused: no stress" in told
     assert "contact force in 3 of 4 runs" in told
     assert axes.get_ylim()[1] < 2 * max(good.arrays["contact_force"].max(), other.arrays["contact_force"].max())
-    comparison_figure.plot_comparison(rows, tmp_path / "a.svg")
+    figures.write(tmp_path / "a.svg", comparison_figure.comparison_figure(rows))
     assert (tmp_path / "a.svg").read_bytes().startswith(MAGIC[".svg"])
 
 
@@ -590,8 +590,8 @@ def test_a_picture_without_matplotlib_says_what_to_install(good, tmp_path):
     message = "a picture needs matplotlib, which is not installed: pip install 'percuss[plot]'"
     path = tmp_path / "a.png"
     for draw in (
-        lambda: run_figure.plot_result(good, path),
-        lambda: comparison_figure.plot_comparison([{"label": "a", "result": good}], path),
+        lambda: good.plot(path),
+        lambda: comparison_figure.comparison_figure([{"label": "a", "result": good}]),
         lambda: figures.check_suffix(path),
     ):
         with pytest.raises(PercussError) as caught:

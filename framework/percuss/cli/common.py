@@ -30,6 +30,8 @@ from percuss.methods.process_guard import (
 from percuss.process import INTERRUPTED, ctrl_c_raises
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from percuss.case.case import Case
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="YAML file of the case.")]
@@ -289,6 +291,12 @@ class Outputs:
             writer(*arguments)
         except UnwrittenError as error:
             self.errors.append(str(error))
+
+    def draw(self, path: Path, figure: Figure) -> None:
+        """Write a figure."""
+        from percuss.reporting.figures import write
+
+        self.write(write, path, figure)
 
     def finish(self) -> None:
         """Report the files that could not be written, after all else, and end the command with exit code 2."""

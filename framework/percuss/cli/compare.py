@@ -59,14 +59,11 @@ def compare(
         orders = convergence.orders(rows)
         outputs = Outputs()
         if plot is not None:
-            from percuss.reporting.comparison_figure import plot_comparison
-            from percuss.reporting.convergence_figure import plot_convergence
+            from percuss.reporting.comparison_figure import comparison_figure
+            from percuss.reporting.convergence_figure import convergence_figure
 
-            if orders:
-                outputs.write(plot_convergence, orders, loaded.title, plot)
-            else:
-                runs = [{"label": r.label, "result": r.result, "reason": r.reason} for r in rows]
-                outputs.write(plot_comparison, runs, plot)
+            runs = [{"label": r.label, "result": r.result, "reason": r.reason} for r in rows]
+            outputs.draw(plot, convergence_figure(orders, loaded.title) if orders else comparison_figure(runs))
         if as_json:
             print_json({"title": loaded.title, "rows": [row.as_dict() for row in rows], "orders": orders})
         else:

@@ -81,9 +81,9 @@ def recommend(
             )
         outputs = Outputs()
         if plot is not None:
-            from percuss.reporting.recommendation_figure import plot_recommendation
+            from percuss.reporting.recommendation_figure import recommendation_figure
 
-            outputs.write(plot_recommendation, found, plot)
+            outputs.draw(plot, recommendation_figure(found))
         if as_json:
             print_json(found.as_dict())
         else:

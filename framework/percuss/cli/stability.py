@@ -59,9 +59,9 @@ def stability(
         if out is not None:
             outputs.write(maps.save, rows, out)
         if plot is not None:
-            from percuss.reporting.stability_figure import plot_stability
+            from percuss.reporting.stability_figure import stability_figure
 
-            outputs.write(plot_stability, rows, axes, families, loaded.title, methods_in_words(loaded), plot)
+            outputs.draw(plot, stability_figure(rows, axes, families, loaded.title, methods_in_words(loaded)))
         if as_json:
             print_json({"title": loaded.title, "rows": rows})
         else:

@@ -45,9 +45,9 @@ def waves(
         wave_data = verbs.waves(loaded, contact)
         outputs = Outputs()
         if plot is not None:
-            from percuss.reporting.stability_figure import plot_waves
+            from percuss.reporting.stability_figure import waves_figure
 
-            outputs.write(plot_waves, wave_data, loaded.title, methods_in_words(loaded), plot)
+            outputs.draw(plot, waves_figure(wave_data, loaded.title, methods_in_words(loaded)))
         if as_json:
             print_json({"title": loaded.title, "reason": wave_data.reason or None, "rows": wave_data.rows()})
         else:

@@ -21,9 +21,8 @@ from percuss.reporting.figures import (
     OVERLAY,
     SOFT,
     drawing,
-    fix_layout,
-    header,
     legend,
+    new_figure,
     number,
     powers,
     stopped_at,
@@ -97,18 +96,14 @@ def animate(result: CaseResult, path: str | os.PathLike[str]) -> None:
 
 def wave_frames(result: CaseResult) -> tuple[Figure, Callable[[int], None], list[int]]:
     """Return the figure of an animation, the function that shows a snapshot in it, and the snapshots to show."""
-    from matplotlib.figure import Figure
-
     time = np.asarray(result.field_arrays["time"], dtype=float)
     frames = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_FRAMES)).round().astype(int)).tolist()
-    figure = Figure(figsize=SIZE, facecolor="white")
     small = [solution_line(result)] if isinstance(result, ExactSolutionResult) else subtitle_lines(result)[:1]
     loud = [] if result.status == "done" else [f"{result.status.upper()}: the result is not complete"]
-    header(figure, result.title, small, loud)
-    waves, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
-    show_stress = _stress_lines(waves, result)
-    now = _force_lines(force, result)
-    fix_layout(figure)
+    with new_figure(*SIZE, result.title, small, loud) as figure:
+        waves, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
+        show_stress = _stress_lines(waves, result)
+        now = _force_lines(force, result)
 
     def show(frame: int) -> None:
         show_stress(frame)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,17 +13,14 @@ from percuss.reporting.figures import (
     INK,
     MOST_PANELS,
     OVERLAY,
-    drawing,
-    fix_layout,
-    header,
     legend,
+    new_figure,
     number,
     one_line,
     powers,
     stopped_at,
     thinned,
     wrapped,
-    write,
     write_reason,
 )
 from percuss.reporting.run_figure import contacts_left_out, draw_references
@@ -36,26 +32,13 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
 
 
-def plot_comparison(rows: Sequence[Mapping[str, Any]], path: str | os.PathLike[str]) -> None:
-    """Write a figure of the contact forces of several runs of one case, overlaid or, for more than six runs, in panels.
+def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return a figure of the contact forces of several runs of one case, overlaid or, for more than six, in panels.
 
     Parameters
     ----------
     rows
         Mappings with ``label``, ``result`` (a Result or None) and, where there is no result, ``reason``.
-    path
-        File, as for `plot_result`.
-    """
-    write(path, lambda: comparison_figure(rows))
-
-
-def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return a figure of the contact forces of several runs of one case.
-
-    Parameters
-    ----------
-    rows
-        Rows as for `percuss.reporting.comparison_figure.plot_comparison`.
     """
     runs = [(one_line(row["label"]), row["result"]) for row in rows if row.get("result") is not None]
     lost = [
@@ -69,12 +52,8 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     notes = [f"{QUANTITIES['contact_force'].label} in {len(runs)} of {len(rows)} runs"]
     if not apart:
         notes += contacts_left_out(names)
-    with drawing():
-        from matplotlib.figure import Figure
-
-        height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)
-        figure = Figure(figsize=(12.8, height), facecolor="white")
-        header(figure, runs[0][1].title if runs else "", notes, [], lost)
+    height = max(4.6, 1.9 + 2.4 * down) + 0.2 * len(lost)
+    with new_figure(12.8, height, runs[0][1].title if runs else "", notes, foot=lost) as figure:
         panels = figure.subplots(down, 3 if apart else 1, sharex=True, sharey=apart, squeeze=False).flat
         if not runs:
             write_reason(panels[0], "None of the runs has a result.")
@@ -88,7 +67,6 @@ def comparison_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
                 legend(panels[0], entries, room=150)
                 panels[-1].set_xlabel(with_unit("time", "time", runs[0][1].units), parse_math=False)
                 panels[-1].set_xlim(0, _end_time(runs))
-        fix_layout(figure)
     return figure
 
 

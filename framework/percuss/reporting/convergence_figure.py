@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
+from percuss.reporting.figures import SOFT, legend_below, new_figure, percent_axis, tick_text, write_reason
+from percuss.reporting.study_charts import line_style
+from percuss.reporting.study_figures import marked_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,16 +17,8 @@ if TYPE_CHECKING:
 
 def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
     """Return a figure of errors over mesh refinement on logarithmic axes, with a panel per error and a line per fit."""
-    from percuss.reporting.figures import drawing, fix_layout, header, legend_below, tick_text
-    from percuss.reporting.study_charts import line_style
-    from percuss.reporting.study_figures import marked_line
-
-    with drawing():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12.8, 9.0), facecolor="white")
-        subject = "errors against the exact solution; the order is the slope of a line through all points"
-        header(figure, title, [subject], [])
+    subject = "errors against the exact solution; the order is the slope of a line through all points"
+    with new_figure(12.8, 9.0, title, [subject]) as figure:
         refinements = sorted({refine for fit in fitted for refine in fit["refine"]})
         styles = [marked_line(line_style(k)) for k in range(len(fitted))]
         panels = figure.subplots(2, 2, sharex=True)
@@ -36,13 +30,11 @@ def convergence_figure(fitted: list[dict[str, Any]], title: str) -> Figure:
         for axes in panels[-1]:
             axes.set_xlabel("refine: elements over those of the case")
         legend_below(figure, dict(zip(map(_label, fitted), panels[0, 0].lines, strict=False)))
-        return fix_layout(figure)
+    return figure
 
 
 def _panel(axes: Axes, fitted: Sequence[Mapping[str, Any]], styles: Sequence[Mapping[str, Any]], name: str) -> None:
     """Draw one error of all fits, with the observed orders and a triangle of a slope near that of the best line."""
-    from percuss.reporting.figures import percent_axis, write_reason
-
     axes.set_ylabel(QUANTITIES[name].label)
     drawn: list[float] = []
     best: tuple[list[tuple[float, float]], float | None] = ([], None)
@@ -66,8 +58,6 @@ def _panel(axes: Axes, fitted: Sequence[Mapping[str, Any]], styles: Sequence[Map
 
 def _triangle(axes: Axes, points: Sequence[tuple[float, float]], order: float) -> None:
     """Draw a triangle below the best line, whose slope is its order rounded to a half."""
-    from percuss.reporting.figures import SOFT
-
     slope = round(2 * order) / 2
     (first, _), (last, bottom) = points[0], points[-1]
     if slope <= 0 or last <= first:
@@ -86,10 +76,3 @@ def _label(fit: Mapping[str, Any]) -> str:
     """Return the label of a line: the pair of methods, and other varied values."""
     others = [f"{path.split('.')[-1]}={value}" for path, value in fit.items() if "." in path]
     return " ".join([fit["integrator"], "+", fit["contact"], *others])
-
-
-def plot_convergence(fitted: list[dict[str, Any]], title: str, path: str | os.PathLike[str]) -> None:
-    """Write `convergence_figure` as a png, svg or pdf file, by suffix, completely or not at all."""
-    from percuss.reporting.figures import write
-
-    write(path, lambda: convergence_figure(fitted, title))

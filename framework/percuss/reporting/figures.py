@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.errors import InputError, PercussError, Problem, printable
-from percuss.files import replacing
+from percuss.files import PACKAGE, replacing
 from percuss.results.ledger import open_accounts
 
 if TYPE_CHECKING:
@@ -123,6 +123,20 @@ def header(figure: Figure, title: str, small: Sequence[str], loud: Sequence[str]
     figure.set_layout_engine("constrained", rect=rect, hspace=0.03, wspace=0.03)
 
 
+@contextmanager
+def new_figure(
+    width: float, height: float, title: str, small: Sequence[str], loud: Sequence[str] = (), foot: Sequence[str] = ()
+) -> Iterator[Figure]:
+    """Yield a figure with its `header`, drawn in the style of percuss; its layout is fixed at the end."""
+    with drawing():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), facecolor="white")
+        header(figure, title, small, loud, foot)
+        yield figure
+        fix_layout(figure)
+
+
 def fix_layout(figure: Figure) -> Figure:
     """Fix the layout of a figure and return the figure.
 
@@ -149,22 +163,12 @@ def legend(axes: Axes, entries: Mapping[str, Any], *, room: int = 76, up: float 
 
     The labels are texts of the user and are never read as mathematical text.
     """
-    # The space keeps matplotlib from dropping a label that begins with an underscore.
-    labels = [f" {one_line(label)}" for label in entries]
-    for rows in range(1, len(labels) + 1):
-        columns = [labels[k : k + rows] for k in range(0, len(labels), rows)]
-        if sum(max(map(len, column)) + 9 for column in columns) <= room:
+    lengths = [len(one_line(label)) + 10 for label in entries]
+    for rows in range(1, len(lengths) + 1):
+        columns = [max(lengths[k : k + rows]) for k in range(0, len(lengths), rows)]
+        if sum(columns) <= room:
             break
-    box = axes.legend(
-        list(entries.values()),
-        labels,
-        loc="lower left",
-        bbox_to_anchor=(0, up),
-        ncols=len(columns),
-        borderaxespad=0.2,
-    )
-    for text in box.get_texts():
-        text.set_parse_math(False)
+    _add_legend(axes, entries, loc="lower left", bbox_to_anchor=(0, up), ncols=len(columns), borderaxespad=0.2)
 
 
 def legend_below(figure: Figure, entries: dict[str, Any], *, beside: bool = False) -> None:
@@ -173,11 +177,15 @@ def legend_below(figure: Figure, entries: dict[str, Any], *, beside: bool = Fals
         return
     longest = max(map(len, entries))
     columns = 1 if beside else max(1, min(len(entries), int(12 * figure.get_figwidth()) // (longest + 8)))
+    place = f"outside {'right' if beside else 'lower'} center"
+    _add_legend(figure, entries, loc=place, ncols=columns, fontsize=8.5 if beside else None)
+
+
+def _add_legend(owner: Any, entries: Mapping[str, Any], **options: Any) -> None:
+    """Add a legend to a panel or a figure."""
     # The space keeps matplotlib from dropping a label that begins with an underscore.
-    names = [f" {one_line(name)}" for name in entries]
-    place: Any = f"outside {'right' if beside else 'lower'} center"
-    legend = figure.legend(list(entries.values()), names, loc=place, ncols=columns, fontsize=8.5 if beside else None)
-    for text in legend.get_texts():
+    box = owner.legend(list(entries.values()), [f" {one_line(label)}" for label in entries], **options)
+    for text in box.get_texts():
         text.set_parse_math(False)
 
 
@@ -249,24 +257,7 @@ MORE_COLOURS = ("#000000", "#8C8C8C")  # These are for a seventh and an eighth l
 MORE_DASHES: tuple[Any, ...] = ((0, (14, 2)), (0, (1, 3)))
 MOST_POINTS = 10_000  # A line with more points is thinned to its extremes, as no figure can resolve them.
 PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 2.0}
-STYLE = {
-    "font.family": "DejaVu Sans",  # This font comes with matplotlib, so figures are the same on every machine.
-    "font.size": 10.5,
-    "axes.edgecolor": SOFT,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.limits": (-3, 4),
-    "grid.color": "#e6e6e6",
-    "hatch.color": FAINT,
-    "legend.frameon": False,
-    "legend.fontsize": 9.5,
-    "legend.handlelength": 2.6,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "percuss",
-    "pdf.fonttype": 42,
-}
+STYLE = PACKAGE / "reporting" / "figures.mplstyle"
 
 
 def check_suffix(path: str | os.PathLike[str]) -> None:
@@ -302,7 +293,7 @@ def picture(figure: Figure, kind: str) -> bytes:
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Draw in the style of this module, and leave the user's settings of matplotlib as they were.
+    """Draw in the style of percuss, and leave the user's settings of matplotlib as they were.
 
     Raises
     ------
@@ -318,11 +309,11 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def write(path: str | os.PathLike[str], draw: Callable[[], Figure]) -> None:
-    """Write the figure that `draw` returns as a png, svg or pdf file, by suffix, completely or not at all."""
+def write(path: str | os.PathLike[str], figure: Figure) -> None:
+    """Write a figure as a png, svg or pdf file, by suffix, completely or not at all."""
     check_suffix(path)
     suffix = Path(path).suffix
-    content = picture(draw(), suffix.lower()[1:])
+    content = picture(figure, suffix.lower()[1:])
     with replacing(path, suffix) as beside:
         beside.write_bytes(content)
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from percuss.case.quantities import METRICS
+from percuss.reporting.figures import legend_below, log_axis, new_figure, percent_axis
+from percuss.reporting.study_charts import line_style
+from percuss.reporting.study_figures import marked_line
+from percuss.reporting.tell_recommendation import bounds_in_words, methods_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,19 +22,10 @@ MOST_PAIRS = 8  # that have a colour of their own, the best first
 
 def recommendation_figure(found: Recommendation) -> Figure:
     """Return a figure of the error over the cost on logarithmic axes, with the Pareto front and the bound."""
-    from percuss.reporting.figures import drawing, fix_layout, header, legend_below, log_axis, percent_axis
-    from percuss.reporting.study_charts import line_style
-    from percuss.reporting.study_figures import marked_line
-    from percuss.reporting.tell_recommendation import bounds_in_words, methods_in_words
-
-    with drawing():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(12.8, 7.2), facecolor="white")
-        heading = bounds_in_words(found.bounds)
-        if found.best is not None:
-            heading = f"{heading}; cheapest: {methods_in_words(found.best)}"
-        header(figure, found.study.title, [heading], [])
+    heading = bounds_in_words(found.bounds)
+    if found.best is not None:
+        heading = f"{heading}; cheapest: {methods_in_words(found.best)}"
+    with new_figure(12.8, 7.2, found.study.title, [heading]) as figure:
         axes = figure.subplots()
         by_pair: dict[tuple[str, str], list[Tried]] = {}
         for one in sorted(_drawn(found, found.tried), key=lambda one: (one.excess, one.cost)):
@@ -61,7 +55,7 @@ def recommendation_figure(found: Recommendation) -> Figure:
             percent_axis(axes, min([*heights, bound or math.inf]), max([*heights, bound or 0.0]))
         handles, labels = axes.get_legend_handles_labels()
         legend_below(figure, dict(zip(labels, handles, strict=True)))
-        return fix_layout(figure)
+    return figure
 
 
 def _height(found: Recommendation, one: Tried) -> float:
@@ -73,10 +67,3 @@ def _height(found: Recommendation, one: Tried) -> float:
 def _drawn(found: Recommendation, runs: Sequence[Tried]) -> list[Tried]:
     """Return the runs that have a place on logarithmic axes."""
     return [one for one in runs if 0 < _height(found, one) < math.inf and 0 < one.cost < math.inf]
-
-
-def plot_recommendation(found: Recommendation, path: str | os.PathLike[str]) -> None:
-    """Write `recommendation_figure` as a png, svg or pdf file, by suffix, completely or not at all."""
-    from percuss.reporting.figures import write
-
-    write(path, lambda: recommendation_figure(found))

@@ -69,7 +69,7 @@ def plotted(result: CaseResult, path: str | os.PathLike[str] | None) -> Figure:
     figure = exact_figure.exact_figure(result) if isinstance(result, ExactSolutionResult) else figure_of(result)
     vars(figure)["_repr_png_"] = partial(picture, figure, "png")
     if path is not None:
-        write(path, lambda: figure)
+        write(path, figure)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +19,14 @@ from percuss.reporting.figures import (
     drawing,
     fix_layout,
     hatch_after_stop,
-    header,
     legend,
+    new_figure,
     one_line,
     powers,
     stopped_at,
     subtitle_lines,
     thinned,
     warning_lines,
-    write,
     write_reason,
 )
 from percuss.reporting.space_time import space_time
@@ -39,28 +37,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from percuss.results.case_result import CaseResult
-    from percuss.results.result import Result
-
-
-def plot_result(result: Result, path: str | os.PathLike[str]) -> None:
-    """Write the figure of a run: contact forces, energy ledger, stress in space and time.
-
-    Parameters
-    ----------
-    result
-        The run. Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to
-        (times, forces), these exact forces are drawn over those of the run.
-    path
-        File ending in .png, .svg or .pdf, which is written completely or not at all. Errors are those of
-        `check_suffix`.
-    """
-    write(path, lambda: figure_of(result))
 
 
 def figure_of(result: CaseResult) -> Figure:
-    """Return the figure of a run without a window: contact forces, energies and stress."""
-    energy = result.summary["energy"]
-    closure = ledger_words(energy)
+    """Return the figure of a run without a window: contact forces, energies and stress.
+
+    Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to (times, forces), these exact
+    forces are drawn over those of the run.
+    """
+    closure = ledger_words(result.summary["energy"])
     return history_figure(result, axis_end(result), subtitle_lines(result), warning_lines(result), closure)
 
 
@@ -78,12 +63,8 @@ def history_figure(result: CaseResult, until: float, small: Sequence[str], loud:
     closure
         How well the energies agree with the work, in words.
     """
-    with drawing():
-        from matplotlib.figure import Figure
-
-        count = _panel_count(result)
-        figure = Figure(figsize=(12.8, 6.2 + 1.2 * count), facecolor="white")
-        header(figure, result.title, [*small, *contacts_left_out(result.coordinates["contact"])], loud)
+    count, notes = _panel_count(result), contacts_left_out(result.coordinates["contact"])
+    with new_figure(12.8, 6.2 + 1.2 * count, result.title, [*small, *notes], loud) as figure:
         widths, heights = (1.15, 1.0 if result.field_arrays else 0.4), [1.0] * count + [1.0 if count == 1 else 1.4]
         grid = figure.add_gridspec(count + 1, 2, width_ratios=widths, height_ratios=heights)
         panels = [figure.add_subplot(grid[0, 0])]
@@ -95,7 +76,7 @@ def history_figure(result: CaseResult, until: float, small: Sequence[str], loud:
             axes.tick_params(labelbottom=k == count)
             hatch_after_stop(axes, result, until, word=k == 0)
         space_time(figure.add_subplot(grid[:, 1]), result, until)
-        return fix_layout(figure)
+    return figure
 
 
 def force_figure(result: CaseResult, until: float) -> Figure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -16,12 +15,9 @@ from percuss.reporting.figures import (
     DASHES,
     INK,
     SOFT,
-    drawing,
-    fix_layout,
-    header,
     log_axis,
+    new_figure,
     number,
-    write,
     write_reason,
 )
 
@@ -53,19 +49,15 @@ def stability_figure(rows: list[dict[str, Any]], vary: Axis, curves: Axis, title
     title, methods
         Title of the figure, and the line of methods below it.
     """
-    with drawing():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(9.6, 6.4), facecolor="white", layout="constrained")
-        subject = "stability of the closed linear step, in the worst combination of contacts"
-        header(figure, title, [methods, subject, *_notes_on_omissions(rows, vary, curves)], [])
+    subject = "stability of the closed linear step, in the worst combination of contacts"
+    with new_figure(9.6, 6.4, title, [methods, subject, *_notes_on_omissions(rows, vary, curves)]) as figure:
         if not any(row["courant_critical"] is not None for row in rows):
             write_reason(figure.subplots(), f"nothing to draw: {rows[0]['reason']}")
         elif len(vary) == 2:
             _draw_maps(figure, rows, vary, curves)
         else:
             _draw_curves(figure, rows, vary, curves)
-        return fix_layout(figure)
+    return figure
 
 
 def _notes_on_omissions(rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> list[str]:
@@ -191,12 +183,8 @@ def _set_scale(axes: Axes, vary: Axis, path: str, which: str) -> None:
 
 def waves_figure(waves: Waves, title: str, methods: str) -> Figure:
     """Return a figure of the reflection and transmission of waves by a closed contact over their frequency."""
-    with drawing():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(9.6, 6.4), facecolor="white", layout="constrained")
-        subject = f"contact '{waves.contact}' held closed; measured from the step itself"
-        header(figure, title, [methods, subject], [])
+    subject = f"contact '{waves.contact}' held closed; measured from the step itself"
+    with new_figure(9.6, 6.4, title, [methods, subject]) as figure:
         size, phase = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         x = waves.frequency
         size.plot(x, np.abs(waves.transmitted), color=COLOURS[0], linewidth=2.2, label="transmitted")
@@ -214,16 +202,4 @@ def waves_figure(waves: Waves, title: str, methods: str) -> Figure:
         size.set_ylim(bottom=0)
         size.legend(fontsize=9, loc="best")
         phase.set(xlabel="Ω = ωh/c", ylabel="phase of T")
-        return fix_layout(figure)
-
-
-def plot_stability(
-    rows: list[dict[str, Any]], vary: Axis, curves: Axis, title: str, methods: str, path: str | os.PathLike[str]
-) -> None:
-    """Write `stability_figure` as a png, svg or pdf file, by suffix, completely or not at all."""
-    write(path, lambda: stability_figure(rows, vary, curves, title, methods))
-
-
-def plot_waves(waves: Waves, title: str, methods: str, path: str | os.PathLike[str]) -> None:
-    """Write `waves_figure` as a png, svg or pdf file, by suffix, completely or not at all."""
-    write(path, lambda: waves_figure(waves, title, methods))
+    return figure

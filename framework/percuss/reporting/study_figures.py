@@ -18,11 +18,9 @@ from percuss.files import is_file
 from percuss.reporting import study_charts, study_data
 from percuss.reporting.figures import (
     SOFT,
-    drawing,
-    fix_layout,
-    header,
     legend_below,
     log_axis,
+    new_figure,
     one_line,
     tick_text,
     write,
@@ -75,12 +73,8 @@ def study_figures(study: StudyLike, folder: str | os.PathLike[str], statistic: s
     for name, figure in figures(study, statistic):
         for kind in KINDS:
             out.append(target / f"{name}{kind}")
-            _save(figure, out[-1])
+            write(out[-1], figure)
     return out
-
-
-def _save(figure: Figure, path: Path) -> None:
-    write(path, lambda: figure)
 
 
 def figures(study: StudyLike, statistic: str = "best") -> Iterator[tuple[str, Figure]]:
@@ -113,13 +107,9 @@ def _panels(
     title: str, notes: list[str], panels: Mapping[str, Drawing], empty: str, high: float = 3.6, most: int = 2
 ) -> Figure:
     """Return a figure with a panel below each heading, and one legend beside them; or the reason why it is empty."""
-    with drawing():
-        from matplotlib.figure import Figure
-
-        across = min(max(len(panels), 1), most)
-        down = -(-max(len(panels), 1) // across)
-        figure = Figure(figsize=(12.8, 1.3 + high * down), facecolor="white")
-        header(figure, title, notes, [])
+    across = min(max(len(panels), 1), most)
+    down = -(-max(len(panels), 1) // across)
+    with new_figure(12.8, 1.3 + high * down, title, notes) as figure:
         grid = list(figure.subplots(down, across, squeeze=False).flat)
         entries: dict[str, Any] = {}
         for axes, (heading, draw) in zip(grid, panels.items(), strict=False):
@@ -130,7 +120,6 @@ def _panels(
         for axes in grid[max(len(panels), 1) :]:
             axes.set_axis_off()
         legend_below(figure, entries, beside=True)
-        fix_layout(figure)
     return figure
 
 
