@@ -3,6 +3,7 @@
 import io
 import re
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -17,6 +18,7 @@ NUMBER = re.compile(r"-?\d[\d.]*(?:e[+-]?\d+)?")
 
 class Waves:
     reason = ""
+    kept, transmitted = np.array([0.9, 1.0, 0.5]), np.array([1.0, 0.5j, -0.25])
 
     def rows(self):
         keys = ("frequency", "reflection", "transmission", "formula", "energy_kept")
@@ -162,9 +164,25 @@ def test_many_critical_courant_numbers_are_summed_up(told):
     assert "of 200 combinations: --all prints every one, -o FILE.csv saves them" in short
     assert "300 times" not in short
     assert len(whole.splitlines()) > 200
+    assert whole.splitlines()[-1].startswith("black-box: C critical from 0.005 (at ")
     # every line that is shown is one of the whole table
     rows = {tuple(line.split()) for line in whole.splitlines() if line.startswith("|")}
     assert {tuple(line.split()) for line in short.splitlines() if line.startswith("|") and "." in line[:40]} <= rows
+
+
+def test_one_critical_courant_number_ends_the_table_in_words(capsys):
+    row = {"by": "pencil", "courant_critical": 0.5, "reason": ""}
+    terminal.tell_stability("A case", [row])
+    assert capsys.readouterr().out.splitlines()[-1] == "pencil: C critical = 0.5"
+
+
+def test_waves_end_in_words(told, monkeypatch):
+    assert told("waves", 0).splitlines()[-1] == (
+        "The second bar receives 100 % of the amplitude at the lowest frequency and 25 % at the highest. "
+        "Of the energy of a wave, 50 % to 100 % leaves the contact again."
+    )
+    monkeypatch.setattr(Waves, "transmitted", np.zeros(3))  # a wall
+    assert told("waves", 0).splitlines()[-1] == "Of the energy of a wave, 50 % to 100 % leaves the contact again."
 
 
 def test_progress_is_told_without_a_terminal(capsys, monkeypatch):

@@ -204,14 +204,14 @@ def tell_stability(title: str, rows: list[dict[str, Any]], *, whole: bool = Fals
         columns.append(Column(key, [_number(numbers[0] if numbers else None) for numbers in given], drop=rank))
     print_table(console, columns, title)
     if len(shown) < len(lines):
-        for criterion in criteria:
-            console.print(_summary_of(criterion, [row for row in rows if row["by"] == criterion], paths), markup=False)
         console.print(f"{len(shown)} of {len(lines)} combinations: --all prints every one, -o FILE.csv saves them")
     reasons = Counter(f"{row['by']}: {row['reason']}" for row in rows if row["reason"])
     for reason, count in list(reasons.items())[: None if whole else STABILITY_REASONS]:
         console.print(f"{f'{count} times ' if count > 1 else ''}{plain_text(reason)}")
     if not whole and len(reasons) > STABILITY_REASONS:
         console.print(f"and {len(reasons) - STABILITY_REASONS} other reasons: --all prints them")
+    for criterion in criteria:
+        console.print(_summary_of(criterion, [row for row in rows if row["by"] == criterion], paths), markup=False)
 
 
 def _telling_lines(lines: Mapping[tuple[Any, ...], Mapping[str, Any]]) -> list[tuple[Any, ...]]:
@@ -236,14 +236,13 @@ def _summary_of(criterion: str, rows: list[dict[str, Any]], paths: list[str]) ->
     if not found:
         return f"{criterion}: no critical Courant number in {len(rows)} combinations"
 
-    def place(row: dict[str, Any]) -> str:
-        return ", ".join(f"{path} {_number(row[path])}" for path in paths)
+    def with_place(row: dict[str, Any]) -> str:
+        place = ", ".join(f"{path} {_number(row[path])}" for path in paths)
+        return f"{_number(row['courant_critical'])}{place and f' (at {place})'}"
 
     least, largest = (choose(found, key=lambda row: row["courant_critical"]) for choose in (min, max))
-    words = (
-        f"{criterion}: C critical from {_number(least['courant_critical'])} (at {place(least)}) to "
-        f"{_number(largest['courant_critical'])} (at {place(largest)})"
-    )
+    values = f" = {with_place(least)}" if least is largest else f" from {with_place(least)} to {with_place(largest)}"
+    words = f"{criterion}: C critical{values}"
     if judged := [row for row in found if row.get("margin") is not None]:
         stable = sum(row["margin"] <= 1.0 for row in judged)
         words += f"; the step is at most the critical one in {stable} of {len(judged)}"
@@ -270,6 +269,14 @@ def tell_waves(title: str, waves: Waves) -> None:
     print_table(console, columns, title)
     if waves.reason:
         console.print(plain_text(waves.reason))
+    kept, passed = waves.kept, abs(waves.transmitted)
+    verdict = f"Of the energy of a wave, {percent(kept.min())} to {percent(kept.max())} leaves the contact again"
+    if passed.any():
+        amplitude = (
+            f"{percent(passed[0])} of the amplitude at the lowest frequency and {percent(passed[-1])} at the highest"
+        )
+        verdict = f"The second bar receives {amplitude}. {verdict}"
+    console.print(f"{verdict}.")
 
 
 def tell_checks(cases: list[dict[str, Any]]) -> None:
