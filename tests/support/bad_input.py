@@ -52,7 +52,7 @@ SECOND = 1.0  # of processor time, that no input may take
 MEMORY = 500e6  # bytes that no process may take
 ADDRESSES = 8 * 2**30  # bytes that a process may ask for, so that the machine survives it
 GIVE_UP = 20.0  # seconds of processor time after which an input counts as hanging
-SECONDS_OF_WORK = 20.0  # of a right study, whose plan may have thousands of runs at 1 to 2 ms each, or of a picture
+SECONDS_OF_WORK = 20.0  # of a study, whose plan may have thousands of runs at 1 to 2 ms each, or of a picture
 PATIENCE = 300.0  # seconds after which a process that hangs outside Python is ended
 LONGEST = 20_000  # letters of a message
 MOST_ELEMENTS = 2000  # a case with more is no bad input, and takes the time that it takes
@@ -633,7 +633,8 @@ class Bench:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         seconds = spent() - before
-        works = kind == "edge" or (word == "fine" and kind in {"study", "store", "command"})  # runs, plans, pictures
+        # Runs, plans and pictures are work; so is a value that a study tries with all its pairs before it is refused.
+        works = kind in {"edge", "study"} or (word == "fine" and kind in {"store", "command"})
         if word in {"fine", "refused"} and seconds > (SECONDS_OF_WORK if works else SECOND):
             word, detail = "slow", f"{seconds:.2f} s; {word}: {detail[:200]}"
         self.refresh()

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from percuss.methods.registry import Registry
 
 COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
-WITH_UNIT = re.compile(r"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
+WITH_UNIT = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?)\s*([^\W\d_%][^\s,;]*)", re.IGNORECASE)
 PREFIXED = re.compile(r"([kMGmµun])(Pa|m|s|N|g|J)")
 POWERS = {"k": 3, "M": 6, "G": 9, "m": -3, "µ": -6, "u": -6, "n": -9}
 # First bytes of a file: what it is, and what to do with it. The texts are read as YAML where a command expects YAML.
