@@ -236,7 +236,7 @@ def test_bands_are_quantiles_of_all_done_runs(large):
     assert len(own) < len(made)
 
 
-@pytest.mark.parametrize("most", [8, 7])
+@pytest.mark.parametrize("most", [7, pytest.param(8, marks=pytest.mark.deep)])
 def test_bands_of_many_pairs_are_not_drawn(browser, several, tmp_path, monkeypatch, most):
     """Eight pairs, of which four have several runs: at most seven have bands, in the page and in the files alike."""
     monkeypatch.setattr(study_charts, "MOST_BANDS", most)

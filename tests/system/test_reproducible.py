@@ -129,7 +129,7 @@ def bits_of(names, around="", **environment):
     return json.loads(made.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_bits_do_not_depend_on_the_process():
     """Alone, or in any order after others; profiled or traced; with any number of threads and any seed of hashes."""
     expected = bits_of(CASES)

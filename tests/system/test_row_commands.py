@@ -149,6 +149,7 @@ def test_a_run_without_the_contact_that_its_case_expects_something_of(tmp_path, 
     expect_same_runs(study, tmp_path)
 
 
+@pytest.mark.deep
 def test_a_study_may_set_a_plug_in_and_vary_numbers_and_words(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     plan = bench(

@@ -248,6 +248,7 @@ def stars(draw):
 @pytest.mark.slow
 @settings(max_examples=40)
 @given(case=stars())
+@pytest.mark.deep
 def test_laws_of_all_kinds_at_one_end_are_solved_together(file, case):
     loaded = percuss.load({**case, "method": {"integrator": "central-difference"}}, {"time.on_unstable": "warn"},
                           plugins=[file])  # fmt: skip

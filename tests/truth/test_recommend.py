@@ -68,14 +68,15 @@ def test_the_recommended_run_meets_the_bounds_and_no_run_does_so_cheaper(small):
 
 
 def test_a_search_is_found_again_from_its_file(small):
-    first, again = found(small, runs=24), found(small, runs=24)
+    first, again = found(small, runs=12), found(small, runs=12)
     assert again.study.found == len(again.tried) == len(first.tried)  # nothing was run again
     assert [one.candidate for one in again.tried] == [one.candidate for one in first.tried]
     assert again.best == first.best
-    other = found(small, runs=24, seed=1, out="other.sqlite")
+    other = found(small, runs=12, seed=1, out="other.sqlite")
     assert [one.candidate for one in other.tried] != [one.candidate for one in first.tried]
 
 
+@pytest.mark.deep
 def test_a_search_that_was_interrupted_goes_on(small, monkeypatch):
     rounds, made = [], recommendation.study
 
@@ -123,6 +124,7 @@ def test_without_an_exact_solution_the_error_is_that_of_a_finer_mesh(small):
     assert best.error == pytest.approx(max(changes), rel=1e-12)
 
 
+@pytest.mark.deep
 def test_a_method_of_a_plug_in_takes_part(small):
     (small.parent / "half.py").write_text(
         '''
@@ -354,7 +356,7 @@ def test_bad_input_is_one_message(words, message, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_the_command_recommends_and_draws(tmp_path):
     words = [
         "recommend",
