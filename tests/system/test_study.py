@@ -23,7 +23,8 @@ from percuss.reporting.tell_study import tell_study
 from percuss.studies import forecast, parameters
 from percuss.studies import workers as local_workers
 from percuss.studies.json_schema import study_schema
-from percuss.studies.parameters import Sample, combinations
+from percuss.studies.layout import RangeSection, SampleSection
+from percuss.studies.parameters import combinations
 from percuss.studies.spec import read_study
 
 pytestmark = pytest.mark.slow
@@ -213,10 +214,10 @@ def test_values_that_go_together_and_conditions(tmp_path):
 
 @pytest.mark.parametrize("method", ["random", "latin-hypercube", "sobol", "halton"])
 def test_a_sample_is_reproducible_and_within_its_box(method):
-    axes = {"a": (1.0, 3.0, False), "b": (0.01, 100.0, True)}
-    points = Sample(64, method, 7, axes).points()
-    assert points == Sample(64, method, 7, axes).points()
-    assert points != Sample(64, method, 8, axes).points()
+    axes = {"a": RangeSection(1.0, 3.0), "b": RangeSection(0.01, 100.0, "log")}
+    points = SampleSection(64, axes, method, 7).points()
+    assert points == SampleSection(64, axes, method, 7).points()
+    assert points != SampleSection(64, axes, method, 8).points()
     a, b = (np.array([one[name] for one in points]) for name in "ab")
     assert ((a >= 1) & (a <= 3)).all()
     assert ((b >= 0.01) & (b <= 100)).all()

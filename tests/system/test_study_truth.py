@@ -400,9 +400,9 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
     ):
         real = benches.packed
 
-        def packed(cases, columns, keys, real=real, what=what, **options):
+        def packed(cases, settings, keys, real=real, what=what):
             keys.components["case"] = {**keys.components["case"], **what}
-            return real(cases, columns, keys, **options)
+            return real(cases, settings, keys)
 
         with monkeypatch.context() as patched:
             patched.setattr(benches, "packed", packed)

@@ -78,6 +78,28 @@ class Column:
         return ("", "Name a number in it.") if isinstance(entry, Mapping | list) else None
 
 
+@dataclass(frozen=True)
+class RowSettings:
+    """Settings of a study on which each of its rows depends.
+
+    Attributes
+    ----------
+    columns
+        Measured columns.
+    nudge
+        Whether a nudged twin is run.
+    histories
+        Largest number of points kept of each history; 0 keeps none.
+    repeats
+        Number of marches; None for as many as agree.
+    """
+
+    columns: tuple[Column, ...]
+    nudge: bool
+    histories: int
+    repeats: int | None
+
+
 def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:
     """Return the column for a bare name: one of `METRICS`, a plug-in, or a dotted path into the summary.
 

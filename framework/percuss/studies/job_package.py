@@ -9,7 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,7 +27,7 @@ from percuss.version import __version__
 
 if TYPE_CHECKING:
     from percuss.case.source import Source
-    from percuss.studies.columns import Column
+    from percuss.studies.columns import RowSettings
     from percuss.studies.run_key import Keys
     from percuss.studies.tasks import Task
 
@@ -61,8 +61,8 @@ class Bench:
         Contents of the data files that each case names, by label and by the path written in the case.
     plugins
         Single-file plug-ins of each case, by label: path, and contents of the file and of its data files.
-    columns, nudge, histories, repeats
-        Measured columns; whether a nudged twin is run; points kept of each history; number of marches.
+    settings
+        Settings on which every row depends.
     components, surroundings
         Digests of methods, and versions and environment, at the time the keys were made: the numbers depend on them.
     """
@@ -70,12 +70,9 @@ class Bench:
     cases: Mapping[str, Source]
     files: Mapping[str, Mapping[str, bytes]]
     plugins: Mapping[str, tuple[tuple[str, Mapping[str, bytes]], ...]]
-    columns: Sequence[Column]
-    nudge: bool
-    histories: int
-    repeats: int | None = None
-    components: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    surroundings: Mapping[str, str] = field(default_factory=dict)
+    settings: RowSettings
+    components: Mapping[str, Mapping[str, str]]
+    surroundings: Mapping[str, str]
 
     def case(self, label: str) -> Case:
         """Return a case, read with the plug-ins and files as they were when the study began."""
@@ -113,11 +110,11 @@ class Bench:
                 reason = f"the worker process cannot read the case: {error}"
                 records.append(Record(key, LOST, reason, "worker", misfit=True))
                 continue
-            run = perform_timed(case, task, nudge=self.nudge, repeats=self.repeats)
+            run = perform_timed(case, task, nudge=self.settings.nudge, repeats=self.settings.repeats)
             if run.status == "interrupted":
                 raise Interrupted(records)
             wall = time.perf_counter() - began
-            records.append(record(key, run, self.columns, self.histories, wall, case.registry))
+            records.append(record(key, run, self.settings, wall, case.registry))
             if time.perf_counter() - started > LONGEST:
                 break
         return records
@@ -173,15 +170,7 @@ class Bench:
             object.__setattr__(self, name, value)
 
 
-def packed(
-    cases: Mapping[str, Case],
-    columns: Sequence[Column],
-    keys: Keys,
-    *,
-    nudge: bool,
-    histories: int,
-    repeats: int | None = None,
-) -> Bench:
+def packed(cases: Mapping[str, Case], settings: RowSettings, keys: Keys) -> Bench:
     """Return the bench of a study; `keys` must have made the keys of all its tasks."""
     plugins = {
         label: tuple((str(file), SingleFile.read(file).files) for file in case.registry.files)
@@ -189,8 +178,7 @@ def packed(
     }
     origins = {label: _without_plugins(case.origin) for label, case in cases.items()}
     files = {label: keys.files.get(label, {}) for label in cases}
-    used = keys.components, keys.surroundings
-    return Bench(origins, files, plugins, columns, nudge, histories, repeats, *used)
+    return Bench(origins, files, plugins, settings, keys.components, keys.surroundings)
 
 
 def _without_plugins(origin: Source) -> Source:

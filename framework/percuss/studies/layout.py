@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import WrapValidator
 
 from percuss.case.options import Key
@@ -48,6 +51,12 @@ class RangeSection(Section):
         if self.scale == "log" and not self.from_ > 0:
             raise ValueError(f"starts at {self.from_:g}: a logarithmic range needs ends above 0")
 
+    def at(self, share: float) -> float:
+        """Return the value at a share of the way from the lower to the upper end."""
+        if self.scale == "log":
+            return math.exp(math.log(self.from_) + share * (math.log(self.to) - math.log(self.from_)))
+        return self.from_ + share * (self.to - self.from_)
+
 
 @dataclass(frozen=True)
 class SampleSection(Section):
@@ -65,6 +74,22 @@ class SampleSection(Section):
         "latin-hypercube"
     )
     seed: Annotated[int, Ge(0), Unit("1"), Doc("the same seed draws the same points")] = 0
+
+    def points(self) -> list[dict[str, float]]:
+        """Return the points in the order drawn: independent random numbers, or a sequence of `scipy.stats.qmc`."""
+        if self.method == "random":
+            shares = np.random.default_rng(self.seed).random((self.count, len(self.of)))
+        else:
+            from scipy.stats import qmc
+
+            kinds = {"latin-hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}
+            with warnings.catch_warnings():
+                # A Sobol sequence is balanced at powers of two only, but the user may choose any count.
+                warnings.filterwarnings("ignore", message="The balance properties of Sobol", category=UserWarning)
+                shares = kinds[self.method](len(self.of), rng=np.random.default_rng(self.seed)).random(self.count)
+        return [
+            {path: self.of[path].at(share) for path, share in zip(self.of, row, strict=True)} for row in shares.tolist()
+        ]
 
 
 @dataclass(frozen=True)

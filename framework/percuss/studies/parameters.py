@@ -9,16 +9,17 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.case.csv_file import NOT_FINITE, NUMBER
 from percuss.case.options import LARGEST_NUMBER
 from percuss.errors import InputError, Problem, shortened
+
+if TYPE_CHECKING:
+    from percuss.studies.layout import SampleSection
 
 WHOLE = re.compile(r"[-+]?[0-9]{1,4000}")
 MOST = 1_000_000
@@ -97,55 +98,8 @@ def _grammar_error(place: str, message: str) -> InputError:
     return InputError([Problem(place, "", message, f"{GRAMMAR[0].upper()}{GRAMMAR[1:]}.")])
 
 
-@dataclass(frozen=True)
-class Sample:
-    """Points to be drawn from a box.
-
-    Attributes
-    ----------
-    count, seed
-        Number of points, and seed; the same seed draws the same points.
-    method
-        Independent random numbers, or a space-filling sequence of `scipy.stats.qmc`.
-    axes
-        Lower end, upper end and whether logarithms are evenly spread, by path.
-    """
-
-    count: int
-    method: Literal["random", "latin-hypercube", "sobol", "halton"]
-    seed: int
-    axes: Mapping[str, tuple[float, float, bool]]
-
-    def points(self) -> list[dict[str, float]]:
-        """Return the points, in the order drawn."""
-        size = len(self.axes)
-        if self.method == "random":
-            unit = np.random.default_rng(self.seed).random((self.count, size))
-        else:
-            from scipy.stats import qmc
-
-            kinds = {"latin-hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}
-            with warnings.catch_warnings():
-                # A Sobol sequence is balanced at powers of two only, but the user may choose any count.
-                warnings.filterwarnings("ignore", message="The balance properties of Sobol", category=UserWarning)
-                unit = kinds[self.method](size, rng=np.random.default_rng(self.seed)).random(self.count)
-        return [
-            {
-                path: _interpolated(float(share), *axis)
-                for share, (path, axis) in zip(row, self.axes.items(), strict=True)
-            }
-            for row in unit
-        ]
-
-
-def _interpolated(share: float, first: float, last: float, log: bool) -> float:
-    if log:
-        return math.exp(math.log(first) + share * (math.log(last) - math.log(first)))
-    return first + share * (last - first)
-
-
 def number_of_combinations(
-    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: Sample | None = None
+    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: SampleSection | None = None
 ) -> int:
     """Return the number of points that `combinations` makes, without making them."""
     drawn = sample.count if sample is not None else 1
@@ -153,7 +107,7 @@ def number_of_combinations(
 
 
 def combinations(
-    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: Sample | None = None
+    varied: Mapping[str, Sequence[Any]], paired: Sequence[Mapping[str, Any]] = (), sample: SampleSection | None = None
 ) -> list[dict[str, Any]]:
     """Return all combinations of the varied values, each with every paired point and every drawn point.
 

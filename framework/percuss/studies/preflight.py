@@ -95,8 +95,8 @@ def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[
     for i, point in enumerate(spec.paired):
         yield {**places, **{path: ("paired", i, path) for path in point}}, {**first, **point}
     if spec.sample is not None:
-        for path, (lowest, highest, _) in spec.sample.axes.items():
-            for key, value in (("from", lowest), ("to", highest)):
+        for path, axis in spec.sample.of.items():
+            for key, value in (("from", axis.from_), ("to", axis.to)):
                 yield {**places, path: ("sample", "of", path, key)}, {**first, path: value}
 
 
@@ -173,7 +173,7 @@ def check_measures(spec: StudySpec, summaries: Sequence[Mapping[str, Any]]) -> N
     """
     given = spec.source.get(("measure",), ())
     problems = []
-    for i, column in enumerate(spec.columns if given else ()):
+    for i, column in enumerate(spec.rows.columns if given else ()):
         unknown = [column.unknown_to(summary) for summary in summaries]
         if unknown and all(unknown):
             missing_path, advice = next(itertools.chain(filter(None, unknown)))

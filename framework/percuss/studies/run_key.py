@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +17,7 @@ from percuss.version import __version__
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.source import Source
-    from percuss.studies.columns import Column
+    from percuss.studies.columns import RowSettings
     from percuss.studies.tasks import Task
 
 SILENT = ("title", "source", "expect", "plugins")  # entries of a case that change no number of its run
@@ -35,10 +35,8 @@ class Keys:
 
     Parameters
     ----------
-    columns
-        Measured columns.
-    nudge, histories, repeats
-        Other settings on which a row depends.
+    settings
+        Settings on which every row depends.
 
     Attributes
     ----------
@@ -50,10 +48,11 @@ class Keys:
         Contents of the data files that the tasks of each case name, by the case's label and the path written there.
     """
 
-    def __init__(self, columns: Sequence[Column], *, nudge: bool, histories: int, repeats: int | None = None) -> None:
+    def __init__(self, settings: RowSettings) -> None:
+        columns = settings.columns
         measured = sorted([column.name, column.kind, [list(pair) for pair in column.arguments]] for column in columns)
         self.surroundings = {**surroundings(), "percuss": f"{__version__} {own_digest()}"}
-        self.common = [self.surroundings, measured, nudge, histories, repeats]
+        self.common = [self.surroundings, measured, settings.nudge, settings.histories, settings.repeats]
         self.measures = {column.name for column in columns if column.kind == "plug-in"}
         self.components: dict[str, dict[str, str]] = {}
         self.files: dict[str, dict[str, bytes]] = {}

@@ -21,9 +21,8 @@ from percuss.errors import InputError, Problem, suggestion
 from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
-from percuss.studies.columns import Column, column, column_by_name
+from percuss.studies.columns import Column, RowSettings, column, column_by_name
 from percuss.studies.layout import Condition, MeasureSection, SampleSection, StudySection
-from percuss.studies.parameters import Sample
 
 RESERVED = {"case", "integrator", "contact", "status", "reason", "said_by", "fragile", "seconds", "key", *METRICS}
 COST = "node_steps"
@@ -49,11 +48,11 @@ class StudySpec:
         Points whose values go together.
     sample
         Points to be drawn, or None.
-    columns
-        Measured columns.
+    rows
+        Measured columns, and the other settings on which rows depend.
     where
         Conditions that every run meets.
-    tied, nudge, histories, stalled_after, repeats
+    tied, stalled_after
         As in the file.
     data
         The study as a plain mapping.
@@ -65,14 +64,11 @@ class StudySpec:
     contacts: dict[str, Any]
     vary: dict[str, list[Any]]
     paired: list[dict[str, Any]]
-    sample: Sample | None
-    columns: tuple[Column, ...]
+    sample: SampleSection | None
+    rows: RowSettings
     where: tuple[Condition, ...]
     tied: bool
-    nudge: bool
-    histories: int
     stalled_after: float
-    repeats: int | None
     data: Mapping[str, Any]
     source: Source
 
@@ -140,7 +136,7 @@ class _StudyReader:
         if (count := parameters.number_of_combinations(varied, paired, sample)) > parameters.MOST:
             message = f"expected at most {parameters.MOST} combinations of values, found {count}"
             self.reader.wrong(("vary",), message, "Vary fewer values, or draw a sample of them.", key=True)
-        paths = [*varied, *(path for point in paired for path in point), *(sample.axes if sample else ())]
+        paths = [*varied, *(path for point in paired for path in point), *(sample.of if sample else ())]
         columns, where = self.columns(cases, paths), self.where([*NAMES, *dict.fromkeys(paths)])
         reader.finish()
         if section is None:
@@ -153,13 +149,10 @@ class _StudyReader:
             vary=varied,
             paired=paired,
             sample=sample,
-            columns=columns,
+            rows=RowSettings(columns, section.nudge, section.keep.histories, section.repeats),
             where=where,
             tied=section.tied,
-            nudge=section.nudge,
-            histories=section.keep.histories,
             stalled_after=section.stalled_after,
-            repeats=section.repeats,
             data=data,
             source=self.source,
         )
@@ -264,15 +257,12 @@ class _StudyReader:
                 self.reader.wrong(("paired", i), message, "Give every point the same paths.")
         return [point for _, point in points]
 
-    def sample(self) -> Sample | None:
+    def sample(self) -> SampleSection | None:
         """Return the points to be drawn, or None if there are none."""
         section: SampleSection | None = self.reader.part(("sample",))
-        if section is None:
-            return None
-        if not section.of:
+        if section is not None and not section.of:
             self.reader.wrong(("sample", "of"), "expected at least one path, found none", "Add PATH: {from: 0, to: 1}.")
-        axes = {path: (axis.from_, axis.to, axis.scale == "log") for path, axis in section.of.items()}
-        return Sample(section.count, section.method, section.seed, axes)
+        return section
 
     def where(self, paths: list[str]) -> tuple[Condition, ...]:
         """Return the conditions that every run must meet."""
@@ -284,11 +274,11 @@ class _StudyReader:
         return tuple(condition for condition in conditions if condition is not None)
 
     def refuse_repeated_paths(
-        self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: Sample | None
+        self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: SampleSection | None
     ) -> None:
         """Report a path that is varied in two ways, as the second would silently replace the first."""
         together = list(dict.fromkeys(path for point in paired for path in point))
-        drawn = list(sample.axes) if sample else []
+        drawn = list(sample.of) if sample else []
         for section, paths, others in (("paired", together, [*varied]), ("sample", drawn, [*varied, *together])):
             for path in paths:
                 if path in others:

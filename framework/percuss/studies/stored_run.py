@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from percuss.methods.registry import Registry
     from percuss.results.result import Result
-    from percuss.studies.columns import Column
+    from percuss.studies.columns import RowSettings
     from percuss.studies.perform import Run
 
 
@@ -61,7 +60,7 @@ class Record:
     misfit: bool = False
 
 
-def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float, registry: Registry) -> Record:
+def record(key: str, run: Run, settings: RowSettings, wall: float, registry: Registry) -> Record:
     """Return the stored form of a run.
 
     Parameters
@@ -70,10 +69,8 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
         Key of the task.
     run
         The run with its outcome.
-    columns
-        Columns measured if the run is done; a stopped run has no number that could be compared.
-    keep
-        Largest number of points kept of each history; 0 keeps none.
+    settings
+        Its columns are measured if the run is done; a stopped run has no number that could be compared.
     wall
         Wall time of the whole run.
     registry
@@ -91,14 +88,14 @@ def record(key: str, run: Run, columns: Sequence[Column], keep: int, wall: float
     if run.result is None or run.status != "done":
         return stored
     measures = {}
-    for column in columns:
+    for column in settings.columns:
         try:
             with plugin_faults(), process_as_before():
                 measures[column.name] = plain(column.take(run.result, registry))
         except Exception as error:  # noqa: BLE001 - an error of a plug-in's measure costs this run alone
             status, reason = failure_status(error, registry)
             return replace(stored, status=status, reason=f"measure {column.name}: {reason}", said_by=column.name)
-    histories = _packed(run.result, keep) if keep else b""
+    histories = _packed(run.result, settings.histories) if settings.histories else b""
     return replace(
         stored, fragile=run.result.summary["fragile"], seconds=times["march"], measures=measures, histories=histories
     )

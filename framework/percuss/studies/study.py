@@ -81,6 +81,7 @@ def study(
     PluginError
         If one of `plugins` cannot be used.
     """
+    from percuss.studies.preflight import check_measures, rehearsals
     from percuss.studies.spec import read_study
 
     expect_mapping_or_path("percuss.study", path)
@@ -98,12 +99,28 @@ def study(
         expect_writable(output, [*spec.inputs, *([("file of rows", Path(out))] if out is not None else [])])
     jobs, bench = planned(spec)
     try:
-        return _made(spec, jobs, bench, out, path, workers, scheduler, progress, plugins, again)
+        with claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
+            store = Store(file, new=True)
+            finished = store.finished_keys(again)
+            missing = list({job.key: job for job in jobs if job.key not in finished}.values())
+            with local_workers(bench, len(missing), workers, scheduler, spec.stalled_after) as local:
+                if missing:
+                    steps = rehearsals(spec.cases, [job.task for job in missing])
+                    check_measures(spec, summaries_of(local, spec.cases, steps))
+                commands = RowCommands(
+                    spec.data.get("set", {}), [Path(file) for file in plugins], nudge=spec.rows.nudge
+                )
+                _begin(store, spec, jobs, bench, commands, {"command": _command(path, plugins)}, {"study": identity})
+                done = Study(store.path)
+                done.found = sum(job.key in finished for job in jobs)
+                if missing:
+                    make(bench, missing, store, scheduler, local, row_counter(progress, jobs, finished), spec)
     except NotWritableError as error:
         made = None if again else _finished_study(error.path, jobs)
         if made is None:
             raise
         return made
+    return done
 
 
 def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
@@ -117,38 +134,6 @@ def _finished_study(file: Path, jobs: Sequence[Job]) -> Study | None:
     return done
 
 
-def _made(
-    spec: StudySpec,
-    jobs: Sequence[Job],
-    bench: Bench,
-    out: str | os.PathLike[str] | None,
-    path: str | Path | Mapping[str, Any],
-    workers: int | None,
-    scheduler: str | None,
-    progress: Progress | None,
-    plugins: Sequence[str | Path],
-    again: Sequence[str],
-) -> Study:
-    """Make the runs that are not made yet and return the study; arguments as of `study`."""
-    from percuss.studies.preflight import check_measures, rehearsals
-
-    with claimed(out, path, spec, {job.key for job in jobs}) as (file, identity):
-        store = Store(file, new=True)
-        finished = store.finished_keys(again)
-        missing = list({job.key: job for job in jobs if job.key not in finished}.values())
-        with local_workers(bench, len(missing), workers, scheduler, spec.stalled_after) as local:
-            if missing:
-                steps = rehearsals(spec.cases, [job.task for job in missing])
-                check_measures(spec, summaries_of(local, spec.cases, steps))
-            commands = RowCommands(spec.data.get("set", {}), [Path(file) for file in plugins], nudge=spec.nudge)
-            _begin(store, spec, jobs, bench, commands, {"command": _command(path, plugins)}, {"study": identity})
-            done = Study(store.path)
-            done.found = sum(job.key in finished for job in jobs)
-            if missing:
-                make(bench, missing, store, scheduler, local, row_counter(progress, jobs, finished), spec)
-    return done
-
-
 def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     """Return the jobs of all runs of a study, and the bench that workers need to make them."""
     from percuss.studies.job_package import Job, packed
@@ -159,7 +144,7 @@ def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
 
     check_points(spec)
     points = combinations(spec.vary, spec.paired, spec.sample)
-    keys = Keys(spec.columns, nudge=spec.nudge, histories=spec.histories, repeats=spec.repeats)
+    keys = Keys(spec.rows)
     jobs = []
     for label, case in spec.cases.items():
         for task in tasks(label, case, spec.integrators, spec.contacts, points, tied=spec.tied):
@@ -168,9 +153,7 @@ def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
                 jobs.append(Job(keys.of(label, case, task), task))
     if not jobs:
         raise InputError([spec.source.problem(("where",), "leaves no run to be made", "Loosen a condition.")])
-    return jobs, packed(
-        spec.cases, spec.columns, keys, nudge=spec.nudge, histories=spec.histories, repeats=spec.repeats
-    )
+    return jobs, packed(spec.cases, spec.rows, keys)
 
 
 def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path]) -> str | None:
@@ -215,7 +198,7 @@ def _begin(
     facts = {
         **facts,
         "spec": as_json_data(spec.data),
-        "columns": {column.name: column.what for column in spec.columns},
+        "columns": {column.name: column.what for column in spec.rows.columns},
         "commands": commands.templates,
     }
     provenance = {**machine(), "cores": os.cpu_count(), "plugins": plugins, **provenance}
