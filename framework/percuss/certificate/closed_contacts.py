@@ -12,7 +12,7 @@ import numpy as np
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.solver.bound_law import OF_END_FORCE
 from percuss.solver.end_forces import end_forces, sees_end_force
-from percuss.solver.integrator_check import unchecked_scheme, uses_internal
+from percuss.solver.integrator_check import kernel_of, unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -205,7 +205,7 @@ def _why_no_springs(model: Model, stages: Stages | None) -> str:
         return f"{integrator.name} {ASYNCHRONOUS}"
     if model.implicit:
         return f"{integrator.name} solves for its contacts at the end of a step, together with the bodies"
-    return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(integrator) else ""
+    return f"{integrator.name} {ALONE}" if stages is not None and uses_internal(kernel_of(integrator)) else ""
 
 
 def _reason_unknown(linear: LinearLaw, law: str, *, multistage: bool) -> str:

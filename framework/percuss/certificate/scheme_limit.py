@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.methods import slots
 from percuss.methods.interfaces import Integrator, Stages
-from percuss.solver.compiler.specialise import Specialiser
+from percuss.solver.integrator_check import plain_step
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
-from percuss.solver.integrator_check import kernel_of
 
 # Growth in a step up to which it counts as round-off.
 GROWTH_TOLERANCE = 1e-9
@@ -41,8 +39,7 @@ def amplification(integrator: Integrator, stages: Stages, dt: float, squares: Fl
     squares : (Z,) array
         ``(omega dt)^2`` of each oscillator.
     """
-    filled: dict[Any, Any] = {slots.accelerations: oscillating, slots.internal: oscillating_internally}
-    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    step = plain_step(integrator, oscillating, oscillating_internally)
     size = 2 + integrator.kept
     out = np.zeros((squares.size, size, size))
     scale = dt ** -np.concatenate([[0.0, 1.0], np.full(integrator.kept, 2.0)])

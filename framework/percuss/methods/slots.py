@@ -64,27 +64,15 @@ def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
     unbound()
 
 
-def internal_force(
-    element: Any,
-    material: Any,
-    first: int,
-    dim: int,
-    displacement: Floats,
-    force: Floats,
-) -> None:
-    """Set `force` to the internal force of consecutive elements; a slot for the kernel of the body's element."""
+# Slots for the kernels of an element, whose arguments are those of `percuss.methods.interfaces.Element`.
+
+
+def internal_force(*arguments: Any) -> None:
+    """Set the internal force of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
 
 
-def energy(
-    element: Any,
-    material: Any,
-    first: int,
-    dim: int,
-    displacement: Floats,
-    velocity: Floats,
-    dt: float,
-) -> float:
+def energy(*arguments: Any) -> float:
     """Return the staggered strain energy of consecutive elements; a slot for the kernel of the body's element."""
     unbound()
 
@@ -93,16 +81,8 @@ def energy(
 energy.reduction = True  # type: ignore[attr-defined]
 
 
-def cell_force(
-    rule: Any,
-    material: Any,
-    first: int,
-    section: float,
-    coordinates: Floats,
-    displacement: Floats,
-    force: Floats,
-) -> None:
-    """Set `force` to the forces of one cell on its nodes; a slot for the kernel of the body's element."""
+def cell_force(*arguments: Any) -> None:
+    """Set the forces of one cell on its nodes; a slot for `percuss.methods.interfaces.CellElement.force`."""
     unbound()
 
 

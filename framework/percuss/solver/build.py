@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -63,19 +64,21 @@ class LoopParts:
 class _Recipe(NamedTuple):
     """What a loop is bound from: the parts of a model without its arrays, which a loop that is kept must not keep."""
 
-    bodies: tuple[tuple[Any, Any, str], ...]  # element and material class, and the layout of the arrays of a group
-    laws: tuple[tuple[Any, str], ...]  # kernel of a contact law, and the layout of what it reads
-    loads: tuple[tuple[Any, str], ...]  # the same for loads that follow the motion
-    integrator: Integrator | None
+    bodies: tuple[tuple[Any, Any, Any], ...]  # element and material class, and what tells of the arrays of a group
+    laws: tuple[tuple[Any, Any], ...]  # kernel of a contact law, and what tells of the arrays that it reads
+    loads: tuple[tuple[Any, Any], ...]  # the same for loads that follow the motion
+    scheme: tuple[Any, Any] | None  # the same for a multi-stage scheme
     dim: int
 
 
-def _recipe(parts: LoopParts) -> _Recipe:
+def _recipe(parts: LoopParts, told: Callable[[Any], Any]) -> _Recipe:
+    """Return what a loop is bound from, with `told` of the arrays that a kernel reads in their place."""
+    integrator = parts.integrator
     return _Recipe(
-        tuple((*kinds, layout(group)) for kinds, group in zip(parts.kinds, parts.groups, strict=True)),
-        tuple((bound_law.kernel, layout(bound_law.kernel_data)) for bound_law in parts.laws),
-        tuple((follower.kernel, layout(follower.numbers)) for follower in parts.followers),
-        parts.integrator,
+        tuple((*kinds, told(group)) for kinds, group in zip(parts.kinds, parts.groups, strict=True)),
+        tuple((bound_law.kernel, told(bound_law.kernel_data)) for bound_law in parts.laws),
+        tuple((follower.kernel, told(follower.numbers)) for follower in parts.followers),
+        None if integrator is None else (integrator_check.kernel_of(integrator), told(integrator.bind(1.0))),
         parts.dim,
     )
 
@@ -125,7 +128,7 @@ def bind(parts: LoopParts, *, compiled: bool = True, counting: bool = False) -> 
     key = None if counting else _key(parts, jit=jit)
     kernels = _BOUND.get(key)
     if kernels is None or not kernels.readings.unchanged(jit=jit):
-        recipe = _recipe(parts)
+        recipe = _recipe(parts, layout)
         kernels = _linked_loop(recipe, counting=counting) if jit else _plain_loop(recipe)
     if key is not None:
         _remember(key, kernels)
@@ -153,14 +156,7 @@ def _remember(key: Any, kernels: Kernels) -> None:
 
 def _key(parts: LoopParts, *, jit: bool) -> Any:
     """Return what a bound loop depends on beside what its kernels read: the kernels and the types of their arrays."""
-    reads: list[tuple[Any, Any]] = [
-        *((tuple(_slots(*kinds).values()), group) for kinds, group in zip(parts.kinds, parts.groups, strict=True)),
-        *((bound_law.kernel, bound_law.kernel_data) for bound_law in parts.laws),
-        *((follower.kernel, follower.numbers) for follower in parts.followers),
-    ]
-    if parts.integrator is not None:
-        reads.append((integrator_check.kernel_of(parts.integrator), parts.integrator.bind(1.0)))
-    return jit, parts.dim, tuple((kernel, _types(data)) for kernel, data in reads)
+    return jit, _recipe(parts, _types), tuple(tuple(_slots(*kinds).values()) for kinds in parts.kinds)
 
 
 def _types(value: object) -> Any:
@@ -187,28 +183,30 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
         Time step.
     """
     reasons: dict[str, Exception] = {}
+
+    @contextmanager
+    def trial_of(part: str) -> Iterator[None]:
+        try:
+            yield
+        except compile_error() as failure:
+            reasons[part] = failure
+
     for (element, material), group in zip(parts.kinds, parts.groups, strict=True):
         empty = Specialiser(counting=True)
-        try:
+        with trial_of(f"element {element.name} with material {material.name}"):
             maker, template = _of_group(empty, multistage_loop.force_group, element, material, layout(group))
             maker.bind(template, entry=True)(group, u, np.zeros(u.size), parts.dim)
             maker, template = _of_group(empty, bulk.elastic_group, element, material, layout(group))
             maker.bind(template, entry=True)(group, u, v, parts.dim, 1.0)
-        except compile_error() as failure:
-            reasons[f"element {element.name} with material {material.name}"] = failure
     for bound_law in parts.laws:
-        law_failure = custom_laws.compile_failure(bound_law)
-        if law_failure is not None:
-            reasons[f"contact law {bound_law.law.name}"] = law_failure
+        with trial_of(f"contact law {bound_law.law.name}"):
+            custom_laws.compile_alone(bound_law)
     for follower in parts.followers:
-        numbers = follower.numbers
-        load_failure = following_loads.compile_failure(follower.kernel, numbers, layout(numbers))
-        if load_failure is not None:
-            reasons[f"load {follower.load.load.name}"] = load_failure
+        with trial_of(f"load {follower.load.load.name}"):
+            following_loads.compile_alone(follower)
     if parts.integrator is not None:
-        integrator_failure = _integrator_failure(parts.integrator, u, v, dt)
-        if integrator_failure is not None:
-            reasons[f"integrator {parts.integrator.name}"] = integrator_failure
+        with trial_of(f"integrator {parts.integrator.name}"):
+            _compile_alone(parts.integrator, u, v, dt)
     if not reasons:
         if isinstance(error, CannotLink):
             return bind(parts, compiled=False)._replace(reasons=(str(error),))
@@ -220,20 +218,16 @@ def bind_plain(error: Exception, parts: LoopParts, u: Floats, v: Floats, dt: flo
     return bind(parts, compiled=False)._replace(reasons=sentences)
 
 
-def _integrator_failure(integrator: Integrator, u: Floats, v: Floats, dt: float) -> Exception | None:
-    """Return the compiler's error for the kernel of an integrator, or None if it can be compiled."""
+def _compile_alone(integrator: Integrator, u: Floats, v: Floats, dt: float) -> None:
+    """Compile the kernel of an integrator by itself; raise the compiler's error if it cannot be compiled."""
     filled: dict[Any, Any] = {
         slots.accelerations: integrator_check.constant_accelerations,
         slots.internal: integrator_check.no_internal_forces,
     }
-    try:
-        step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(integrator), entry=True)
-        stages = integrator.bind(dt)
-        numbers = stages.numbers if isinstance(stages, Stages) else ()
-        step(numbers, (np.zeros(u.size),), u, v, np.zeros((integrator.kept, u.size)), dt)
-    except compile_error() as error:
-        return error
-    return None
+    step = Specialiser(filled, counting=True).bind(integrator_check.kernel_of(integrator), entry=True)
+    stages = integrator.bind(dt)
+    numbers = stages.numbers if isinstance(stages, Stages) else ()
+    step(numbers, (np.zeros(u.size),), u, v, np.zeros((integrator.kept, u.size)), dt)
 
 
 class _Stage(NamedTuple):
@@ -247,7 +241,7 @@ class _Stage(NamedTuple):
 
 def _bound(maker: Specialiser, recipe: _Recipe) -> _Stage:
     """Return the kernels of a model, bound."""
-    forces: Kernel = bulk.advance_bodies if recipe.integrator is None else multistage_loop.force_group
+    forces: Kernel = bulk.advance_bodies if recipe.scheme is None else multistage_loop.force_group
     update = _over_groups(maker, recipe, forces, bulk.each_group)
     energy = _over_groups(maker, recipe, bulk.elastic_group, bulk.sum_over_groups)
     loads = following_loads.bind(maker, recipe.loads)
@@ -263,13 +257,13 @@ def _plain_loop(recipe: _Recipe) -> Kernels:
         leapfrog_loop.kernel_laws: laws,
         leapfrog_loop.following_forces: loads,
     }
-    if recipe.integrator is None:
+    if recipe.scheme is None:
         filled[leapfrog_loop.bulk] = update
         return Kernels(PlainLoop(maker.with_slots(filled).bind(leapfrog_loop.advance)), False, maker.readings)
     filled[multistage_loop.forces] = update
     filled[slots.accelerations] = maker.with_slots(filled).bind(multistage_loop.accelerate)
     filled[slots.internal] = maker.with_slots(filled).bind(multistage_loop.internal_accelerations)
-    filled[multistage_loop.take_step] = maker.with_slots(filled).bind(integrator_check.kernel_of(recipe.integrator))
+    filled[multistage_loop.take_step] = maker.with_slots(filled).bind(recipe.scheme[0])
     maker = maker.with_slots(filled)
     loop = PlainLoop(maker.bind(multistage_loop.advance), maker.bind(multistage_loop.begin))
     return Kernels(loop, False, maker.readings)
@@ -288,7 +282,7 @@ def _linked_loop(recipe: _Recipe, *, counting: bool) -> Kernels:
 
         return _entrances(Specialiser(counting=counting), recipe, {linked.at: at, linked.call: call})
 
-    loop = LinkedLoop if recipe.integrator is None else LinkedStages
+    loop = LinkedLoop if recipe.scheme is None else LinkedStages
     return Kernels(loop(Entrances(tags, bind_for_the_compiler)), True, maker.readings)
 
 
@@ -329,18 +323,18 @@ def _entrances(maker: Specialiser, recipe: _Recipe, instructions: Mapping[Any, A
         entrances["contact laws"] = entrance(maker, laws)
     if recipe.loads:
         entrances["following loads"] = entrance(maker, loads)
-    if recipe.integrator is None:
+    if recipe.scheme is None:
         entrances["bulk update"] = entrance(maker, update)
         entrances["leap-frog loop"] = entrance_of_loop(leapfrog_loop.advance)
         return entrances
     entrances["internal forces"] = entrance(maker, update)
     entrances["accelerations of a stage"] = entrance(own, multistage_loop.accelerate)
-    if integrator_check.uses_internal(recipe.integrator):
+    step, about = recipe.scheme
+    if integrator_check.uses_internal(step):
         entrances["internal forces of a stage"] = entrance(own, multistage_loop.internal_accelerations)
-    scheme = maker.with_slots(filled, about=layout(recipe.integrator.bind(1.0)))
+    scheme = maker.with_slots(filled, about)
     scheme.counting = True  # nearly every kernel of a multi-stage scheme allocates
     scheme.checked = True
-    step = integrator_check.kernel_of(recipe.integrator)
     entrances["step of a scheme"] = entrance(scheme, step, linked.entrance_of_step)
     entrances["multi-stage loop"] = entrance_of_loop(multistage_loop.advance)
     entrances["first accelerations"] = entrance_of_loop(multistage_loop.begin)

@@ -177,10 +177,16 @@ def no_internal_forces(system: Any, stage: int, u: Floats, f: Floats) -> None:
     f[:] = 0.0
 
 
-def uses_internal(integrator: Integrator) -> bool:
+def plain_step(integrator: Integrator, accelerations: Any, internal: Any) -> Callable[..., None]:
+    """Return the step of a multi-stage scheme in plain Python, with functions that fill its two slots."""
+    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
+    return Specialiser(filled, jit=False).bind(kernel_of(integrator))
+
+
+def uses_internal(kernel: Callable[..., None]) -> bool:
     """Return whether the kernel of a multi-stage scheme asks for `percuss.internal`."""
     maker = Specialiser({slots.internal: no_internal_forces}, jit=False)
-    maker.bind(kernel_of(integrator))
+    maker.bind(kernel)
     return maker.reached(no_internal_forces)
 
 
@@ -203,8 +209,7 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
         stages_used.append(stage)
         no_internal_forces(system, stage, u, f)
 
-    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
-    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    step = plain_step(integrator, accelerations, internal)
     constant = np.array([0.0, 1.0])
     u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(constant, (integrator.kept, 1))
     try:
@@ -238,8 +243,7 @@ def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> 
     PluginError
         If the results differ.
     """
-    filled: dict[Any, Any] = {slots.accelerations: constant_accelerations, slots.internal: no_internal_forces}
-    step = Specialiser(filled, jit=False).bind(kernel_of(integrator))
+    step = plain_step(integrator, constant_accelerations, no_internal_forces)
     rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
 
     def state_after(size: float) -> list[Floats]:

@@ -18,6 +18,7 @@ import numpy as np
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
 from percuss.methods.kernel_trial import fault_of_nan, kernel_of
 from percuss.methods.plugin_calls import read_only
+from percuss.solver.integrator_check import plain_step
 from percuss.testing.subject import CheckFailed, NotApplicable
 
 if TYPE_CHECKING:
@@ -41,16 +42,6 @@ def expect_numbers(kernel: Any, bound: Any, trial: Trial, multiplier: Floats) ->
         point = int(np.isnan(multiplier).argmax())
         did, remedy = fault_of_nan(kernel, bound, trial, point)
         raise CheckFailed(f"`multipliers` {did.format(f'point {point} of {multiplier.size}')}: {remedy}")
-
-
-def plain_step(integrator: Integrator, accelerations: Any, internal: Any) -> Any:
-    """Return the step of a multi-stage scheme in plain Python, with functions that fill its two slots."""
-    from percuss.methods import slots
-    from percuss.solver.compiler.specialise import Specialiser
-    from percuss.solver.integrator_check import kernel_of
-
-    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
-    return Specialiser(filled, jit=False).bind(kernel_of(integrator))
 
 
 class StrictSystem:

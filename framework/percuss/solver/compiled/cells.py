@@ -31,15 +31,7 @@ class Cells(NamedTuple):
     strains: Floats  # (2, points) work space
 
 
-def cell_strain(
-    rule: Any,
-    strains: Floats,
-    first: int,
-    section: float,
-    coordinates: Floats,
-    displacement: Floats,
-    force: Floats,
-) -> None:
+def cell_strain(*arguments: Any) -> None:
     """Set the strains of one cell; a slot for the kernel of its element with `record_strain` in its slot `stress`."""
     unbound()
 

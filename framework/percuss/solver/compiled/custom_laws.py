@@ -3,37 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.methods.interfaces import Trial
 from percuss.solver.compiled.contact_equation import OTHER, POINT
 from percuss.solver.compiler.fingerprint import layout
-from percuss.solver.compiler.specialise import Specialiser, compile_error
+from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Floats
     from percuss.solver.bound_law import BoundLaw
 
 Response = tuple[float, float]
-
-
-class TrialViews(NamedTuple):
-    """The states of a law's contact points: views of their records; its kernel can write the last two alone."""
-
-    gap: Floats
-    predicted_gap: Floats
-    rate: Floats
-    predicted_rate: Floats
-    delassus: Floats
-    first_neighbour: Integers
-    neighbour: Integers
-    coupling: Floats
-    pushed_by_others: Floats
-    before: Floats
-    after: Floats
-    shift: Floats
 
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
@@ -42,7 +25,7 @@ def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
 
 
 def remaining_laws(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Apply the laws after this one (slot); do nothing where there is none."""
+    """Apply the laws that are left (slot); do nothing where there is none."""
 
 
 def apply_law(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
@@ -81,11 +64,7 @@ def apply_laws(laws: Any, points: Any, others: Any, dt: float, time: float, resp
 
     `response` is the change of the predicted gap and of the predicted gap rate by a multiplier of 1/s.
     """
-    first_law(laws[2], points, others, dt, time, response, laws[1])
-
-
-def first_law(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Apply the first law with a kernel (slot); do nothing where there is none."""
+    remaining_laws(laws[2], points, others, dt, time, response, laws[1])
 
 
 def nest(laws: Sequence[BoundLaw], points: Any, others: Any, state_before: Floats, state_after: Floats) -> Any:
@@ -106,7 +85,7 @@ def nest(laws: Sequence[BoundLaw], points: Any, others: Any, state_before: Float
     -------
     tuple
         (1 if kernels and the contact equation have to be solved in turn, index of the first point, first law). A law is
-        (bound arrays, `TrialViews`, multipliers, 1 if other laws act on the ends of its points, next law).
+        (bound arrays, `Trial`, multipliers, 1 if other laws act on the ends of its points, next law).
     """
     stop = points.size
     first = stop - sum(len(bound_law.where) for bound_law in laws)
@@ -120,7 +99,7 @@ def nest(laws: Sequence[BoundLaw], points: Any, others: Any, state_before: Float
         before, after = (
             array[start:end].reshape(len(bound_law.where), bound_law.law.state) for array in (state_before, state_after)
         )
-        views, pushed = _trial_views(points, others, first_point, stop, coupled)
+        views, pushed = _trial(points, others, first_point, stop, coupled)
         before.flags.writeable = False
         shift = points["shift"][first_point : stop if bound_law.law.shifts else first_point]
         views = views._replace(before=before, after=after, shift=shift)
@@ -130,10 +109,11 @@ def nest(laws: Sequence[BoundLaw], points: Any, others: Any, state_before: Float
     return (in_turn, first, nested)
 
 
-def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool) -> tuple[TrialViews, int]:
+def _trial(points: Any, others: Any, first: int, stop: int, coupled: bool) -> tuple[Trial, int]:
     """Return the states of the points from `first` to `stop`, and 1 if other laws act on their ends, else 0.
 
-    A law that does not use the coupling gets no neighbours, and 0.
+    The arrays are views of the records of the points. Times and responses are those of a step, which the loop sets. A
+    law that does not use the coupling gets no neighbours, and 0.
     """
     starts, neighbours, values, pushed = [0], [], [], 0
     for point in points[first:stop]:
@@ -145,7 +125,7 @@ def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool)
                 pushed = 1
         starts.append(len(neighbours))
     views: dict[str, Any] = {
-        name: points[name][first:stop] for name in TrialViews._fields if name in (POINT.names or ()) and name != "shift"
+        name: points[name][first:stop] for name in Trial._fields if name in (POINT.names or ()) and name != "shift"
     }
     rows: dict[str, Any] = {
         "first_neighbour": np.array(starts, dtype=np.int64),
@@ -155,7 +135,8 @@ def _trial_views(points: Any, others: Any, first: int, stop: int, coupled: bool)
     for array in (*views.values(), *rows.values()):
         array.flags.writeable = False
     nothing = np.zeros((stop - first, 0))
-    return TrialViews(**views, **rows, before=nothing, after=nothing, shift=np.zeros(0)), pushed
+    of_step: dict[str, Any] = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
+    return Trial(**views, **rows, **of_step, before=nothing, after=nothing, shift=np.zeros(0)), pushed
 
 
 def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = False) -> Callable[..., None]:
@@ -163,21 +144,16 @@ def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = F
 
     Each law is given by its kernel and the layout of what this kernel reads.
     """
-    first = maker.chain(apply_law, multipliers, remaining_laws, laws)
-    return maker.with_slots({first_law: first} if first is not None else {}).bind(apply_laws, entry=entry)
+    return maker.chain(apply_laws, apply_law, multipliers, remaining_laws, laws, entry=entry)
 
 
-def compile_failure(bound_law: BoundLaw) -> Exception | None:
-    """Return the compiler's error for the kernel of a bound law, or None if it can be compiled."""
+def compile_alone(bound_law: BoundLaw) -> None:
+    """Compile the kernel of a bound law by itself; raise the compiler's error if it cannot be compiled."""
     points = np.recarray(len(bound_law.where), dtype=POINT)
     points[:] = np.ones((), dtype=POINT)
     points["other_start"] = points["other_stop"] = 0
     others = np.recarray(0, dtype=OTHER)
     size = len(bound_law.where) * bound_law.law.state
     nested = nest([bound_law], points, others, np.zeros(size), np.zeros(size))
-    try:
-        law = bound_law.kernel, layout(bound_law.kernel_data)
-        bind(Specialiser(counting=True), [law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))
-    except compile_error() as error:
-        return error
-    return None
+    law = bound_law.kernel, layout(bound_law.kernel_data)
+    bind(Specialiser(counting=True), [law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))

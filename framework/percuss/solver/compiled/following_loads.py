@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.slots import follow
-from percuss.solver.compiler.specialise import Specialiser, compile_error
+from percuss.solver.compiler.fingerprint import layout
+from percuss.solver.compiler.specialise import Specialiser
 
 if TYPE_CHECKING:
     from percuss.solver.entities import Follower
@@ -74,11 +75,7 @@ def force_of(numbers: Any, clock: float, follower: Any) -> float:
 
 
 def remaining_loads(load: Any, followers: Any, time: float, i: int) -> None:
-    """Set the forces of the loads after this one (slot); do nothing where there is none."""
-
-
-def first_load(load: Any, followers: Any, time: float, i: int) -> None:
-    """Set the forces of the first load and of those after it (slot); do nothing where there is none."""
+    """Set the forces of the loads that are left (slot); do nothing where there is none."""
 
 
 def apply_load(load: Any, followers: Any, time: float, i: int) -> None:
@@ -91,7 +88,7 @@ def apply_load(load: Any, followers: Any, time: float, i: int) -> None:
 
 def apply_loads(loads: Any, followers: Any, time: float) -> None:
     """Set the forces of all loads that follow the motion of an end, for the motion in their records."""
-    first_load(loads, followers, time, 0)
+    remaining_loads(loads, followers, time, 0)
 
 
 def nest(followers: Sequence[Follower]) -> Any:
@@ -107,16 +104,12 @@ def bind(maker: Specialiser, loads: Sequence[tuple[Any, str]], *, entry: bool = 
 
     Each load is given by its kernel and the layout of the numbers that this reads.
     """
-    first = maker.chain(apply_load, follow, remaining_loads, loads)
-    return maker.with_slots({first_load: first} if first is not None else {}).bind(apply_loads, entry=entry)
+    return maker.chain(apply_loads, apply_load, follow, remaining_loads, loads, entry=entry)
 
 
-def compile_failure(kernel: Callable[..., float], numbers: tuple[float, ...], about: str) -> Exception | None:
-    """Return the compiler's error for the kernel of a load, or None if it can be compiled."""
+def compile_alone(follower: Follower) -> None:
+    """Compile the kernel of a load by itself; raise the compiler's error if it cannot be compiled."""
     followers = np.recarray(1, dtype=FOLLOWER)
     followers[:] = np.zeros((), dtype=FOLLOWER)
-    try:
-        bind(Specialiser(counting=True), [(kernel, about)], entry=True)((numbers, (0,)), followers, 0.0)
-    except compile_error() as error:
-        return error
-    return None
+    load = follower.kernel, layout(follower.numbers)
+    bind(Specialiser(counting=True), [load], entry=True)(nest([follower]), followers, 0.0)

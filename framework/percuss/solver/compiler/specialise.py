@@ -104,24 +104,36 @@ class Specialiser:
         specialiser._bound, specialiser._in_progress, specialiser._modules = {}, set(), set()
         return specialiser
 
-    def chain(self, function: Kernel, slot: Kernel, remaining: Kernel, kernels: Sequence[tuple[Kernel, str]]) -> Any:
-        """Return `function` bound to each kernel, which calls the one bound to the next; None without kernels.
+    def chain(
+        self,
+        whole: Kernel,
+        function: Kernel,
+        slot: Kernel,
+        remaining: Kernel,
+        kernels: Sequence[tuple[Kernel, str]],
+        *,
+        entry: bool = False,
+    ) -> Kernel:
+        """Return `whole` bound to `function`, bound to the first kernel, which calls the one bound to the next.
 
         Parameters
         ----------
-        function
-            Template whose `slot` takes a kernel and whose slot `remaining` takes the template bound to the next one.
+        whole, function
+            Templates whose slot `remaining` takes `function` bound to the first, or the next, kernel, which takes the
+            place of the slot `slot` of `function`.
         slot, remaining
             These slots.
         kernels
             Each kernel with the layout of what it reads.
+        entry
+            Whether Python calls `whole`.
         """
-        first: Any = None
+        rest: dict[Kernel, Kernel] = {}
         for kernel, about in reversed(kernels):
-            specialiser = self.with_slots({slot: kernel} | ({remaining: first} if first is not None else {}), about)
+            specialiser = self.with_slots({slot: kernel, **rest}, about)
             specialiser.checked = True
-            first = specialiser.bind(function)
-        return first
+            rest = {remaining: specialiser.bind(function)}
+        return self.with_slots(rest).bind(whole, entry=entry)
 
     def tag_of(self, kernel: Kernel) -> str:
         """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""

@@ -10,9 +10,9 @@ import numpy as np
 
 from percuss.errors import RunError, suggestion
 from percuss.methods.interfaces import Integrator, Stages
+from percuss.solver.integrator_check import no_internal_forces, plain_step
 from percuss.testing.checks.pairs import below_limit
 from percuss.testing.draws import bar, chain, per_cent
-from percuss.testing.strict import plain_step
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
 CONSERVED = ("energy", "momentum")
@@ -242,8 +242,6 @@ def _check_stage_times(integrator: Integrator, stages: Stages, dt: float) -> Non
 
 def _check_stage_velocity(integrator: Integrator, stages: Stages, dt: float) -> None:
     """Raise `CheckFailed` unless `velocity` completes the velocity of each stage under a constant acceleration."""
-    from percuss.solver.integrator_check import no_internal_forces
-
     constant, start = np.array([0.7, -1.3]), np.array([0.2, 0.4])
     velocities: list[tuple[int, Any]] = []
 
