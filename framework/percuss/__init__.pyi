@@ -16,7 +16,7 @@ from percuss.errors import PluginError as PluginError
 from percuss.errors import RefusedPair as RefusedPair
 from percuss.errors import RunError as RunError
 from percuss.heartbeat import progress as progress
-from percuss.methods.hookspecs import hookimpl as hookimpl
+from percuss.methods.hooks import hookimpl as hookimpl
 from percuss.methods.interfaces import AllowInf as AllowInf
 from percuss.methods.interfaces import BodyEnd as BodyEnd
 from percuss.methods.interfaces import BodyMesh as BodyMesh

