@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import difflib
 import re
 from collections.abc import Iterable
@@ -19,6 +20,10 @@ class PercussError(Exception):
     """Base class of all errors that percuss raises on purpose; the command line prints them without a traceback."""
 
     exit_code = 2
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An error is made anew with its attributes, whatever its class is made of: its text stands in `args`.
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class PluginError(PercussError):
@@ -59,9 +64,6 @@ class RefusedPair(PercussError):
     def sentence(self) -> str:
         """The refusal in one sentence, without the places of the names."""
         return f"{self.integrator} with {self.contact} is refused by {self.said_by}: {self.reason}"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.integrator, self.contact, self.reason, self.said_by, self.problems)
 
 
 @dataclass(frozen=True)
@@ -111,9 +113,6 @@ class InputError(PercussError):
             shown.append(f"... and {hidden} more mistake{'s' if hidden > 1 else ''}")
         super().__init__("\n".join(shown))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.problems,)
-
 
 class TooLargeError(InputError):
     """Refusal of a case that needs more memory than this machine has; another machine may run it."""
@@ -137,9 +136,6 @@ class RunError(PercussError):
     def __init__(self, message: str, result: Any = None) -> None:
         super().__init__(message)
         self.result = result
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (str(self), self.result)
 
 
 def printable(text: str) -> str:

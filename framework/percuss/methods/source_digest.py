@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from percuss.cache import keep, kept
 from percuss.errors import InputError, Problem
-from percuss.files import PACKAGE
+from percuss.files import PACKAGE, is_file, is_folder
 from percuss.version import installed_version
 
 if TYPE_CHECKING:
@@ -421,19 +421,12 @@ def _data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[P
     folder = path.parent
     data_files: dict[Path, None] = {}
     folders = [folder]
-    for text in texts:
-        try:
-            if (folder / text).is_dir() and "/" not in text.strip("/") and text.strip("./"):
-                folders.append(folder / text)
-        except (OSError, ValueError):
-            continue
+    folders += [
+        folder / text for text in texts if is_folder(folder / text) and "/" not in text.strip("/") and text.strip("./")
+    ]
     for parent in folders:
-        for text in texts:
-            try:
-                if (parent / text).is_file() and not text.endswith(".py"):
-                    data_files[parent / text] = None
-            except (OSError, ValueError):
-                continue
+        named = (parent / text for text in texts if not text.endswith(".py"))
+        data_files |= dict.fromkeys(filter(is_file, named))
     if in_package and (folder / "__init__.py").is_file():
         for entry in folder.rglob("*"):
             if (
