@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from percuss.case.quantities import percent
 from percuss.reporting.tables import plain_text
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def _words(difference: Difference) -> str:
     words = f"{difference.quantity}{of}{when}: {_number(difference.then)}, now {_number(difference.now)}"
     if difference.largest is None or difference.time is None:
         return words
-    share = "" if difference.relative is None else f", {difference.relative:.3g} of its largest"
+    share = "" if difference.relative is None else f", {percent(difference.relative)} of its largest value"
     return f"{words}; at most {difference.largest:.3g} apart{share}"
 
 
