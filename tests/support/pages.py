@@ -262,11 +262,11 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def output(command: str, folder: Path) -> str:
-    """Return what a terminal shows of a command, less what depends on time: that it compiles, and what it tried."""
+    """Return what a terminal shows of a command, without the notice that it compiles."""
     name, *words = shlex.split(command)
     assert name == "percuss", command
     lines = percuss_command(*words, cwd=folder, columns=COLUMNS, together=True).stdout.splitlines()
-    return "".join(f"{line.rstrip()}\n" for line in lines if not line.startswith(("percuss tried ", COMPILING)))
+    return "".join(f"{line.rstrip()}\n" for line in lines if not line.startswith(COMPILING))
 
 
 def shortened(text: str, first: str, last: str) -> str:
@@ -278,7 +278,8 @@ def shortened(text: str, first: str, last: str) -> str:
 
 
 def masked(text: str) -> str:
-    """Return a text without what another machine changes: times, widths of tables, and suggestions."""
+    """Return a text without what another machine changes: times, widths of tables, and what percuss tried in them."""
+    text = re.sub(r"^percuss tried .*\n", "", text, flags=re.MULTILINE)
     text = re.sub(r"(off by [\d.]+ % \(exact solution known\)).*", r"\1", text)
     text = re.sub(r"[\d.e-]+ (s|ms|min|kB|MB)\b", r"# \1", text)
     lines, timed = [], False
