@@ -688,6 +688,11 @@ WRONG = {
         "percuss-study: 1\ncases: [hunek.yaml]\nmeasure: [{name: a, quantity: gap}]\n",
         "study.yaml:3:11: measure.0.at: missing (the time of the value)",
     ),
+    "mean at a time": (
+        "percuss-study: 1\ncases: [hunek.yaml]\n"
+        "measure: [{name: a, quantity: gap, contact: tip, take: mean, at: 0.1}]\n",
+        "study.yaml:3:62: measure.0.at: mean is taken over an interval, not at a time",
+    ),
     "measure after the end": (
         "percuss-study: 1\ncases: [hunek.yaml]\nvary: {time.courant: [0.5, 0.9]}\n"
         "measure: [{name: a, quantity: contact_force, contact: tip, during: [5, 6], take: mean}]\n",

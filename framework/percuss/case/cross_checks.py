@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.expectations import after_the_end
+from percuss.case.expectations import after_the_end, misfits
 from percuss.case.specs import Address, CaseSection, Expectation, RecordSpec, quantity_named
 from percuss.case.yaml_text import KeyPath, dotted
 from percuss.errors import suggestion
@@ -210,57 +210,38 @@ class CrossChecks:
 
     def _check_expectations(self) -> None:
         items = self.reader.source.get(("expect",), ())
+        contacts = [name for name, *_ in self._parts("contacts")]
         for i in range(len(items) if isinstance(items, tuple) else 0):
-            expectation = self.reader.part(("expect", i))
+            at, expectation = ("expect", i), self.reader.part(("expect", i))
             if expectation is not None:
-                self._check_statistic(("expect", i), expectation)
-                self._check_owner(("expect", i), expectation)
-                self._check_time(("expect", i), expectation)
+                statistic = expectation.statistic
+                for path, message, advice, key in misfits(expectation, statistic, statistic, contacts):
+                    self.wrong((*at, *path), message, advice, key=key)
+                self._check_owner(at, expectation, contacts)
+                self._check_time(at, expectation)
 
-    def _check_statistic(self, path: KeyPath, expectation: Expectation) -> None:
-        """Report a statistic, a time or a component that does not suit the quantity."""
-        name, statistic, quantity = expectation.quantity, expectation.statistic, quantity_named(expectation.quantity)
-        if quantity.axis is None:
-            if statistic != "value":
-                message = f"{name} is a single number of a run and has no {statistic}"
-                self.wrong((*path, statistic), message, "Write `value:`.", key=True)
-            for time in ("during", "at"):
-                if getattr(expectation, time) is not None:
-                    message = f"{name} is a single number of a run and has no time"
-                    self.wrong((*path, time), message, f"Remove `{time}:`.", key=True)
-        elif statistic == "value" and expectation.at is None:
-            self.wrong((*path, "at"), "missing (the time at which `value` holds)", "Add `at:`.", key=True)
-        elif statistic != "value" and expectation.at is not None:
-            message = f"{statistic} is taken over an interval, not at a time"
-            self.wrong((*path, "at"), message, "Write `value:` instead, or `during:`.", key=True)
-        of_probe = quantity.of == "probe"
-        if expectation.component and (not of_probe or expectation.component >= self.dimension):
-            limit = f"0 to {self.dimension - 1}" if of_probe and self.dimension > 1 else "0 only"
-            self.wrong((*path, "component"), f"expected {limit}, found {expectation.component}")
-
-    def _check_owner(self, path: KeyPath, expectation: Expectation) -> None:
-        """Report a contact or a probe that is missing, does not exist, or does not suit the quantity."""
-        name, contact, quantity = expectation.quantity, expectation.contact, quantity_named(expectation.quantity)
-        contacts = [key for key, *_ in self._parts("contacts")]
-        at = (*path, "contact")
-        if quantity.of != "contact" and contact is not None:
-            self.wrong(at, f"{name} is not a quantity of a contact", "Remove `contact:`.", key=True)
-        elif quantity.of == "contact" and contact is not None and contact not in contacts:
-            self.wrong(at, f"there is no contact '{contact}'", suggestion(contact, contacts, "name"))
-        elif quantity.of == "contact" and contact is None and len(contacts) != 1:
-            if contacts:
-                advice = f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
-                self.wrong(at, f"missing (the owner of {name})", advice, key=True)
-            elif not self.reader.problems:  # Mistakes in the contacts have been reported already.
-                self.wrong(at, f"missing (the owner of {name})", "The case has no contact.", key=True)
+    def _check_owner(self, path: KeyPath, expectation: Expectation, contacts: Sequence[str]) -> None:
+        """Report a contact that is missing, a probe that the case has not, and a component that it has not."""
+        name, of = expectation.quantity, quantity_named(expectation.quantity).of
+        # Mistakes in the contacts have been reported already.
+        if (
+            of == "contact"
+            and expectation.contact is None
+            and len(contacts) != 1
+            and (contacts or not self.reader.problems)
+        ):
+            advice = (
+                f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
+                if contacts
+                else "The case has no contact."
+            )
+            self.wrong((*path, "contact"), f"missing (the owner of {name})", advice, key=True)
         at = (*path, "probe")
-        if quantity.of == "probe" and expectation.probe is not None:
-            if self._is_end(at, expectation.probe):
-                self._check_recorded(at, expectation.probe)
-        elif quantity.of == "probe":
-            self.wrong(at, f"missing (the owner of {name})", "Add `probe:` with an end.", key=True)
-        elif expectation.probe is not None:
-            self.wrong(at, f"{name} is not a quantity of an end", "Remove `probe:`.", key=True)
+        if of == "probe" and expectation.probe is not None and self._is_end(at, expectation.probe):
+            self._check_recorded(at, expectation.probe)
+        if expectation.component and (of != "probe" or expectation.component >= self.dimension):
+            limit = f"0 to {self.dimension - 1}" if of == "probe" and self.dimension > 1 else "0 only"
+            self.wrong((*path, "component"), f"expected {limit}, found {expectation.component}")
 
     def _check_recorded(self, path: KeyPath, probe: Address) -> None:
         """Report a probe whose motion the case does not record; without `probes` that of the ends in contact is."""

@@ -378,8 +378,6 @@ class Expectation(Section):
         if len(given) != 1:
             state = f"has {' and '.join(given)}" if given else "expects no value"
             raise ValueError(f"{state}: give exactly one of {', '.join(STATISTICS)}")
-        if self.during is not None and self.at is not None:
-            raise ValueError("has both `during` and `at`: keep one")
 
     @cached_property
     def _values(self) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import CONTACT_NUMBERS, MEASURABLE, METRICS, SUMMARY, values_at
@@ -128,42 +128,25 @@ def column_by_name(name: str, registries: Iterable[Registry] = ()) -> Column:
     raise ValueError(f"unknown measure '{name}'", advice)
 
 
-def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[str]) -> Column:
-    """Return the column for a measure that is written as a mapping.
+def column(section: MeasureSection, bodies: Sequence[str]) -> Column:
+    """Return the column for a measure that is written as a mapping, whose entries suit its quantity.
 
     Raises
     ------
     ValueError
-        With message, advice and key, if quantity, owner and statistic do not go together.
+        With message, advice and key, if there is no such quantity or no such body.
     """
     quantity = MEASURABLE.get(section.quantity)
     if quantity is None:
         base = column_by_name(section.quantity)
-        return (
-            Column(section.name, base.what, base.kind, base.arguments)
-            if base.kind == "summary"
-            else _refuse_mapping(section)
-        )
-    owners = {"contact": section.contact, "probe": section.probe}
-    for owner, owner_name in owners.items():
-        if owner_name is not None and quantity.of != owner:
-            raise ValueError(f"{section.quantity} is not a quantity of a {owner}", f"Remove `{owner}:`.", owner)
-    if quantity.of == "probe" and section.probe is None:
-        raise ValueError(f"missing (the owner of {section.quantity})", "Add `probe:` with an end.", "probe")
-    if section.contact is not None and section.contact not in contacts:
-        raise ValueError(f"there is no contact '{section.contact}'", suggestion(section.contact, contacts), "contact")
+        if base.kind != "summary":
+            advice = f"Write `- {section.quantity}` instead of a mapping."
+            raise ValueError(f"{section.quantity} is a measure by itself", advice, "quantity")
+        return replace(base, name=section.name)
     if section.probe is not None and section.probe.partition(".")[0] not in bodies:
         raise ValueError(
             f"there is no body '{section.probe.partition('.')[0]}'", suggestion(section.probe, bodies), "probe"
         )
-    if quantity.axis is not None and section.take == "value" and section.at is None:
-        raise ValueError("missing (the time of the value)", "Add `at:`, or `take: mean` or the like.", "at")
-    if quantity.axis is None and section.take != "value":
-        raise ValueError(
-            f"{section.quantity} is a single number of a run and has no {section.take}", "Remove `take:`.", "take"
-        )
-    if section.at is not None and section.during is not None:
-        raise ValueError("has both `during` and `at`", "Keep one.", "at")
     subject = section.contact or section.probe or ""
     axis = f", component {section.component}" if quantity.of == "probe" else ""
     when = (
@@ -174,24 +157,10 @@ def column(section: MeasureSection, contacts: Sequence[str], bodies: Sequence[st
         else ""
     )
     taken = f"{section.take} of " if section.take != "value" else ""
-    arguments = {
-        "quantity": section.quantity,
-        "contact": section.contact,
-        "probe": section.probe,
-        "component": section.component,
-        "during": section.during,
-        "at": section.at,
-        "statistic": section.take,
-    }
+    arguments = {name: getattr(section, name) for name in ("quantity", "contact", "probe", "component", "during", "at")}
+    arguments["statistic"] = section.take
     words = f"{taken}{section.quantity}{' of ' + subject if subject else ''}{axis}{when}"
     return Column(section.name, words, "history", tuple(arguments.items()))
-
-
-def _refuse_mapping(section: MeasureSection) -> Column:
-    """Raise ValueError: a metric is written as its bare name, not as a mapping."""
-    raise ValueError(
-        f"{section.quantity} is a measure by itself", f"Write `- {section.quantity}` instead of a mapping.", "quantity"
-    )
 
 
 def _largest(values: list[Any]) -> Any:

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from percuss.case.case import Case, load
-from percuss.case.expectations import after_the_end
+from percuss.case.expectations import after_the_end, misfits
 from percuss.case.hints import name_advice
 from percuss.case.quantities import METRICS
 from percuss.case.reader import Reader
 from percuss.case.source import Source
-from percuss.case.specs import Address
 from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
@@ -324,10 +323,11 @@ class _StudyReader:
             section = self.reader.part(at)
             if section is None:
                 return None
-            contacts = list(dict.fromkeys(name for case in cases.values() for name in case.contacts))
-            bodies = [str(Address(name)) for case in cases.values() for name in case.bodies]
-            return column(section, contacts, bodies)
+            contacts = dict.fromkeys(name for case in cases.values() for name in case.contacts)
+            for path, message, advice, key in misfits(section, section.take, "take", contacts):
+                self.reader.wrong((*at, *path), message, advice, key=key)
+            return column(section, [name for case in cases.values() for name in case.bodies])
         except ValueError as error:  # raised without the place in the study, which the column does not know
-            message, advice, *key = error.args
-            self.reader.wrong((*at, *key), message, advice)
+            message, advice, *inside = error.args
+            self.reader.wrong((*at, *inside), message, advice)
             return None
