@@ -104,6 +104,12 @@ class Case(CaseSection):
         beside = [("data file", path) for file in self.registry.single_files for path, _ in file.data]
         return [*own, *plugins, *beside, *(("data file", self.origin.folder / path) for path in self.data_files)]
 
+    @property
+    def recorded_ends(self) -> list[Address]:
+        """Ends whose motion a run records: those in contact where the case names none."""
+        in_contact = (side for contact in self.contacts.values() for side in contact.sides)
+        return list(dict.fromkeys(in_contact) if self.record.probes is None else self.record.probes)
+
     def files_among(self, values: Iterable[Any]) -> list[tuple[str, Path]]:
         """Return role and path of each file that the case would read if its options had these values."""
         paths = (self.origin.folder / value for value in values if isinstance(value, str))

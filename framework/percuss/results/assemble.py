@@ -10,11 +10,11 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate import cause
 from percuss.compiling import Stopwatch
-from percuss.jsonable import as_lists, plain
+from percuss.jsonable import plain
 from percuss.results import energy_growth, ledger, true_error
 from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
-from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins, resolved_methods
+from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
 from percuss.solver.bodies import stress_field
 from percuss.solver.implicit import NOT_COMPILED
@@ -64,12 +64,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     # takes contact points from the order of the loop back to the order of the case
     case_order = np.argsort(np.array(march.order, dtype=np.int64))
     dim = march.dim
-    probes = model.case.record.probes
-    probe_names = (
-        [str(address) for address in probes]
-        if probes is not None
-        else list(dict.fromkeys(str(address) for contact in model.case.contacts.values() for address in contact.sides))
-    )
+    probe_names = [str(address) for address in model.case.recorded_ends]
     arrays: dict[str, Any] = {
         "time": outcome.time[:record_count],
         "time_half": outcome.time[:record_count] + march.stepper.energy_at * model.dt,
@@ -123,17 +118,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     }
     errors = true_errors["exact"] or true_errors["exact_covered"]
     components = components_used(model.case, solution=errors["solution"] if errors else None)
-    found = {
-        "resolved": resolved_methods(model),
-        "geometry": geometry(model),
-        "expected_forces": expected_forces(model.case),
-    }
-    provenance = {
-        **machine(),
-        "case": as_lists(model.case.data),
-        **origins(model.case, components),
-        **plain(found),
-    }
+    provenance = provenance_of(model, components, resolved=resolved_methods(model))
     coordinates = {"contact": [contact_pair.name for contact_pair in model.contact_pairs], "probe": probe_names}
     result = Result(arrays, coordinates, _fields(march, outcome), plain(summary), provenance)
     result.solution = solution

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,10 +52,6 @@ class Difference:
     largest: float | None = None
     relative: float | None = None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the difference as plain data for JSON."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Change:
@@ -64,10 +60,6 @@ class Change:
     what: str
     then: str | None
     now: str | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the change as plain data for JSON."""
-        return asdict(self)
 
 
 def differences(then: CaseResult, now: CaseResult) -> list[Difference]:

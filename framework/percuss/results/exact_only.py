@@ -13,10 +13,11 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.errors import InputError, Problem
 from percuss.heartbeat import progress
-from percuss.jsonable import as_lists, plain
+from percuss.jsonable import plain
 from percuss.results.exact import exact_solution
 from percuss.results.exact_result import ExactSolutionResult
-from percuss.results.provenance import components_used, expected_forces, geometry, machine, origins
+from percuss.results.provenance import components_used, provenance_of
+from percuss.results.true_error import summary_entries
 from percuss.solver.model import Model
 from percuss.solver.recording import refuse_large
 
@@ -73,36 +74,24 @@ def run_exact(case: Case) -> ExactSolutionResult:
         raise InputError([Problem(case.origin.name, "", f"no exact solution covers this case: {reason}")])
     solved = time.perf_counter() - started
     names = [contact_pair.name for contact_pair in model.contact_pairs]
-    arrays, probes = _histories(model, solution, names)
+    arrays = _histories(model, solution, names)
+    facts: Any = {"solution": name, "fronts": solution.fronts, "reached": solution.reached}
     summary = {
         "status": "interrupted" if reason else "done",
         "end": solution.reached,
         "contacts": {contact: _contact(solution, contact) for contact in names},
         "energy": _energy(solution, arrays),
         "momentum": _momentum(model, solution),
-        **_coverage(solution, name, reason),
+        **summary_entries(facts, reason),
         "notes": [*case.notes, *([FEWER] if arrays["time"].size < SAMPLES else [])],
         "seconds": {"total": time.perf_counter() - started, "exact": solved},
     }
     # Methods from single files change nothing, but without them nobody can read the case again.
     of_files = [key for key in components_used(case) if not case.registry.sources[key].distribution]
     components = sorted({*components_used(case, methods=False, solution=name), *of_files})
-    provenance = {
-        **machine(),
-        "case": as_lists(case.data),
-        **origins(case, components),
-        **plain({"geometry": geometry(model), "expected_forces": expected_forces(case)}),
-    }
-    coordinates = {"contact": names, "probe": probes}
+    provenance = provenance_of(model, components)
+    coordinates = {"contact": names, "probe": [str(address) for address in case.recorded_ends]}
     return ExactSolutionResult(arrays, coordinates, _field(model, solution), plain(summary), provenance, solution)
-
-
-def _coverage(solution: Exact, name: str, reason: str) -> dict[str, Any]:
-    """Return the entries of the summary about the solution, under the names that they have in the summary of a run."""
-    facts = {"solution": name, "fronts": solution.fronts}
-    if reason:
-        return {"exact": None, "exact_reason": reason, "exact_covered": {"until": solution.reached, **facts}}
-    return {"exact": {**facts, "reached": solution.reached}, "exact_reason": None, "exact_covered": None}
 
 
 def _sample_count(model: Model, solution: Exact) -> int:
@@ -111,20 +100,13 @@ def _sample_count(model: Model, solution: Exact) -> int:
     return int(min(max(affordable, FEWEST_SAMPLES), SAMPLES))
 
 
-def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return samples of the exact solution, and the names of the probes.
+def _histories(model: Model, solution: Exact, names: list[str]) -> dict[str, Any]:
+    """Return samples of the exact solution.
 
     Names are those of the histories of a run, so that both are drawn and compared alike.
     """
     t = np.linspace(0.0, solution.reached, _sample_count(model, solution))
-    probes = model.case.record.probes
-    ends = list(
-        dict.fromkeys(
-            [address for contact in model.case.contacts.values() for address in contact.sides]
-            if probes is None
-            else probes
-        )
-    )
+    ends = model.case.recorded_ends
     motion = {quantity: np.zeros((t.size, len(ends), model.dim)) for quantity in ("displacement", "velocity")}
     for k, address in enumerate(ends):
         body = model.bodies[address.body]
@@ -158,7 +140,7 @@ def _histories(model: Model, solution: Exact, names: list[str]) -> tuple[dict[st
         "elastic_energy": energies[:, 1],
         "external_work": work,
         "energy_error": np.divide(closure, largest, out=np.zeros_like(closure), where=largest > 0),
-    }, [str(address) for address in ends]
+    }
 
 
 def _contact(solution: Exact, name: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from percuss.errors import InputError
+from percuss.jsonable import as_lists, plain
 from percuss.methods.source_digest import SourceDigests, numeric_settings, own_digest
 from percuss.version import installed_version
 
@@ -195,6 +196,13 @@ def origins(case: Case, components: Iterable[tuple[str, str]]) -> dict[str, Any]
         },
         "data_files": dict(case.data_files),
     }
+
+
+def provenance_of(model: Model, components: Iterable[tuple[str, str]], **found: Any) -> dict[str, Any]:
+    """Return the provenance of a result of a model that depends on some components, with what else was found."""
+    case = model.case
+    found |= {"geometry": geometry(model), "expected_forces": expected_forces(case)}
+    return {**machine(), "case": as_lists(case.data), **origins(case, components), **plain(found)}
 
 
 _DIGESTS = SourceDigests()  # of this process, which runs the sources that it imported first

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +52,8 @@ class Rerun:
             "title": self.title,
             "passed": self.passed,
             "error": self.error,
-            "differences": [difference.as_dict() for difference in self.differences],
-            "changes": [change.as_dict() for change in self.changes],
+            "differences": [asdict(difference) for difference in self.differences],
+            "changes": [asdict(change) for change in self.changes],
         }
 
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from percuss.results.exact import ROUND_OFF, displacement_at
-from percuss.results.summary import ContactErrors
+from percuss.results.summary import ContactErrors, CoveredErrors
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from percuss.methods.interfaces import Exact, ExactContact, Floats
-    from percuss.results.summary import CoveredErrors, ExactEntries, ExactErrors
+    from percuss.results.summary import ExactEntries, ExactErrors
     from percuss.solver.model import Model
 
 NEGLIGIBLE = 1e-18
@@ -32,12 +32,9 @@ def summary_entries(errors: ExactErrors | None, reason: str) -> ExactEntries:
     # Runs must not be compared by errors of a part of their time: comparisons of runs read `exact`.
     if errors is None or not reason:
         return {"exact": errors, "exact_reason": reason or None, "exact_covered": None}
-    covered: CoveredErrors = {
-        "until": errors["reached"],
-        "solution": errors["solution"],
-        "fronts": errors["fronts"],
-        "contacts": errors["contacts"],
-    }
+    # An exact solution alone has no errors of contacts.
+    covered: Any = {name: errors.get(name) for name in CoveredErrors.__annotations__ if name in errors}
+    covered["until"] = errors["reached"]
     return {"exact": None, "exact_reason": reason, "exact_covered": covered}
 
 

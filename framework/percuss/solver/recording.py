@@ -46,11 +46,8 @@ class Shapes(NamedTuple):
 
 
 def probe_nodes(model: Model) -> list[int]:
-    """Return the nodes whose displacement and velocity are recorded: those of the contacts if the case names none."""
-    probes = model.case.record.probes
-    if probes is None:
-        return list(dict.fromkeys(node for contact_pair in model.contact_pairs for node in contact_pair.nodes))
-    return [model.node(address) for address in probes]
+    """Return the nodes whose displacement and velocity are recorded."""
+    return [model.node(address) for address in model.case.recorded_ends]
 
 
 def record_shapes(model: Model) -> Shapes:
