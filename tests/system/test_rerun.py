@@ -166,7 +166,7 @@ def test_what_has_changed_is_told_although_the_bits_agree(tmp_path, monkeypatch)
         there["machine"] |= {"cpu": "another", "compiled_for": "older", "instructions": "sse2 fma"}
         return there
 
-    monkeypatch.setattr("percuss.results.assemble.machine", elsewhere)
+    monkeypatch.setattr("percuss.results.provenance.machine", elsewhere)
     monkeypatch.setattr(provenance, "_origin", lambda source: {**origin(source), "digest": "f" * 64})
     path = saved(tmp_path, hunek(5, end=0.1))
     monkeypatch.undo()

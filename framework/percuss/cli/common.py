@@ -34,22 +34,22 @@ if TYPE_CHECKING:
 
     from percuss.case.case import Case
 
+
+def option(usage: str, words: str) -> Any:
+    """Return an option of a command: its usage, as ``-o --out FILE``, and what it does, both as the help shows them."""
+    names = [word for word in usage.split() if word.startswith("-")]
+    return typer.Option(*names, metavar=" ".join(usage.split()[len(names) :]) or None, help=words)
+
+
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE", help="YAML file of the case.")]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Replace a value: method.contact.beta_s=1. Repeatable."),
-]
-Plugins = Annotated[
-    list[Path] | None, typer.Option("--plugin", metavar="FILE", help="Add a single-file plug-in. Repeatable.")
-]
+Sets = Annotated[list[str] | None, option("--set PATH=VALUE", "Replace a value: method.contact.beta_s=1. Repeatable.")]
+Plugins = Annotated[list[Path] | None, option("--plugin FILE", "Add a single-file plug-in. Repeatable.")]
 Vary = Annotated[
     list[str] | None,
-    typer.Option("--vary", metavar="PATH=VALUES", help="Vary a value: 1,2,5 or 0:1:11 or 0.01:100:log:30. Repeatable."),
+    option("--vary PATH=VALUES", "Vary a value: 1,2,5 or 0:1:11 or 0.01:100:log:30. Repeatable."),
 ]
-Workers = Annotated[
-    int | None, typer.Option("--workers", metavar="N", help="Number of processes; by default one a core.")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object; the rest goes to standard error.")]
+Workers = Annotated[int | None, option("--workers N", "Number of processes; by default one a core.")]
+AsJson = Annotated[bool, option("--json", "Print one JSON object; the rest goes to standard error.")]
 
 
 FIRST_LINE, LINES_EVERY = 10.0, 30.0  # seconds until the first line of progress, and between two lines
@@ -63,55 +63,45 @@ _ON_TERMINAL: list[Any] = []
 
 @contextmanager
 def _compiling_shown() -> Iterator[None]:
-    """Show a spinner on standard error while numba compiles, on a terminal that shows no progress bar.
-
-    Where there is no terminal, a line tells of a compilation that lasts.
-    """
+    """Show on standard error that numba compiles."""
     from percuss.compiling import NOTICES
 
-    spinner: list[Any] = []
-    line = _CompilationLine()
-
-    def notice(begun: bool) -> None:
-        if not sys.stderr.isatty():
-            line.notice(begun)
-        if begun and not _ON_TERMINAL and sys.stderr.isatty():
-            from rich.console import Console
-
-            spinner.append(Console(stderr=True).status(COMPILING))
-            spinner[0].start()
-        elif spinner and not begun:
-            spinner.pop().stop()
-
-    NOTICES.append(notice)
+    shown = _Compilations()
+    NOTICES.append(shown.notice)
     try:
         yield
     finally:
-        NOTICES.remove(notice)
-        line.notice(False)
-        if spinner:
-            spinner.pop().stop()
+        NOTICES.remove(shown.notice)
+        shown.notice(False)
 
 
-class _CompilationLine:
-    """A line on standard error, once for a command, that tells of compilations that last."""
+class _Compilations:
+    """The compilations of a command: a spinner on a terminal that shows no progress bar, else one line if they last."""
 
     def __init__(self) -> None:
         self._since: float | None = None
-        self._timer: threading.Timer | None = None
         self._said = False
+        self._end: Callable[[], object] | None = None  # ends what is shown, or waits to be
 
     def notice(self, begun: bool) -> None:
-        """Wait with the line until some seconds have passed since the first compilation began, and one is under way."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        if begun and not self._said:
+        """Show that a compilation has begun, or that it has ended."""
+        if self._end is not None:
+            self._end()
+            self._end = None
+        if begun and sys.stderr.isatty() and not _ON_TERMINAL:
+            from rich.console import Console
+
+            spinner = Console(stderr=True).status(COMPILING)
+            spinner.start()
+            self._end = spinner.stop
+        elif begun and not sys.stderr.isatty() and not self._said:
             now = time.monotonic()
             self._since = now if self._since is None else self._since
-            self._timer = threading.Timer(max(0.0, self._since + FIRST_LINE - now), self._say)
-            self._timer.daemon = True
-            self._timer.start()
+            # The line comes some seconds after the first compilation began, if one is under way then.
+            timer = threading.Timer(max(0.0, self._since + FIRST_LINE - now), self._say)
+            timer.daemon = True
+            timer.start()
+            self._end = timer.cancel
 
     def _say(self) -> None:
         self._said = True

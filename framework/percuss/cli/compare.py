@@ -16,6 +16,7 @@ from percuss.cli.common import (
     Vary,
     load_to_write,
     names_in,
+    option,
     print_json,
     print_verdict,
     progress_bar,
@@ -26,17 +27,15 @@ from percuss.cli.common import (
 
 def compare(
     case: CaseFile,
-    integrator: Annotated[str, typer.Option("--integrator", metavar="A,B", help="Run these integrators.")] = "",
-    contact: Annotated[str, typer.Option("--contact", metavar="X,Y", help="Run these contact laws.")] = "",
+    integrator: Annotated[str, option("--integrator A,B", "Run these integrators.")] = "",
+    contact: Annotated[str, option("--contact X,Y", "Run these contact laws.")] = "",
     vary: Vary = None,
     set_: Sets = None,
     plugin: Plugins = None,
-    tied: Annotated[
-        bool, typer.Option("--tied", help="Also tie the interfaces while the exact contact is closed.")
-    ] = False,
+    tied: Annotated[bool, option("--tied", "Also tie the interfaces while the exact contact is closed.")] = False,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw the forces; with several `refine`, the errors over it."),
+        option("--plot FILE", "Draw the forces; with several `refine`, the errors over it."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

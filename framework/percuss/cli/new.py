@@ -7,23 +7,17 @@ from typing import Annotated
 
 import typer
 
-from percuss.cli.common import AsJson, print_json, reporting
+from percuss.cli.common import AsJson, option, print_json, reporting
 
 
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the method, as it is written in a case.")],
     kind: Annotated[
         str,
-        typer.Option(
-            "--kind",
-            metavar="KIND",
-            help="integrator, contact, load, shape, element, material, mass, solution or measure.",
-        ),
+        option("--kind KIND", "integrator, contact, load, shape, element, material, mass, solution or measure."),
     ],
-    single_file: Annotated[
-        bool, typer.Option("--single-file", help="Write NAME.py and NAME.yaml, without a package.")
-    ] = False,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Folder to write into.")] = Path(),
+    single_file: Annotated[bool, option("--single-file", "Write NAME.py and NAME.yaml, without a package.")] = False,
+    out: Annotated[Path, option("-o --out FOLDER", "Folder to write into.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
     """Write the first files of a method of your own.

@@ -15,6 +15,7 @@ from percuss.cli.common import (
     Workers,
     expect_drawable,
     names_in,
+    option,
     print_json,
     print_verdict,
     progress_bar,
@@ -26,29 +27,21 @@ from percuss.process import INTERRUPTED
 
 def recommend(
     case: CaseFile,
-    error: Annotated[str, typer.Option("--error", metavar="BOUND", help="Largest error, for example 1%.")] = "",
-    energy: Annotated[
-        str, typer.Option("--energy", metavar="BOUND", help="Largest share of the energy that contacts take or add.")
-    ] = "",
-    time: Annotated[str, typer.Option("--time", metavar="SECONDS", help="Longest time of a march.")] = "",
-    measure: Annotated[str, typer.Option("--measure", metavar="NAME", help="Error to bound.")] = "force_error_l1",
-    integrator: Annotated[
-        str, typer.Option("--integrator", metavar="A,B", help="Integrators to choose from; by default all.")
-    ] = "",
-    contact: Annotated[
-        str, typer.Option("--contact", metavar="X,Y", help="Contact laws to choose from; by default all.")
-    ] = "",
-    runs: Annotated[int, typer.Option("--runs", metavar="N", help="Largest number of runs.")] = 400,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the order in which pairs are tried.")] = 0,
+    error: Annotated[str, option("--error BOUND", "Largest error, for example 1%.")] = "",
+    energy: Annotated[str, option("--energy BOUND", "Largest share of the energy that contacts take or add.")] = "",
+    time: Annotated[str, option("--time SECONDS", "Longest time of a march.")] = "",
+    measure: Annotated[str, option("--measure NAME", "Error to bound.")] = "force_error_l1",
+    integrator: Annotated[str, option("--integrator A,B", "Integrators to choose from; by default all.")] = "",
+    contact: Annotated[str, option("--contact X,Y", "Contact laws to choose from; by default all.")] = "",
+    runs: Annotated[int, option("--runs N", "Largest number of runs.")] = 400,
+    seed: Annotated[int, option("--seed N", "Seed of the order in which pairs are tried.")] = 0,
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="File of the runs; by default CASE-recommend.sqlite."),
+        option("-o --out FILE", "File of the runs; by default CASE-recommend.sqlite."),
     ] = None,
     workers: Workers = None,
     plugin: Plugins = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Draw the error of all runs over their cost.")
-    ] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw the error of all runs over their cost.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Search the cheapest methods, mesh and step within bounds.

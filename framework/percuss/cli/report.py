@@ -7,21 +7,19 @@ from typing import Annotated
 
 import typer
 
-from percuss.cli.common import reporting
+from percuss.cli.common import option, reporting
 
 
 def report(
     study: Annotated[Path, typer.Argument(metavar="STUDY", help="File of rows that `percuss study` wrote.")],
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="Page to write; by default STUDY.html beside the study."),
+        option("-o --out FILE", "Page to write; by default STUDY.html beside the study."),
     ] = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="DIR", help="Write figures as svg and pdf; a page only with -o.")
+        Path | None, option("--figures DIR", "Write figures as svg and pdf; a page only with -o.")
     ] = None,
-    median: Annotated[
-        bool, typer.Option("--median", help="Draw the median run of each pair, instead of the best.")
-    ] = False,
+    median: Annotated[bool, option("--median", "Draw the median run of each pair, instead of the best.")] = False,
 ) -> None:
     """Write a study as one HTML page, or as figures for print."""
     with reporting(as_json=False):

@@ -17,6 +17,7 @@ from percuss.cli.common import (
     exact_solution_shown,
     expect_drawable,
     load_case,
+    option,
     print_json,
     print_notes,
     print_verdict,
@@ -38,23 +39,17 @@ def run(
     case: CaseFile,
     set_: Sets = None,
     plugin: Plugins = None,
-    out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the result as NetCDF-4 (.nc).")
-    ] = None,
+    out: Annotated[Path | None, option("-o --out FILE", "Save the result as NetCDF-4 (.nc).")] = None,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Draw the result as png, svg or pdf."),
+        option("--plot FILE", "Draw the result as png, svg or pdf."),
     ] = None,
     animate: Annotated[
-        Path | None, typer.Option("--animate", metavar="FILE", help="Show the waves as they run: gif or mp4 by suffix.")
+        Path | None, option("--animate FILE", "Show the waves as they run: gif or mp4 by suffix.")
     ] = None,
-    exact_only: Annotated[
-        bool, typer.Option("--exact-only", help="Compute the exact solution only, without a method.")
-    ] = False,
-    nudge: Annotated[
-        bool, typer.Option("--nudge", help="Also run a nudged twin: does the answer depend on round-off?")
-    ] = False,
-    tied: Annotated[bool, typer.Option("--tied", help="Tie the interfaces while the exact contact is closed.")] = False,
+    exact_only: Annotated[bool, option("--exact-only", "Compute the exact solution only, without a method.")] = False,
+    nudge: Annotated[bool, option("--nudge", "Also run a nudged twin: does the answer depend on round-off?")] = False,
+    tied: Annotated[bool, option("--tied", "Tie the interfaces while the exact contact is closed.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a case; print, save and draw its result."""

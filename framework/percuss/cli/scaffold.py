@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import json
 import keyword
 import os
 import re
-import shutil
 import sys
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,13 +79,17 @@ def scaffold(name: str, kind: str, out: Path, *, single_file: bool = False) -> S
     if taken:
         advice = "Nothing was overwritten: take another name or folder."
         raise InputError([Problem(str(target), "", "this exists already", advice) for target in taken])
-    with _temporary_folder(out, name) as folder:
-        for file, text in texts.items():
-            (folder / file).parent.mkdir(exist_ok=True)
-            (folder / file).write_text(text, encoding="utf-8")
-        known = case_schema(Registry.load([folder / code]))
-        (folder / schema).write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-        _rename_all({(folder / target.name if single_file else folder): target for target in targets})
+    try:
+        with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=out) as temporary:
+            folder = Path(temporary) / name
+            for file, text in texts.items():
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                (folder / file).write_text(text, encoding="utf-8")
+            known = case_schema(Registry.load([folder / code]))
+            (folder / schema).write_text(json.dumps(known, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+            _rename_all({(folder / target.name if single_file else folder): target for target in targets})
+    except OSError as error:
+        raise InputError([Problem(str(out), "", f"cannot be written to: {error.strerror}", "")]) from error
     root = out if single_file else out / name
     return Scaffold(
         name,
@@ -175,11 +178,8 @@ def _file_texts(name: str, kind: str, *, single_file: bool) -> dict[str, str]:
         "@PERCUSS@": version.__version__,
         "@SUMMARY@": summary[1] if summary else "",
     }
-    return {file: _with_words_replaced(text, words) for file, text in texts.items()}
-
-
-def _with_words_replaced(text: str, words: Mapping[str, str]) -> str:
-    return re.sub("|".join(map(re.escape, words)), lambda match: words[match[0]], text)
+    pattern = re.compile("|".join(map(re.escape, words)))
+    return {file: pattern.sub(lambda match: words[match[0]], text) for file, text in texts.items()}
 
 
 def _next_commands(name: str, kind: str, root: Path | None, *, single_file: bool) -> tuple[str, ...]:
@@ -205,16 +205,3 @@ def _rename_all(places: Mapping[Path, Path]) -> None:
         for target in done:
             target.unlink()
         raise
-
-
-@contextlib.contextmanager
-def _temporary_folder(out: Path, name: str) -> Iterator[Path]:
-    """Yield a temporary folder in `out`, which is removed with all that is left in it, even after an error."""
-    folder = out / f".{name}.{os.getpid()}"
-    try:
-        folder.mkdir()
-        yield folder
-    except OSError as error:
-        raise InputError([Problem(str(out), "", f"cannot be written to: {error.strerror}", "")]) from error
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
-from percuss.cli.common import Plugins, print_json, reporting
+from percuss.cli.common import Plugins, option, print_json, reporting
 
 
 def schema(
     plugin: Plugins = None,
-    study: Annotated[bool, typer.Option("--study", help="Print the schema of a study file.")] = False,
+    study: Annotated[bool, option("--study", "Print the schema of a study file.")] = False,
 ) -> None:
     """Print the JSON schema of a case or a study, for editors."""
     with reporting(as_json=False):

@@ -17,6 +17,7 @@ from percuss.cli.common import (
     load_to_write,
     methods_in_words,
     names_in,
+    option,
     print_json,
     print_notes,
     progress_bar,
@@ -30,17 +31,17 @@ def stability(
     vary: Vary = None,
     curves: Annotated[
         list[str] | None,
-        typer.Option("--curves", metavar="PATH=VALUES", help="Draw one curve, or one map, for each value."),
+        option("--curves PATH=VALUES", "Draw one curve, or one map, for each value."),
     ] = None,
     by: Annotated[
         str,
-        typer.Option("--by", metavar="A,B", help="Criteria: closed-form, pencil or black-box; several are overlaid."),
+        option("--by A,B", "Criteria: closed-form, pencil or black-box; several are overlaid."),
     ] = "",
     set_: Sets = None,
     plugin: Plugins = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="Save the rows as csv.")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Draw the curves or maps.")] = None,
-    whole: Annotated[bool, typer.Option("--all", help="Print every combination.")] = False,
+    out: Annotated[Path | None, option("-o --out FILE", "Save the rows as csv.")] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw the curves or maps.")] = None,
+    whole: Annotated[bool, option("--all", "Print every combination.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Print the critical Courant number over varied parameters."""

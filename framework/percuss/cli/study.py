@@ -14,6 +14,7 @@ from percuss.cli.common import (
     Plugins,
     Workers,
     duration,
+    option,
     print_json,
     print_verdict,
     progress_bar,
@@ -28,24 +29,18 @@ def study(
     file: Annotated[Path, typer.Argument(metavar="STUDY", help="YAML file of the study.")],
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help="File of the rows; by default STUDY.sqlite in this folder."),
+        option("-o --out FILE", "File of the rows; by default STUDY.sqlite in this folder."),
     ] = None,
     workers: Workers = None,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Use the workers of this Dask scheduler.")
-    ] = None,
+    scheduler: Annotated[str | None, option("--scheduler ADDRESS", "Use the workers of this Dask scheduler.")] = None,
     plugin: Plugins = None,
     again: Annotated[
         list[str] | None,
-        typer.Option(
-            "--again", metavar="STATUS", help="Make the runs of a status again, for example failed. Repeatable."
-        ),
+        option("--again STATUS", "Make the runs of a status again, for example failed. Repeatable."),
     ] = None,
-    export: Annotated[
-        Path | None, typer.Option("--export", metavar="FILE", help="Write the table as csv or parquet.")
-    ] = None,
+    export: Annotated[Path | None, option("--export FILE", "Write the table as csv or parquet.")] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check and count the runs and estimate the time; store nothing.")
+        bool, option("--dry-run", "Check and count the runs and estimate the time; store nothing.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from percuss.cli.common import AsJson, print_json, progress_bar, reporting
+from percuss.cli.common import AsJson, option, print_json, progress_bar, reporting
 from percuss.errors import InputError, PercussError, PluginError, Problem
 from percuss.files import is_file
 
@@ -30,18 +30,14 @@ def verify(
     ] = None,
     plugin: Annotated[
         list[Path] | None,
-        typer.Option("--plugin", metavar="FILE", help="Add a single-file plug-in; without a case, it is verified."),
+        option("--plugin FILE", "Add a single-file plug-in; without a case, it is verified."),
     ] = None,
-    method: Annotated[
-        list[str] | None, typer.Option("--method", metavar="NAME", help="Method to verify. Repeatable.")
-    ] = None,
+    method: Annotated[list[str] | None, option("--method NAME", "Method to verify. Repeatable.")] = None,
     cases: Annotated[
         Path | None,
         typer.Option("--cases", metavar="FOLDER", file_okay=False, help="Write the case of each failed check."),
     ] = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Give every check of a method, its demand and its case.")
-    ] = False,
+    verbose: Annotated[bool, option("--verbose -v", "Give every check of a method, its demand and its case.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Verify cases, saved results or methods.

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from percuss.cli.common import (
     AsJson,
     CaseFile,
@@ -15,6 +13,7 @@ from percuss.cli.common import (
     Sets,
     load_to_write,
     methods_in_words,
+    option,
     print_json,
     print_notes,
     reporting,
@@ -23,14 +22,10 @@ from percuss.cli.common import (
 
 def waves(
     case: CaseFile,
-    contact: Annotated[
-        str, typer.Option("--contact", metavar="NAME", help="Contact to measure; by default the first.")
-    ] = "",
+    contact: Annotated[str, option("--contact NAME", "Contact to measure; by default the first.")] = "",
     set_: Sets = None,
     plugin: Plugins = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Draw transmission and reflection over frequency.")
-    ] = None,
+    plot: Annotated[Path | None, option("--plot FILE", "Draw transmission and reflection over frequency.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how a closed contact transmits and reflects waves.
