@@ -1,4 +1,4 @@
-"""The glossary has each term once, in alphabetical order, and every link to a term leads to one."""
+"""The glossary has each term once, in alphabetical order."""
 
 import re
 

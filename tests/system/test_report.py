@@ -466,7 +466,8 @@ def test_the_best_and_the_median_of_a_pair_in_a_case(several):
 
 def answer_of(study):
     known = study_data.columns(study)
-    return study_data.answer(study_data.in_per_cent(study.table, known), known)
+    told = study_data.answer(study_data.in_per_cent(study.table, known), known)
+    return [line.replace("\u00a0", " ") for line in told]
 
 
 def test_the_answer_is_that_of_the_rows(several, small):

@@ -872,3 +872,14 @@ def test_of_a_large_study_a_dry_run_examines_runs_at_equal_distances(tmp_path, m
     found = forecast.forecast(path)
     assert (found["runs"], [row["time.courant"] for row in found["rows"]]) == (9, [0.1, 0.25, 0.4])
     assert found["node_steps"] == 3 * sum(row["node_steps"] for row in found["rows"])
+    said = percuss_command("study", path, "--dry-run", "--workers", "1").stdout.splitlines()
+    assert said[1] == "examined: 3 runs at equal distances, of which 3 can run"
+    assert said[2].startswith(f"all runs, estimated from these: {found['node_steps']:.3g} steps times nodes, roughly ")
+    assert " with 1 worker by the time of the cheapest run" in said[2]
+
+
+@pytest.mark.parametrize("option", ["--export=rows.csv", "--out=rows.sqlite", "--again=failed"])
+def test_a_dry_run_makes_no_rows(tmp_path, option):
+    told = percuss_command("study", write(tmp_path), "--dry-run", option)
+    assert told.returncode == 2
+    assert f"expected --dry-run or {option.partition('=')[0]}, found both" in told.stderr

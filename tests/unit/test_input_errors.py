@@ -90,7 +90,7 @@ def test_not_utf8(folder):
             "a SQLite database, as `percuss study` makes",
             "Read it with `percuss report case.yaml`.",
         ),
-        (b"\x89PNG\r\n\x1a\n\0\0", "a picture", "Name the case, or the result (.nc), that it shows."),
+        (b"\x89PNG\r\n\x1a\n\0\0", "a picture", "Name the file that it was drawn from."),
     ],
 )
 def test_a_file_that_percuss_makes_is_told_from_a_case(folder, beginning, kind, advice, more):

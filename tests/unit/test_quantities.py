@@ -17,6 +17,7 @@ from percuss.case.quantities import (
     STUDY_PANELS,
     STUDY_TABLE,
     Quantity,
+    percent,
     unit_name,
     values_at,
     with_unit,
@@ -189,3 +190,11 @@ def test_named_units_stand_in_results_figures_and_tables(tmp_path, capsys):
 
 def test_every_entry_of_the_table_has_the_types_of_a_quantity():
     TypeAdapter(dict[str, Quantity]).validate_python({name: vars(one) for name, one in QUANTITIES.items()})
+
+
+@pytest.mark.parametrize(
+    ("fraction", "text"),
+    [(0.996, "100 %"), (0.0996, "10 %"), (0.994, "99 %"), (9.996, "1000 %"), (2e4, "2e+06 %"), (1e-12, "1e-10 %")],
+)
+def test_per_cent_has_no_power_of_ten_where_a_number_is_as_short(fraction, text):
+    assert percent(fraction, 2) == text

@@ -74,13 +74,13 @@ class Case(CaseSection):
     data_files: Mapping[str, str] = field(repr=False)
 
     def __repr__(self) -> str:
-        time = {name: value for name, value in vars(self.time).items() if isinstance(value, float | int)}
+        time = {name: getattr(self.time, name) for name in ("end", "courant", "step", "steps")}
         lines = {
             "bodies": ", ".join(self.bodies),
             "contacts": ", ".join(f"{name} ({contact.law.name})" for name, contact in self.contacts.items()),
             "loads": ", ".join(self.loads),
             "integrator": self.method.integrator.name,
-            "time": ", ".join(f"{name} {value:g}" for name, value in time.items()),
+            "time": ", ".join(f"{name} {value}" for name, value in time.items() if value is not None),
         }
         shown = [f"  {name}: {words}" for name, words in lines.items() if words]
         return "\n".join([f"<percuss.Case {self.title!r}", *shown]) + ">"

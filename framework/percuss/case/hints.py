@@ -19,8 +19,8 @@ POWERS = {"k": 3, "M": 6, "G": 9, "m": -3, "µ": -6, "u": -6, "n": -9}
 BINARY = (
     (b"\x89HDF\r\n\x1a\n", "a NetCDF file, as `percuss run -o` writes", "Read it with `percuss verify {}`."),
     (b"SQLite format 3\0", "a SQLite database, as `percuss study` makes", "Read it with `percuss report {}`."),
-    (b"\x89PNG\r\n\x1a\n", "a picture", "Name the case, or the result (.nc), that it shows."),
-    (b"%PDF-", "a PDF file", "Name the case, or the result (.nc), that it shows."),
+    (b"\x89PNG\r\n\x1a\n", "a picture", "Name the file that it was drawn from."),
+    (b"%PDF-", "a PDF file", "Name the file that it was drawn from."),
 )
 TEXTS = (
     (re.compile(rb"^percuss:", re.MULTILINE), "a case", "Run it with `percuss run {}`."),

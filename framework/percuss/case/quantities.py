@@ -21,7 +21,8 @@ def percent(value: float | None, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return "-"
     hundredths = 100.0 * value
-    return f"{hundredths:.{digits}g} %" if not 10.0**digits <= abs(hundredths) < 1e6 else f"{hundredths:.0f} %"
+    text = f"{hundredths:.{digits}g}"
+    return f"{hundredths:.0f} %" if "e+" in text and abs(hundredths) < 1e6 else f"{text} %"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +134,6 @@ STATISTICS = ("mean", "max", "min", "final", "integral", "value")
 
 
 # Kinds of units that a case may name, and those that follow from others where it does not.
-UNIT_KINDS = ("length", "mass", "time", "force", "energy", "stress")
 DERIVED_UNITS = {"stress": "force/length^2", "energy": "force*length"}
 
 

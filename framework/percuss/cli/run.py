@@ -79,8 +79,13 @@ def run(
         if exact_only:
             _solve(loaded, files, as_json=as_json)
         else:
-            search = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
+            words = shlex.join(["percuss", "recommend", str(case), *(f"--plugin={file}" for file in plugin or [])])
+            lost = any(not change.startswith(SEARCHED) for change in set_ or [])
+            search = f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"
             _run(loaded, files, "" if tied else search, nudge=nudge, as_json=as_json)
+
+
+SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
 
 
 class _Files(NamedTuple):

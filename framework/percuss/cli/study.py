@@ -21,7 +21,7 @@ from percuss.cli.common import (
     reporting,
     tell,
 )
-from percuss.errors import printable
+from percuss.errors import InputError, Problem, printable
 from percuss.process import INTERRUPTED
 
 
@@ -51,7 +51,11 @@ def study(
         from percuss.studies.study_table import exportable
 
         if dry_run:
-            _print_forecast(file, plugin or [], as_json=as_json)
+            needless = {"--out": out, "--export": export, "--again": again, "--scheduler": scheduler}
+            for name in (name for name, value in needless.items() if value):
+                message = f"expected --dry-run or {name}, found both"
+                raise InputError([Problem("percuss study", "", message, "A dry run makes no rows.")])
+            _print_forecast(file, plugin or [], workers or os.cpu_count() or 1, as_json=as_json)
             return
         if export is not None:
             exportable(export)
@@ -84,24 +88,26 @@ def study(
             raise typer.Exit(1)
 
 
-def _print_forecast(file: Path, plugins: list[Path], *, as_json: bool) -> None:
+def _print_forecast(file: Path, plugins: list[Path], workers: int, *, as_json: bool) -> None:
     """Print how many runs a study has, which of them cannot be made, and what the others cost."""
     from percuss.reporting.verdict import rows_verdict
     from percuss.studies.forecast import forecast
 
     with progress_bar("runs") as progress:
-        found = forecast(file, plugins, progress)
-    able, examined = found["counts"].get("waiting", 0), len(found["rows"])
+        found = forecast(file, plugins, progress, workers=workers)
+    able, part = found["counts"].get("waiting", 0), found["examined"] < found["runs"]
     if as_json:
         print_json(found)
     else:
         print(printable(f"{found['title']}: {found['runs']} runs; none was stored"))
-        if examined < found["runs"]:
-            print(f"of these {examined} at equal distances were examined")
+        can_run = f"{able} can run"
+        if part:
+            print(f"examined: {found['examined']} runs at equal distances, of which {can_run}")
         if found["seconds"] is not None:
-            cores = f"{os.cpu_count()} core{'s' if os.cpu_count() != 1 else ''}"
-            time = f"roughly {duration(found['seconds'])} on {cores} by the time of the cheapest run"
-            print(f"{able} can run: {found['node_steps']:.3g} steps times nodes, {time}")
+            cores = f"{workers} worker{'s' if workers != 1 else ''}"
+            time = f"roughly {duration(found['seconds'])} with {cores} by the time of the cheapest run"
+            whose = "all runs, estimated from these" if part else can_run
+            print(f"{whose}: {found['node_steps']:.3g} steps times nodes, {time}")
     print_verdict(rows_verdict(found["rows"], []), as_json=as_json)
     if not able:
         raise typer.Exit(1)

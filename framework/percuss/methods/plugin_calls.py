@@ -261,7 +261,7 @@ def _nodal_in_contact_fault(value: Any, _element_mass: Any, lumping: Any, first:
     may_be_zero[0], may_be_zero[-1] = first, last
     without = [int(node) for node in np.flatnonzero((np.asarray(value) == 0.0) & ~may_be_zero)]
     if without:
-        return f"returned no mass at node {without[0]}, expected some at every node but an end that is told in contact"
+        return f"returned no mass at node {without[0]}, expected some at every node except an end in contact"
     return "" if np.any(value) else "returned no mass at all"
 
 

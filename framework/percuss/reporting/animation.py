@@ -29,6 +29,7 @@ from percuss.reporting.figures import (
     subtitle_lines,
     thinned,
 )
+from percuss.reporting.run_figure import contacts_left_out
 from percuss.reporting.space_time import body_names, contact_positions, strips_of
 from percuss.results.exact_result import ExactSolutionResult
 
@@ -100,6 +101,7 @@ def wave_frames(result: CaseResult) -> tuple[Figure, Callable[[int], None], list
     frames = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_FRAMES)).round().astype(int)).tolist()
     small = [solution_line(result)] if isinstance(result, ExactSolutionResult) else subtitle_lines(result)[:1]
     loud = [] if result.status == "done" else [f"{result.status.upper()}: the result is not complete"]
+    small += contacts_left_out(result.coordinates["contact"])
     with new_figure(*SIZE, result.title, small, loud) as figure:
         waves, force = figure.subplots(2, 1, height_ratios=(1.6, 1.0))
         show_stress = _stress_lines(waves, result)

@@ -65,9 +65,8 @@ def _facts(model: Model, verdict: Certificate) -> Iterator[Fact]:
     """Yield the facts about a run in the order of the text: the verdict first, then the details."""
     case = model.case
     engine, why_not_exact = engine_for(model, contact_problem(model), (model.steps + 1) * model.dt)
-    words = list(check_verdict(model.steps, model.dt, verdict, engine.name if engine else "", why_not_exact))
-    if verdict["stable"] == "no" and case.time.on_unstable == "warn":
-        words[0] = f"It runs although it is unstable, as the case asks (on_unstable: warn): {words[0]}"
+    name, refused = engine.name if engine else "", case.time.on_unstable == "stop"
+    words = list(check_verdict(model.steps, model.dt, verdict, name, why_not_exact, refused=refused))
     yield Fact("verdict", words, words)
     yield Fact("title", case.title, ["", case.title or "Untitled case"])
     yield Fact("", case.source, [f"  source: {case.source}"] if case.source else [])

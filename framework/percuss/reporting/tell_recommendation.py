@@ -43,16 +43,16 @@ def recommendation_verdict(found: Recommendation) -> Iterator[str]:
     """Yield the cheapest run that meets the bounds, what came second, and what was not tried."""
     yield from failures((one.status, one.reason, " + ".join(one.candidate.pair)) for one in found.tried)
     if found.untried:
-        yield f"{found.untried} pairs were not tried: --runs allows no more."
+        yield f"Pairs that were not tried, as --runs allows no more: {found.untried}."
     if found.left:
-        yield f"{found.left} choices of methods, options and step were not tried: --runs allows no more."
+        yield f"Choices of methods, options and step that were not tried, as --runs allows no more: {found.left}."
     if found.best is None:
         nearest = f"the nearest is {in_words(found.nearest)}" if found.nearest else "none has the bounded numbers"
         yield f"No run meets the bounds; {nearest}."
         return
     if found.best.stable != "yes":
         yield f"Stability: the certificate says {found.best.stable}; only this run shows that the best is stable."
-    others = f"; {found.unsettled} others were not tried" if found.unsettled else ""
+    others = f" (not tried: {found.unsettled})" if found.unsettled else ""
     yield f"None of {found.beside} neighbours of the best is cheaper and meets the bounds{others}."
     yield f"Second: {in_words(found.second)}." if found.second else "No run of another pair meets the bounds."
     yield f"Cheapest: {in_words(found.best)}."

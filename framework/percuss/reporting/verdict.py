@@ -24,8 +24,11 @@ if TYPE_CHECKING:
     from percuss.studies.perform import Run
 
 CLEARLY_BETTER = 0.9  # ratio of two errors
+ACCEPTABLE = 0.5  # largest error of a law that is worth a try
+ROUND_OFF = 1e-10  # a smaller error or change of energy is none
 MOST_REASONS, MOST_NAMED = 12, 3
-PLACE = re.compile(r" at step \d+, time \S+, node \d+ \(node \d+ of body '[^']*'\)")  # differs from run to run
+# What differs from run to run in a reason.
+PLACE = re.compile(r"( at step \d+, time \S+)?, node \d+ \(node \d+ of body '[^']*'\)( limits the step)?")
 
 
 def run_verdict(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
@@ -38,7 +41,7 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
     others
         Other runs of its case, if any were made.
     next_command
-        The command that searches better methods for the case.
+        The command that searches better methods for the case, in words.
     """
     summary = result.summary
     stop, certificate = summary["stop"], summary["certificate"]
@@ -50,14 +53,15 @@ def run_verdict(result: Result, others: Alternatives | None, next_command: str) 
         return
     if certificate["stable"] == "no":
         yield f"The step is unstable, so do not trust this run.{cure}"
+        return
     if result.status == "interrupted":
         yield f"The run was interrupted: all numbers hold up to t = {summary['end']:.4g}."
     if open_accounts(summary):
         yield "This is not a valid result: energy or momentum does not balance. See the notes."
     kept = metric(result, "energy_kept")
     if kept is not None:
-        change = f"{'lost' if kept < 1.0 else 'added'} {percent(abs(kept - 1.0), 2)} of the energy put in"
-        yield f"Contacts, scheme and materials {change}."
+        changed = f"{'lost' if kept < 1.0 else 'added'} {percent(abs(kept - 1.0), 2)} of"
+        yield f"Contacts, scheme and materials {changed if abs(kept - 1.0) > ROUND_OFF else 'kept'} the energy put in."
     if summary["fragile"] is not None:
         what = "contact force" if summary["contacts"] else "motion"
         sensitivity = "depends on round-off: a change of 1e-10 % in one area changes it"
@@ -74,7 +78,8 @@ def error_words(result: CaseResult) -> str:
         return "the true error is unknown"
     of_force = any(contact["force_error_l1"] is not None for contact in errors["contacts"].values())
     until = f" up to t = {covered['until']:.4g}, where the exact solution ends" if covered else ""
-    return f"the {'contact force' if of_force else 'displacement at the end'} is off by {percent(error, 2)}{until}"
+    off = f"off by {percent(error, 2)}" if error > ROUND_OFF else "exact up to round-off"
+    return f"the {'contact force' if of_force else 'displacement at the end'} is {off}{until}"
 
 
 def _error_lines(result: Result, others: Alternatives | None, next_command: str) -> Iterator[str]:
@@ -83,27 +88,32 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     error, words = largest_error(summary), capitalised(error_words(result))
     if error is None and summary["exact"] is None and summary["exact_covered"] is None:
         yield f"No exact solution is known, so percuss cannot compute the true error ({summary['exact_reason']})."
-        yield f"To judge the run, compare it with a finer mesh (`--set refine=2`), or try `{next_command}`."
+        finer = f"refine={2 * result.provenance['case'].get('refine', 1):g}"
+        yield f"To judge the run, compare it with a finer mesh (`--set {finer}`), or try {next_command}."
         return
     if summary["exact_covered"]:
         yield f"The exact solution ends before the run: {summary['exact_reason']}."
-    if others is None or error is None:
-        yield f"{words}{' (exact solution known)' if error is not None else ', although the exact solution is known'}."
+    if error is None:
+        every = result.provenance["case"].get("record", {}).get("every", 1)
+        yield f"{words}: the force is compared where each step is recorded (record.every: 1, not {every})."
+        return
+    if others is None:
+        yield f"{words} (exact solution known)."
         return
     best = min(others.laws.values(), default=0.0)
     law = next((name for name, of_law in others.laws.items() if CLEARLY_BETTER * of_law <= best), "")  # a simple one
     advice = []
     if others.finer is not None and others.finer < CLEARLY_BETTER * error:
         advice.append(f"refine the mesh (twice as fine: {percent(others.finer, 2)})")
-    if law and others.laws[law] < CLEARLY_BETTER * error:
+    if law and others.laws[law] < min(CLEARLY_BETTER * error, ACCEPTABLE):
         advice.append(f"try {law} ({percent(others.laws[law], 2)})")
-    yield f"{words} (exact solution known): {', or '.join(advice) or f'try `{next_command}`'}."
+    yield f"{words} (exact solution known): {', or '.join(advice) or f'try {next_command}'}."
     tried = [*(["a mesh twice as fine"] if others.finer is not None else [])]
-    tried += [f"{len(others.laws)} other contact law{'s' if len(others.laws) > 1 else ''}"] if others.laws else []
+    tried += [f"{others.tried} other contact law{'s' if others.tried > 1 else ''}"] if others.tried else []
     if tried:
-        helps = "" if advice else ", and none has a clearly smaller error"
+        helps = "" if advice else ", and none is clearly better"
         late = f"; there was no time for {len(others.untried)} more" if others.untried else ""
-        yield f"percuss tried {' and '.join(tried)}{helps}{late}. `{next_command}` searches more."
+        yield f"percuss tried {' and '.join(tried)}{helps}{late}. {capitalised(next_command)} searches more."
 
 
 def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
@@ -163,9 +173,10 @@ def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
         if reason:
             by_reason.setdefault((status, PLACE.sub("", reason.split("\n")[0])), []).append((words, reason))
     for (status, first_line), failed in sorted(by_reason.items(), key=lambda item: -len(item[1]))[:MOST_REASONS]:
-        named = ", ".join(dict.fromkeys(words for words, _ in failed[:MOST_NAMED]))
-        more = f" and {len(failed) - MOST_NAMED} more" if len(failed) > MOST_NAMED else ""
-        why = first_line if len(failed) > 1 else " ".join(failed[0][1].split())
+        names = list(dict.fromkeys(words for words, _ in failed))
+        named = ", ".join(names[:MOST_NAMED])
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        why = first_line if len(failed) > 1 else "; ".join(line.strip() for line in failed[0][1].splitlines())
         yield f"{len(failed)} {status}: {named}{more}: {why}"
     if len(by_reason) > MOST_REASONS:
         yield f"and {len(by_reason) - MOST_REASONS} other reasons: see the reason of each run in --json"
@@ -194,7 +205,9 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def check_verdict(steps: int, dt: float, certificate: Certificate, solution: str, why_not: str) -> Iterator[str]:
+def check_verdict(
+    steps: int, dt: float, certificate: Certificate, solution: str, why_not: str, *, refused: bool
+) -> Iterator[str]:
     """Yield three sentences on a case before its run: whether it will run, whether it is stable, what judges it.
 
     Parameters
@@ -205,11 +218,14 @@ def check_verdict(steps: int, dt: float, certificate: Certificate, solution: str
         Certificate of the case.
     solution, why_not
         Name of the exact solution of the case; else why there is none.
+    refused
+        Whether percuss refuses to run the case if its step is unstable.
     """
     margin, stable = certificate["margin"], certificate["stable"]
     of_critical = f": its step is {percent(margin)} of the critical one" if margin is not None else ""
     if stable == "no":
-        yield f"It will not run. To be stable, {certificate['cure']}."
+        runs = "will not run" if refused else "runs although it is unstable, as the case asks (on_unstable: warn)"
+        yield f"It {runs}. To be stable, {certificate['cure']}."
     else:
         yield f"It will run: {steps} steps of {dt:.6g}."
     yield {

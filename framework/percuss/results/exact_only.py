@@ -29,7 +29,7 @@ SAMPLES, FEWEST_SAMPLES = 2001, 101
 # Seconds that the energies of all samples may take, and that those of a front and of a bar take at one time. They are
 # numbers and no measurements, so that a solution has the same samples on every machine.
 ENERGY_SECONDS, SECONDS_PER_FRONT, SECONDS_PER_BAR = 10.0, 0.3e-6, 40e-6
-FEWER = "the histories have fewer samples than others, as the energies of so many waves or bars take long"
+FEWER = "the histories have fewer samples than usual, as so many waves or bars make their energies slow to compute"
 FIELD_POINTS = 200  # points of the stress field per bar
 
 

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from percuss.compiling import NOTICES
+from percuss.results.ledger import open_accounts
 from percuss.results.true_error import largest_error
 from percuss.studies.candidates import needed_quantities, required_options
+from percuss.studies.columns import metric
 from percuss.studies.perform import perform
 from percuss.studies.tasks import Task
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from percuss.results.result import Result
 
 LARGE_ERROR = 0.05  # a run with a smaller true error needs no other run
+CHANGE_OF_ENERGY = 0.1  # a law that takes or adds a larger share, and more than the run does, is no better law
 LEAST_SECONDS = 2.0  # for all runs together, if the run itself took less
 COMPILE_SECONDS = 4.0  # a law whose kernel must be compiled first is tried only if so much time is left
 
@@ -32,18 +35,22 @@ class Alternatives:
     finer
         Error on a mesh twice as fine with half the step; None if there was no such run, or it has no error.
     laws
-        Error by contact law, in the order in which they were tried: simple ones first.
+        Error by contact law that keeps the energy as well as the run does, in the order in which they were tried:
+        simple ones first.
+    tried
+        Number of contact laws that were tried.
     untried
         Contact laws for which the time was too short.
     """
 
     finer: float | None
     laws: dict[str, float]
+    tried: int
     untried: list[str]
 
 
 def alternatives(case: Case, result: Result) -> Alternatives | None:
-    """Return other runs of a case whose true error is large, or None where it is small or unknown.
+    """Return other runs of a case whose true error is large, or None where it is small or unknown, or no valid result.
 
     All of them together take at most `LEAST_SECONDS`, or as long as the run itself.
 
@@ -55,7 +62,8 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
         Its run.
     """
     error = largest_error(result.summary)
-    if error is None or error <= LARGE_ERROR or result.status != "done":
+    valid = result.status == "done" and result.summary["certificate"]["stable"] != "no"
+    if error is None or error <= LARGE_ERROR or not valid or open_accounts(result.summary):
         return None
     finer: dict[str, float] = {"refine": 2 * case.refine}
     finer |= {"time.step": 0.5 * case.time.step} if case.time.step is not None else {}
@@ -69,7 +77,8 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
         if {name} != own and not law.tied_during and not needed_quantities(law)
     }
     found: dict[str, float] = {}
-    untried = []
+    count, untried = 0, []
+    most_change = max(CHANGE_OF_ENERGY, _change_of_energy(result))
     seconds = result.summary["seconds"]
     deadline = time.monotonic() + max(LEAST_SECONDS, seconds["total"] - seconds["compile"])
     one_law = case.with_one_law()
@@ -87,8 +96,16 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
                 break
             if run.result is not None and run.status == "done":
                 other = largest_error(run.result.summary)
-                found |= {name: other} if other is not None else {}
-    return Alternatives(found.pop("", None), found, [name for name in untried if name])
+                count += bool(name)
+                if other is not None and _change_of_energy(run.result) <= most_change:
+                    found[name] = other
+    return Alternatives(found.pop("", None), found, count, [name for name in untried if name])
+
+
+def _change_of_energy(result: Result) -> float:
+    """Return the share of the energy put in that contacts, scheme and materials take or add; 0 without energy."""
+    kept = metric(result, "energy_kept")
+    return abs(kept - 1.0) if kept is not None else 0.0
 
 
 def _promise(law: tuple[str, Any]) -> tuple[bool, bool]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,6 +20,8 @@ def forecast(
     path: str | Path | Mapping[str, Any],
     plugins: Sequence[str | Path] = (),
     progress: Callable[[int, int], None] | None = None,
+    *,
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Return what is known of a study before its first run; one run, the cheapest, is made to time it.
 
@@ -32,15 +33,18 @@ def forecast(
         Single-file plug-ins besides those that the cases name.
     progress
         Called with (runs examined, runs in all).
+    workers
+        Number of processes that share the runs.
 
     Returns
     -------
     dict
-        ``title`` and number of all ``runs``; ``rows``, a mapping for each run that was examined, as of the table of the
-        study, with ``node_steps`` and the ``status`` ``waiting`` for a run that nothing speaks against, else
-        ``refused``, ``unstable`` or ``failed`` with the reason; the ``counts`` of each status; the ``node_steps`` of
-        all runs that can be made, and their ``seconds`` on all cores of this machine, from the time of the cheapest
-        run, None without such a run. Of a large study runs at equal distances are examined, and both are estimates.
+        ``title``, number of all ``runs`` and of those ``examined``; ``rows``, a mapping for each run that was examined,
+        as of the table of the study, with ``node_steps`` and the ``status`` ``waiting`` for a run that nothing speaks
+        against, else ``refused``, ``unstable`` or ``failed`` with the reason; the ``counts`` of each status among
+        them; the ``node_steps`` of all runs that can be made, and their ``seconds`` with all workers, from the time of
+        the cheapest run, None without such a run. Of a large study runs at equal distances are examined, and both are
+        estimates.
 
     Raises
     ------
@@ -70,10 +74,11 @@ def forecast(
             marched = MARCHES * times["march"]
             besides = max(times["total"] - times["compile"] - marched, 0.0)
             each = (besides + marched * node_steps / work[cheapest] for node_steps in work.values())
-            seconds = sum(each) * len(jobs) / len(tasks) / (os.cpu_count() or 1)
+            seconds = sum(each) * len(jobs) / len(tasks) / workers
     return {
         "title": str(spec.data.get("title", "")),
         "runs": len(jobs),
+        "examined": len(rows),
         "rows": rows,
         "counts": dict(Counter(row["status"] for row in rows)),
         "node_steps": sum(work.values()) * len(jobs) / len(tasks),

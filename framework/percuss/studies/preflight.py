@@ -36,7 +36,7 @@ def check_points(spec: StudySpec) -> None:
             path = next((path for path in point if problem.place.startswith(f"--set {path}=")), None)
             if path is None:
                 problems[problem] = None
-            elif path in places:  # else it is told of the ends of the range that the value was drawn from
+            elif path in places:  # else the ends of the range say it, from which the value was drawn
                 problems[_problem_in_study(spec, places[path], path, problem)] = None
         if wrong and len(problems) > 20:
             break

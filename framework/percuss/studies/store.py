@@ -4,7 +4,7 @@ A batch of rows is one transaction of a write-ahead log: if a process is killed 
 finished are complete. A row is found by the key of the inputs of its run, so that the same run is never made twice.
 
 Every row of every table ends with the digest of what stands before it, and a table of seals holds the sum of the
-digests of each table: what is changed, moved, added or removed later is told when it is read. No table has an index
+digests of each table: reading the file finds whatever was changed, moved, added or removed later. No table has an index
 beside it that could disagree with it. The arrays of a run are larger: their digest stands in the row of the run.
 """
 

@@ -18,6 +18,7 @@ from percuss.testing.subject import Check, Status, named
 OTHERS = "with methods of other plug-ins, which the verdict does not count:"
 MARKS = {"passed": ".", "failed": "F", "passes unexpectedly": "F", "expected failure": "x", "not applicable": "s"}
 WORDS = {"expected failure": "declared", "not applicable": "skipped", "passes unexpectedly": "unexpected pass"}
+WORST: tuple[Status, ...] = ("failed", "passes unexpectedly", "expected failure", "passed")
 WIDTH = 79
 NEXT_ENTRY = ",\n" + " " * 25
 GROUPS_SHOWN, LINES_OF_A_GROUP, NAMES_SHOWN = 3, 3, 3
@@ -176,7 +177,7 @@ class Report:
                 rows.setdefault(outcome.check, []).append(outcome)
         for check, outcomes in rows.items():
             if self.passed or any(not outcome.good for outcome in outcomes):
-                yield f"{check.name:23} {check.holds:40} {_result(outcomes)}"
+                yield f"{check.name:23} {check.holds:40}{_result(outcomes)}"
 
     def _told_groups(self) -> Iterator[str]:
         """Yield the lines of the groups of failures, and how a failure is declared."""
@@ -221,12 +222,11 @@ class Report:
 
 
 def _result(outcomes: list[Outcome]) -> str:
-    """Return the result of a check, with counts if it was made in pairs."""
-    most = ("failed", "passes unexpectedly", "passed", "expected failure", "not applicable")
-    status = next(status for status in most if any(outcome.status == status for outcome in outcomes))
-    number = sum(outcome.status == status for outcome in outcomes)
-    count = f"{number} of {len(outcomes)} " if len(outcomes) > 1 else ""
-    return f"{count}{WORDS.get(status, status)}".rjust(15)
+    """Return the worst result of a check; how many of the pairs in which it was made have it."""
+    made: list[Status] = [outcome.status for outcome in outcomes if outcome.status != "not applicable"]
+    status: Status = min(made, key=WORST.index, default="not applicable")
+    count = f"{made.count(status)} of {len(made)} " if len(outcomes) > 1 and made else ""
+    return f"{count}{WORDS.get(status, status)}".rjust(16)
 
 
 def here(text: str) -> str:

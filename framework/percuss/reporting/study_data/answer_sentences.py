@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.quantities import percent
 from percuss.reporting.figures import number
 from percuss.reporting.study_data.case_cells import Cell, cells
 from percuss.reporting.study_data.roles import ColumnRoles, is_share, ranking, references
 from percuss.reporting.study_data.values import WAITING, as_label, methods, numbers, texts
 
+NO_BREAK = "\u00a0"  # A line of a page does not end at this space.
 MOST_CASES = 2  # Of more cases only the wins are counted; the first chart has each of them.
 SAME = 1e-6  # Relative difference below which two errors are the same.
 
@@ -33,7 +35,7 @@ def answer(table: Any, roles: ColumnRoles) -> list[str]:
 
 def value_words(value: float, name: str) -> str:
     """Return a value of a measure in words, a share in per cent."""
-    return number(value, 3) + " %" * is_share(name)
+    return percent(0.01 * value).replace(" ", NO_BREAK) if is_share(name) else number(value, 3)
 
 
 def winners(of_case: dict[str, Cell], excluded: set[str]) -> list[str]:
@@ -94,8 +96,9 @@ def _failed_sentence(table: Any) -> str:
     if failed.empty:
         return f"None of {len(made):,} runs failed.{waiting}"
     counts = ", ".join(f"{count:,} {status}" for status, count in Counter(texts(failed["status"])).most_common())
-    pair, most = Counter(methods(failed)).most_common(1)[0]
-    return f"{len(failed):,} of {len(made):,} runs failed ({counts}); {most:,} of them used {pair}.{waiting}"
+    (pair, most), *_ = Counter(methods(failed)).most_common()
+    used = f"; {most:,} of them used {pair}" if 2 * most > len(failed) else ""
+    return f"{len(failed):,} of {len(made):,} runs failed ({counts}){used}.{waiting}"
 
 
 def _dependence_sentence(table: Any, roles: ColumnRoles, name: str) -> list[str]:
