@@ -488,7 +488,7 @@ def test_the_answer_is_that_of_the_rows(several, small):
     failed = table[table["status"] != "done"]
     assert told[2].startswith(f"{len(failed)} of {len(table)} runs failed ({len(failed)} unstable); {len(failed)} of")
     assert "The result of 1 of" in told[3]
-    page = "".join(Tags(report_html(FakeStudy(table))).words)
+    page = "".join(Tags(report_html(FakeStudy(table))).words).replace("\u00a0", " ")
     assert all(page.count(sentence) == 1 for sentence in told)
     many = answer_of(several)
     best = several.table[several.table["contact"] != "tied"].dropna(subset="force_error_l1")

@@ -76,6 +76,22 @@ def test_a_law_that_loses_energy_is_not_advised(monkeypatch: pytest.MonkeyPatch)
     assert "lagrange" not in [*made.laws, *made.untried]
 
 
+def test_ctrl_c_ends_the_other_runs_alone(coarse: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, perform = [], module.perform
+
+    def interrupted(*args, **kwargs):
+        made.append(args)
+        if len(made) > 1:
+            raise KeyboardInterrupt
+        return perform(*args, **kwargs)
+
+    monkeypatch.setattr(module, "perform", interrupted)
+    done = percuss_command("run", str(coarse))
+    assert done.returncode == 0, done.stderr
+    assert "refine the mesh (twice as fine: " in done.stdout
+    assert len(made) == 2
+
+
 def test_a_small_error_needs_no_other_run() -> None:
     case = percuss.load(CASES / "hunek.yaml")
     assert module.alternatives(case, percuss.run(case)) is None

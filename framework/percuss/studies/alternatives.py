@@ -52,7 +52,7 @@ class Alternatives:
 def alternatives(case: Case, result: Result) -> Alternatives | None:
     """Return other runs of a case whose true error is large, or None where it is small or unknown, or no valid result.
 
-    All of them together take at most `LEAST_SECONDS`, or as long as the run itself.
+    All of them together take about `LEAST_SECONDS`, or as long as the run itself. Ctrl-C ends them.
 
     Parameters
     ----------
@@ -81,17 +81,21 @@ def alternatives(case: Case, result: Result) -> Alternatives | None:
     most_change = max(CHANGE_OF_ENERGY, _change_of_energy(result))
     seconds = result.summary["seconds"]
     deadline = time.monotonic() + max(LEAST_SECONDS, seconds["total"] - seconds["compile"])
+    longest = 4.0 * seconds["march"]  # twice as many elements and steps
     one_law = case.with_one_law()
     with _compiling_until(deadline - COMPILE_SECONDS):
         for name, changes in {"": finer, **tried}.items():
-            expected = seconds["march"] if name else 4.0 * seconds["march"]  # twice as many elements and steps
+            begun = time.monotonic()
             task = Task("", case.method.integrator.name, name, {}, changes)
             try:
-                _expect_before(deadline - expected)
+                _expect_before(deadline - longest)
                 run, _ = perform(one_law if name else case, task, progress=lambda *_: _expect_before(deadline))
             except _OutOfTime:
                 untried.append(name)
                 continue
+            except KeyboardInterrupt:  # The run itself is done: Ctrl-C ends the others alone.
+                break
+            longest = max(longest, time.monotonic() - begun)
             if run.status == "interrupted":
                 break
             if run.result is not None and run.status == "done":
