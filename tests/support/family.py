@@ -340,8 +340,9 @@ def findings(tables):
         f"the penalty with central difference keep the energy to {MOST_SPENT} %. `lagrange` loses more than half of "
         "it. A penalty loses more than a tenth with a scheme that damps, or with Wu's predictor-corrector. These "
         "numbers depend on round-off.",
-        f"**`nitsche` adds energy.** With a scheme that does not damp it adds up to "
-        f"{short(max(gains.values()))} % in a case. Every other law adds {short(max(others, 0.0))} % at most, fifty impacts apart.",
+        "**`nitsche` adds energy.** With a scheme that does not damp it adds up to "
+        f"{short(max(gains.values()))} % in a case. Every other law adds "
+        f"{short(max(others, 0.0))} % at most, fifty impacts apart.",
         f"**The largest step is the best, unless the scheme damps.** From a Courant number of {COURANT} to 0.9 the "
         f"error of exact contact with central difference falls to {span(undamped)} of its value, because the mesh "
         "disperses less, and the run costs less. With the schemes of one stage that damp, the error of a penalty "
