@@ -5,7 +5,7 @@ from __future__ import annotations
 import copyreg
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,6 +112,12 @@ class InputError(PercussError):
         if hidden := len(self.problems) - len(shown):
             shown.append(f"... and {hidden} more mistake{'s' if hidden > 1 else ''}")
         super().__init__("\n".join(shown))
+
+
+def refuse_if_any(problems: Collection[Problem]) -> None:
+    """Raise an InputError with all problems, if there are any."""
+    if problems:
+        raise InputError(problems)
 
 
 class TooLargeError(InputError):

@@ -81,9 +81,7 @@ def expect_writable(path: str | os.PathLike[str], inputs: Iterable[tuple[str, Pa
         If there cannot be such a file, or it is read.
     """
     expect_no_input(path, inputs)
-    attempt = replacing(path, Path(path).suffix)
-    attempt.__enter__()
-    attempt.__exit__(OSError, None, None)
+    _temporary_beside(Path(path), Path(path).suffix).unlink()
 
 
 def expect_place(path: Path) -> None:
@@ -128,8 +126,9 @@ def place_whole(path: Path, content: bytes) -> None:
             temporary.write_bytes(content)
 
 
-class replacing:  # noqa: N801 - named like a function because it is used in with statements
-    """A context manager that gives a temporary path and, if no error occurs, renames that file to the target.
+@contextmanager
+def replacing(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
+    """Give a temporary path and, if no error occurs inside this context, rename that file to the target.
 
     Raises
     ------
@@ -138,36 +137,30 @@ class replacing:  # noqa: N801 - named like a function because it is used in wit
     UnwrittenError
         At the end, if the file could not be written to its end or renamed.
     """
+    target = Path(path)
+    temporary = _temporary_beside(target, suffix)
+    try:
+        with writing(target):
+            yield temporary
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o666 & ~umask)  # mkstemp makes a private file; a result is an ordinary one.
+            temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
-    def __init__(self, path: str | os.PathLike[str], suffix: str) -> None:
-        self.target = Path(path)
-        self.suffix = suffix
 
-    def __enter__(self) -> Path:
-        expect_place(self.target)
-        try:
-            prefix, folder = f".{self.target.name}.", self.target.parent
-            handle, name = tempfile.mkstemp(prefix=prefix, suffix=self.suffix, dir=folder)
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            problem = Problem(str(self.target), "", f"cannot write here: {reason}", "Name another file or folder.")
-            raise InputError([problem]) from error
-        os.close(handle)
-        self.temporary = Path(name)
-        return self.temporary
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        try:
-            with writing(self.target):
-                if isinstance(error, OSError):
-                    raise error
-                if kind is None:
-                    umask = os.umask(0)
-                    os.umask(umask)
-                    self.temporary.chmod(0o666 & ~umask)  # mkstemp makes a private file; a result is an ordinary one.
-                    self.temporary.replace(self.target)
-        finally:
-            self.temporary.unlink(missing_ok=True)
+def _temporary_beside(target: Path, suffix: str) -> Path:
+    """Return an empty file beside the target, or refuse the target because there cannot be such a file."""
+    expect_place(target)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=suffix, dir=target.parent)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        problem = Problem(str(target), "", f"cannot write here: {reason}", "Name another file or folder.")
+        raise InputError([problem]) from error
+    os.close(handle)
+    return Path(name)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.hints import name_advice
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, refuse_if_any
 from percuss.methods.blame import SINGULAR
 
 if TYPE_CHECKING:
@@ -59,8 +59,7 @@ def expect_methods(registry: Registry, integrators: Iterable[str], contacts: Ite
         for name in names
         if name not in registry.names(family)
     ]
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def expect_files(function: str, value: Any) -> None:

@@ -13,7 +13,7 @@ from percuss.case.specs import CaseSection
 from percuss.case.type_words import branches, fact, item_type
 from percuss.case.validation import Named, Section
 from percuss.case.yaml_text import KeyPath, dotted, flow
-from percuss.errors import InputError, Problem, suggestion
+from percuss.errors import InputError, Problem, refuse_if_any, suggestion
 from percuss.methods.registry import Registry
 
 
@@ -44,8 +44,7 @@ def apply(source: Source, overrides: Mapping[str, Any], registry: Registry) -> t
             problems += error.problems
         else:
             notes += new_notes
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
     return source, notes
 
 

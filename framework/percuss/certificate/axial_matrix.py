@@ -56,7 +56,9 @@ class AxialMatrix(NamedTuple):
         return stiffness
 
     def mass_root(self) -> Floats:
-        """Return a matrix L with ``M^-1 = L L^T``, (n, n), of a mass that couples nodes."""
+        """Return a matrix L with ``M^-1 = L L^T``, (n, n)."""
+        if not self.coupled.size:
+            return np.diag(1.0 / np.sqrt(self.mass))
         root = np.linalg.cholesky(times(self.coupled[0], np.eye(self.mass.size)))
         return np.asarray(root, dtype=np.float64)
 

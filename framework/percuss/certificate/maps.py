@@ -21,7 +21,7 @@ from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion, RunCriterion
 from percuss.certificate.verdict import settled
-from percuss.errors import InputError, PluginError, Problem, RefusedPair, suggestion
+from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
 from percuss.solver.model import Model
 
@@ -110,8 +110,7 @@ def _check_arguments(by: Sequence[str], curves: Mapping[str, Any], vary: Mapping
         for path in curves
         if path in vary
     ]
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def save(rows: list[dict[str, Any]], path: str | os.PathLike[str]) -> None:

@@ -38,35 +38,18 @@ class ClosedMatrix:
     """
 
     def __init__(self, pencil: Pencil) -> None:
-        sizes = [body.mass.size for body in pencil.bodies]
+        from scipy.linalg import block_diag
+
+        bodies = pencil.bodies
+        sizes = [body.mass.size for body in bodies]
         self.size = sum(sizes)
-        self.scaled = np.zeros((self.size, self.size))  # M^-1/2 K M^-1/2
-        self.normal = np.zeros((self.size, len(pencil.model.contact_pairs)))  # M^-1/2 N
-        rigid = []
-        at = 0
-        for body, size in zip(pencil.bodies, sizes, strict=True):
-            place = np.arange(at, at + size)
-            free = size == pencil.model.body_of(body.first).mass.size
-            if body.coupled.size:  # with M^-1 = L L^T, L takes the place of M^-1/2
-                root_matrix = body.mass_root()
-                self.scaled[np.ix_(place, place)] = root_matrix.T @ body.full() @ root_matrix
-                self.normal[place] = root_matrix.T @ pencil.normals(body.first, size)
-                if free:
-                    motion = np.zeros(self.size)
-                    motion[place] = np.linalg.solve(root_matrix, np.ones(size))
-                    rigid.append(motion / np.linalg.norm(motion))
-                at += size
-                continue
-            root = np.sqrt(body.mass)
-            self.scaled[np.ix_(place, place)] = body.full() / (root[:, None] * root)
-            self.scaled[place, place] = body.diagonal / body.mass
-            self.normal[place] = pencil.normals(body.first, size) / root[:, None]
-            if free:  # A body with all its nodes free moves rigidly.
-                motion = np.zeros(self.size)
-                motion[place] = root / np.linalg.norm(root)
-                rigid.append(motion)
-            at += size
-        self.rigid = np.array(rigid).reshape(-1, self.size).T
+        root = block_diag(*(body.mass_root() for body in bodies))  # L of M^-1 = L L^T takes the place of M^-1/2
+        self.scaled = root.T @ block_diag(*(body.full() for body in bodies)) @ root
+        self.normal = root.T @ np.concatenate([pencil.normals(body.first, body.mass.size) for body in bodies])
+        # A body with all its nodes free moves rigidly.
+        free = [size == pencil.model.body_of(body.first).mass.size for body, size in zip(bodies, sizes, strict=True)]
+        motions = np.linalg.solve(root, block_diag(*(np.ones((size, 1)) for size in sizes))[:, free])
+        self.rigid = motions / np.linalg.norm(motions, axis=0)
 
     def radius(self, dt: float, laws: ClosedContacts, closed: Sequence[int]) -> float:
         """Return the largest modulus of the eigenvalues of the step, leaving out motions without strain.

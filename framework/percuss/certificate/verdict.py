@@ -22,7 +22,7 @@ from percuss.certificate.criteria import (
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.pencil import MARGINAL_DISTANCE
-from percuss.errors import InputError
+from percuss.errors import InputError, refuse_if_any
 from percuss.solver.bodies import tangent_as_declared
 from percuss.solver.model import Model
 
@@ -128,8 +128,7 @@ def _refuse_after_the_end(case: Case, end: float) -> None:
         if late is not None:
             key, message, advice = late
             problems.append(case.problem((*expectation.path, key), message, advice))
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def _with_step(case: Case) -> SettledRun:

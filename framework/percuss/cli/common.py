@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, shortened
+from percuss.errors import InputError, PercussError, Problem, UnwrittenError, printable, refuse_if_any, shortened
 from percuss.files import expect_writable
 from percuss.heartbeat import Watch, beat, heard_by
 from percuss.methods.blame import described, is_ctrl_c, line_in_plugin, plugin_faults
@@ -327,8 +327,7 @@ def load_case(
         if not equals or not key:
             problems.append(Problem(f"--set {shortened(item)}", "", "expected PATH=VALUE", "Write it as time.end=0.5."))
         overrides[key] = value
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
     return (read or load)(path, overrides, plugins=files or [])
 
 

@@ -17,7 +17,7 @@ import percuss
 from percuss import version
 from percuss.case.json_schema import case_schema
 from percuss.case.yaml_text import flow
-from percuss.errors import InputError, Problem, suggestion
+from percuss.errors import InputError, Problem, refuse_if_any, suggestion
 from percuss.files import PACKAGE, is_folder
 from percuss.methods.interfaces import FAMILIES, NAME_PATTERN
 from percuss.methods.registry import Registry
@@ -126,8 +126,7 @@ def _expect_valid(name: str, kind: str, out: Path, *, single_file: bool) -> None
             )
     if not is_folder(out):
         problems.append(Problem(str(out), "", "expected a folder that exists", f"Make it first: mkdir -p {out}"))
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def _importable(word: str, own_folder: Path) -> bool:

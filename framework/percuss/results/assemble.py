@@ -73,7 +73,7 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
         "displacement": outcome.record.displacement[:record_count].reshape(record_count, len(probe_names), dim),
         "velocity": outcome.record.velocity[:record_count].reshape(record_count, len(probe_names), dim),
     }
-    energies = ledger.energies(outcome)
+    energies = ledger.energies(march, outcome)
     arrays |= energies | _contact_states(march, outcome)
     end_force = outcome.record.end_force[:record_count][:, case_order]
     if end_force.size and not np.isnan(outcome.points.end_stiffness).all():

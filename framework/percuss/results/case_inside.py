@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.case import load
 from percuss.case.source import Source
-from percuss.errors import InputError, PluginError, Problem
+from percuss.errors import InputError, PluginError, Problem, refuse_if_any
 from percuss.methods.registry import Registry
 from percuss.methods.single_file import SingleFile
 
@@ -65,8 +65,7 @@ def _files_at_their_place(provenance: Mapping[str, Any], plugins: Sequence[Path]
             problems.append(Problem(name, "", f"needs {component} ({family}) of {origin['file']}: {reason}", advice))
         else:
             files[Path(origin["file"])] = None
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
     return list(files)
 
 

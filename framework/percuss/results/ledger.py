@@ -41,7 +41,7 @@ BODIES_TOLERANCE = 0.05
 ROUND_OFF_UNITS = 4.0  # error of a step in rounding units, as in `percuss.results.energy_growth`
 
 
-def energies(outcome: Outcome) -> dict[str, Floats]:
+def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     """Return the energies and works of a run at each record, the closure error of the ledger, and the energy growth.
 
     Returns
@@ -54,19 +54,22 @@ def energies(outcome: Outcome) -> dict[str, Floats]:
         t_{n+1/2}.
     """
     kinetic, elastic, external, contact, stored, internal, dissipated = outcome.record.energy[: outcome.records].T
-    in_bodies = internal if outcome.sums_internal_work else elastic
-    before = outcome.kinetic_before if outcome.sums_internal_work else outcome.energy_before
+    sums_internal_work, energy_before = march.model.sums_internal_work, outcome.totals.energy_before
+    in_bodies = internal if sums_internal_work else elastic
+    before = outcome.kinetic_before if sums_internal_work else energy_before
     closure = kinetic + in_bodies - before - external - contact
-    sizes = np.max(np.abs([kinetic, elastic, external, contact]), axis=0, initial=abs(outcome.energy_before))
+    sizes = np.max(np.abs([kinetic, elastic, external, contact]), axis=0, initial=abs(energy_before))
     # Where all forces balance, nothing moves and the energies are round-off: the scale is then the energy that a force
     # would bring by itself.
     step_energy = outcome.totals.step_energy
     largest = np.maximum(np.maximum.accumulate(sizes), step_energy) if sizes.size else sizes
     growth = contact + stored - (contact + stored)[:1]
-    bodies = {"internal_work": internal} if outcome.sums_internal_work else {}
-    if outcome.viscous:  # what the work of the internal forces has not stored in linear bodies
-        bodies["dissipated_energy"] = internal - (elastic - (outcome.energy_before - outcome.kinetic_before))
-    elif outcome.dissipates:
+    bodies = {"internal_work": internal} if sums_internal_work else {}
+    if (
+        march.model.viscosity > 0 or march.model.implicit
+    ):  # what the work of the internal forces has not stored in linear bodies
+        bodies["dissipated_energy"] = internal - (elastic - (energy_before - outcome.kinetic_before))
+    elif march.state_variables.dissipated.size > 0:
         bodies["dissipated_energy"] = dissipated
     return {
         "kinetic_energy": kinetic,
@@ -85,7 +88,7 @@ def largest(outcome: Outcome) -> float:
     total = outcome.totals
     recorded = np.abs(outcome.record.energy[: outcome.records, :4])
     largest_recorded = float(np.max(recorded, initial=0.0, where=np.isfinite(recorded)))
-    return float(max(largest_recorded, outcome.energy_before, total.largest_work, total.step_energy))
+    return float(max(largest_recorded, total.energy_before, total.largest_work, total.step_energy))
 
 
 def energy_summary(

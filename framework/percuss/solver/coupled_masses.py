@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.errors import InputError
+from percuss.errors import InputError, refuse_if_any
 from percuss.lapack import lapack
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import Mass
@@ -97,8 +97,7 @@ def refuse_coupled_ends(model: ModelArrays) -> None:
                 f"The mass {name} couples both of its ends, and a support, a drive or a load acts on one: take more."
             )
             problems.append(model.case.problem(("bodies", body.name), message, advice))
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def highest_frequency(body: Body) -> float:

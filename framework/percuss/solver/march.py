@@ -62,11 +62,7 @@ class Outcome:
     record: leapfrog_loop.Record
     points: Any  # percuss.solver.compiled.contact_equation.POINT, summed over the steps before t_N
     starting_velocity: Floats  # at -dt/2
-    energy_before: float  # kinetic and elastic energy at -dt/2
     kinetic_before: float  # kinetic energy at -dt/2
-    sums_internal_work: bool  # whether the internal work of the bodies is recorded
-    dissipates: bool  # whether a material says what it dissipates
-    viscous: bool  # whether the scheme takes energy from linear bodies: it has a viscosity, or is implicit
     totals: SimpleNamespace  # `March.totals`, before the trial step
     load_impulse: Floats
     kernels: Kernels
@@ -418,7 +414,6 @@ class March:
             outcome.final_displacement = self._displacement(outcome.done)
             outcome.points = copied_records(self.boundary.points)
             outcome.totals = self.totals
-            outcome.energy_before = outcome.totals.energy_before
             if outcome.status != "unstable":
                 self._trial_step(outcome.done)
         every = self.record.every
@@ -462,11 +457,7 @@ class March:
             record=self.record,
             points=self.boundary.points,
             starting_velocity=self.v.copy(),
-            energy_before=0.0,
             kinetic_before=0.0,
-            sums_internal_work=self.internal_work.size > 0,
-            dissipates=self.state_variables.dissipated.size > 0,
-            viscous=self.model.viscosity > 0 or self.model.implicit is not None,
             totals=self.totals,
             load_impulse=np.zeros(self.dim),
             kernels=self.kernels,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.errors import InputError, Problem, RefusedPair
+from percuss.errors import InputError, Problem, RefusedPair, refuse_if_any
 from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
 from percuss.methods.plugin_calls import answer
@@ -99,7 +99,7 @@ class Model(ModelArrays):
         problems: list[Problem] = []
         pairs = [contact_pair_of(case, spec, bodies, problems) for spec in case.contacts.values()]
         loads = supports_and_loads(case, bodies, problems)
-        _raise(problems)
+        refuse_if_any(problems)
         self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
         refuse_coupled_ends(self)
         self._bind()
@@ -146,13 +146,13 @@ class Model(ModelArrays):
         if self.viscosity and self.why_not_linear:
             message = f"expected linear bodies with the viscous {integrator.name}, found that {self.why_not_linear}"
             advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
-            _raise([self.case.problem(("method", "integrator"), message, advice)])
+            raise InputError([self.case.problem(("method", "integrator"), message, advice)])
         if self.couples_nodes and (self.implicit or self.own_steps):
             mass = self.case.method.mass.name
             what = "an implicit scheme" if self.implicit else "bodies with steps of their own"
             message = f"expected a diagonal mass with {integrator.name}, found {mass}, which couples nodes"
             advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
-            _raise([self.case.problem(("method", "mass"), message, advice)])
+            raise InputError([self.case.problem(("method", "mass"), message, advice)])
         self._check_movable()
         self._set(laws=self._bound_laws(self.dt))
         refuse_without_mass(self)
@@ -383,7 +383,7 @@ class Model(ModelArrays):
                         message += f" from {start * self.dt:.6g} to {min(stop, self.steps) * self.dt:.6g}"
                         advice = "Drive one of its ends at a time: without a free end its force is unknown."
                     problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
-            _raise(problems)
+            refuse_if_any(problems)
 
     def _refuse_pairs(self) -> None:
         integrator = self.case.method.integrator
@@ -410,7 +410,7 @@ class Model(ModelArrays):
                 laws.append(bind_law(law, tuple(where), self.points(where, dt), dt))
             except ValueError as error:
                 problems.append(self.case.problem(("method", "contact"), said_by(error)))
-        _raise(problems)
+        refuse_if_any(problems)
         coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
         for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
             alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
@@ -434,8 +434,8 @@ class Model(ModelArrays):
             )
             return self.case.problem(("contacts", second), message, advice, any_inside=True)
 
-        pairs = itertools.combinations(laws, 2)
-        _raise([problem(p, q) for one, other in pairs for p in one.where for q in neighbours[p] if q in other.where])
+        pairs = [(p, other) for one, other in itertools.combinations(laws, 2) for p in one.where]
+        refuse_if_any([problem(p, q) for p, other in pairs for q in neighbours[p] if q in other.where])
 
     def delassus(self, midpoint: float) -> Floats:
         """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
@@ -531,9 +531,3 @@ def _bodies_of(case: Case) -> dict[str, Body]:
         )
         start = bodies[name].stop
     return bodies
-
-
-def _raise(problems: list[Problem]) -> None:
-    """Raise the problems of a case as one error, if there are any."""
-    if problems:
-        raise InputError(problems)

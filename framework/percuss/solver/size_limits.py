@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.case.options import LARGEST_NUMBER, SMALLEST_NUMBER, UNITS
-from percuss.errors import InputError, TooLargeError
+from percuss.errors import InputError, TooLargeError, refuse_if_any
 from percuss.methods.plugin_calls import answer
 from percuss.solver.cells import has_cells, mesh_of_element
 from percuss.solver.entities import ROUND_OFF
@@ -126,8 +126,7 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
                 own = ("velocity",) if quantity == "a velocity" else ()
                 problems.append(case.problem(("bodies", name, *own), message, advice, any_inside=True))
                 break
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
     return bodies
 
 

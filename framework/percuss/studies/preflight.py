@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from percuss.errors import InputError, Problem
+from percuss.errors import InputError, Problem, refuse_if_any
 from percuss.studies.parameters import combinations
 from percuss.studies.perform import perform
 from percuss.studies.tasks import tasks
@@ -40,8 +40,7 @@ def check_points(spec: StudySpec) -> None:
                 problems[_problem_in_study(spec, places[path], path, problem)] = None
         if wrong and len(problems) > 20:
             break
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
 
 
 def _wrong_methods(spec: StudySpec) -> Iterator[Problem]:
@@ -181,5 +180,4 @@ def check_measures(spec: StudySpec, summaries: Sequence[Mapping[str, Any]]) -> N
                 f"the summary of a run has no '{missing_path}'" if missing_path else f"{column.name} is not one number"
             )
             problems.append(spec.source.problem(("measure", i), message, advice))
-    if problems:
-        raise InputError(problems)
+    refuse_if_any(problems)
