@@ -162,7 +162,8 @@ def _behind_end_elements(model: Model, laws: ClosedContacts) -> ClosedContacts:
     elements and follows from the current state.
     """
     massless = model.points_without_mass
-    compliance = laws.compliance + np.where(massless, model.delassus(0.5 * model.dt) * model.dt**2, 0.0)
+    delassus = model.contact_rows(0.5 * model.dt).diagonal
+    compliance = laws.compliance + np.where(massless, delassus * model.dt**2, 0.0)
     acting = massless.copy()
     acting[list(model.inactive_points(0.5 * model.dt))] = False
     weaker = WEAKEST_LAST.index(laws.energy) < WEAKEST_LAST.index(BETWEEN)

@@ -144,7 +144,7 @@ class PencilCriterion:
         self._closed = closed
         self.pencil = Pencil(model)
         self.limit_ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
-        self.delassus, self.coupling = model.delassus_rows(0.5 * model.dt)
+        _, self.delassus, self.coupling = model.contact_rows(0.5 * model.dt)
         self._shares_ends = any(self.coupling)
 
     def _groups(self, laws: ClosedContacts) -> list[tuple[Any, bool]]:

@@ -109,7 +109,7 @@ class DecoupledGapsCriterion:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.pencil = Pencil(model)
-        self._delassus = model.delassus(0.5 * model.dt)
+        self._delassus = model.contact_rows(0.5 * model.dt).diagonal
 
     @cached_property
     def _end_forces(self) -> list[Any]:
@@ -120,7 +120,7 @@ class DecoupledGapsCriterion:
     def _kappa(self) -> Floats:
         """``-N^T M^-1 Sigma / s``, (P,)."""
         mass, out = self.model.mass, np.zeros(len(self._end_forces))
-        rows = self.model.sides(0.5 * self.model.dt)
+        rows = self.model.contact_rows(0.5 * self.model.dt).sides
         for p, (end_force, sides) in enumerate(zip(self._end_forces, rows, strict=True)):
             out[p] = -sum(float(side.response @ end_force.rows[side.node]) for side in sides if mass[side.node] > 0.0)
         return out / self._delassus

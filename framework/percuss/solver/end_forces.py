@@ -61,7 +61,7 @@ def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
     found: dict[int, EndForce] = {}
     sides = None
     for bound_law in filter(sees_end_force, model.laws):
-        sides = sides or model.sides(midpoint)
+        sides = sides or model.contact_rows(midpoint).sides
         linear: Any = bound_law.linear
         for place, point in enumerate(bound_law.where):
             sees, pushes, softens = (float(getattr(linear, name)[place]) for name in OF_END_FORCE)
@@ -116,7 +116,7 @@ def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
                 weight**2 * model.body_of(side.node).end_stiffness(side.node)
                 for weight, side in zip(_weights(sides), sides, strict=True)
             )
-            for sides in model.sides(midpoint)
+            for sides in model.contact_rows(midpoint).sides
         ]
     )
 

@@ -93,7 +93,7 @@ class March:
         self.model = model
         self.dim = model.dim
         self._beginning: list[bytes] = []
-        self.order, self.law_records = model.law_records(model.delassus(0.5 * model.dt))
+        self.order, self.law_records = model.law_records()
         self._arrays()
         self._begin()
         self.kernels = kernels or bind(self.parts, compiled=compiled and model.implicit is None)
@@ -262,7 +262,7 @@ class March:
             if self.stepper.keeps_constraints or constraint.active(midpoint)
         ]
         self.active_constraints = [index for index, _ in active]
-        sides = model.sides(midpoint)
+        sides = model.contact_rows(midpoint).sides
         end_forces = self.model.end_forces(midpoint)
         sides = [end_forces[point].sides if point in end_forces else sides[point] for point in self.order]
         law_records = self.law_records

@@ -340,7 +340,7 @@ class Model(ModelArrays):
         largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
         neighbours: list[set[int]] = [set() for _ in self.contact_pairs]
         for start, _ in self.segments(laws=False):
-            diagonal, others = self.delassus_rows((start + 0.5) * self.dt)
+            _, diagonal, others = self.contact_rows((start + 0.5) * self.dt)
             largest = np.maximum(largest, diagonal)
             sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
             neighbours = [near.union(row) for near, row in zip(neighbours, others, strict=True)]
@@ -366,14 +366,14 @@ class Model(ModelArrays):
         """Nodes of each contact point that its force moves at some time of the run: not always fixed or driven."""
         moved: list[set[int]] = [set() for _ in self.contact_pairs]
         for start, _ in self.segments(laws=False):
-            for nodes, sides in zip(moved, self.sides((start + 0.5) * self.dt), strict=True):
+            for nodes, sides in zip(moved, self.contact_rows((start + 0.5) * self.dt).sides, strict=True):
                 nodes.update(side.node for side in sides if _moves(side, self.mass))
         return [sorted(nodes) for nodes in moved]
 
     def _check_movable(self) -> None:
         problems: list[Problem] = []
         for start, stop in self.segments(laws=False):
-            diagonal = self.delassus_rows((start + 0.5) * self.dt)[0]
+            diagonal = self.contact_rows((start + 0.5) * self.dt).diagonal
             for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
                 lightest = min(self.mass[node] for node in contact_pair.nodes)
                 if lightest > 0.0 and delassus * lightest < 1e-12:
@@ -437,13 +437,9 @@ class Model(ModelArrays):
         pairs = [(p, other) for one, other in itertools.combinations(laws, 2) for p in one.where]
         refuse_if_any([problem(p, q) for p, other in pairs for q in neighbours[p] if q in other.where])
 
-    def delassus(self, midpoint: float) -> Floats:
-        """Return the diagonal of S = N^T M^-1 N at a time, (P,) [1/mass]."""
-        return self.delassus_rows(midpoint)[0]
-
-    def law_records(self, delassus: Floats, table: LeapFrog | None = None) -> tuple[list[int], Any]:
+    def law_records(self, table: LeapFrog | None = None) -> tuple[list[int], Any]:
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
-        table = table or self.tables[-1]
+        table, delassus = table or self.tables[-1], self.contact_rows(0.5 * self.dt).diagonal
         order = [point for bound_law in self.laws for point in bound_law.where]
         massless = self.points_without_mass
         parts = [

@@ -25,7 +25,17 @@ OWN_STEP_TOLERANCE = 1e-9
 
 
 class ContactRows(NamedTuple):
-    """The sides of every contact point, and the diagonal and the other entries of S (`contact_rows.delassus_rows`)."""
+    """The rows of N and S of all contact points.
+
+    Attributes
+    ----------
+    sides
+        The sides of each contact point, one at a wall.
+    diagonal : (P,) array
+        Diagonal of S [1/mass].
+    others
+        The other entries of each row of S, as `percuss.solver.contact_rows.delassus_rows` returns them.
+    """
 
     sides: list[list[Side]]
     diagonal: Floats
@@ -143,16 +153,8 @@ class ModelArrays:
         bodies = list(self.bodies.values())
         return bodies, [body.start for body in bodies]
 
-    def sides(self, midpoint: float) -> list[list[Side]]:
-        """Return the sides of every contact point, one at a wall, for the supports and drives active at `midpoint`."""
-        return self._contact_rows(midpoint).sides
-
-    def delassus_rows(self, midpoint: float) -> tuple[Floats, list[dict[int, float]]]:
-        """Return S = N^T M^-1 N for the supports and drives active at `midpoint`, as `contact_rows.delassus_rows`."""
-        rows = self._contact_rows(midpoint)
-        return rows.diagonal, rows.others
-
-    def _contact_rows(self, midpoint: float) -> ContactRows:
+    def contact_rows(self, midpoint: float) -> ContactRows:
+        """Return N and S = N^T M^-1 N for the supports and drives active at `midpoint`."""
         active = tuple(k for k, constraint in enumerate(self.constraints) if constraint.active(midpoint))
         rows = self._known_contact_rows.get(active)
         if rows is None:

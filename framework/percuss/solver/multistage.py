@@ -89,8 +89,7 @@ class MultistageStepper:
 
     def _responses(self, tables: Sequence[LeapFrog]) -> Floats:
         """Return w of each contact point in the states of each table, (tables, points)."""
-        delassus = self.model.delassus(0.5 * self.model.dt)
-        responses = [self.model.law_records(delassus, table)[1]["response"] for table in tables]
+        responses = [self.model.law_records(table)[1]["response"] for table in tables]
         return np.array(responses, dtype=float).reshape(len(tables), len(self.model.contact_pairs))
 
     def changing_arrays(self) -> list[Any]:
