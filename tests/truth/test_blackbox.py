@@ -489,8 +489,8 @@ def test_a_clamped_tension_is_seen(monkeypatch):
     """Bipenalty pulls before release; without that it is no longer the closed linear step that keeps its energy."""
     solve = leapfrog_loop.solve
 
-    def clamped(points, others, dt):
-        sound = solve(points, others, dt)
+    def clamped(points, others, dt, source):
+        sound = solve(points, others, dt, source)
         for p in points:
             p.multiplier = max(p.multiplier, 0.0)
         return sound

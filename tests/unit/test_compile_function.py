@@ -15,7 +15,7 @@ from percuss.solver.compiler import compile_function
 from percuss.solver.compiler.specialise import Specialiser
 
 CALLEES = """
-from percuss.solver.compiler.compile_function import compile_callee
+from percuss.solver.compiler.compile_function import compile_function
 
 def _mean(values, divisor):
     if divisor == 0:
@@ -25,26 +25,26 @@ def _mean(values, divisor):
         total += value / divisor
     return total
 
-mean = compile_callee(_mean, key="mean", error_model="numpy", forceinline=True)
+mean = compile_function(_mean, entry=False, key="mean", error_model="numpy", forceinline=True)
 
 def _twice(values, divisor):
     print("divisor", divisor)
     return mean(values, divisor) + mean(values, divisor)
 
-twice = compile_callee(_twice, key="twice", error_model="numpy")
+twice = compile_function(_twice, entry=False, key="twice", error_model="numpy")
 """
 ENTRY = """
 import sys
 import numpy as np
 if "plain" in sys.argv:
     sys.modules["percuss.solver.compiler.numba_pipelines"] = None  # as with another version of numba
-from percuss.solver.compiler.compile_function import compile_entry
+from percuss.solver.compiler.compile_function import compile_function
 from callees import mean, twice
 
 def scaled(values, divisor):
     return FACTOR * twice(values, divisor)
 
-scaled = compile_entry(scaled, key="scaled by FACTOR", error_model="numpy")
+scaled = compile_function(scaled, entry=True, key="scaled by FACTOR", error_model="numpy")
 print(scaled(np.arange(5.0), 4))
 try:
     scaled(np.arange(5.0), 0)
@@ -113,7 +113,7 @@ TOGETHER = """
 import sys, time
 from pathlib import Path
 from numba.core.compiler import CompilerBase
-from percuss.solver.compiler.compile_function import compile_entry
+from percuss.solver.compiler.compile_function import compile_function
 
 folder, count = Path(sys.argv[1]), int(sys.argv[2])
 compile_all = CompilerBase._compile_bytecode
@@ -132,7 +132,7 @@ def added(x):
     return x + 1.0
 
 import os
-entry = compile_entry(added, key="added")
+entry = compile_function(added, entry=True, key="added")
 (folder / f"ready {os.getpid()}").touch()
 while len(list(folder.glob("ready *"))) < count:
     time.sleep(0.01)

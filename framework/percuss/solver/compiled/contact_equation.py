@@ -85,16 +85,11 @@ ENTRY = np.dtype([("place", "i8"), ("normal", "f8"), ("response", "f8")])  # ind
 OTHER = np.dtype([("point", "i8"), ("value", "f8")])  # off-diagonal entries of S
 
 
-def solve(points: Any, others: Any, dt: float) -> bool:
-    """Find the multipliers of all points with a linear law at ends with mass; return whether the solution converged.
+def solve(points: Any, others: Any, dt: float, source: int) -> bool:
+    """Find the multipliers of all points of a source, WITH_MASS or WITHOUT_MASS; return whether they converged.
 
     The multipliers of laws with a kernel are given and act on the other points as external forces.
     """
-    return solve_points(points, others, dt, WITH_MASS)
-
-
-def solve_points(points: Any, others: Any, dt: float, source: int) -> bool:
-    """Find the multipliers of all points of a source, WITH_MASS or WITHOUT_MASS, as `solve` does."""
     for i in range(points.size):
         p = points[i]
         if p.source == source:

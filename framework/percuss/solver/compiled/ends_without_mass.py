@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.compiled.contact_equation import WITHOUT_MASS, solve_points
+from percuss.solver.compiled.contact_equation import WITHOUT_MASS, solve
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -54,7 +54,7 @@ def follow_bodies(ends: Any, boundary_dofs: Any, u: Floats, dt: float) -> None:
 
 def find_coming_multipliers(points: Any, others: Any, dt: float) -> bool:
     """Find the multipliers of the next step; return whether the solution converged. Those of this step stay."""
-    sound = solve_points(points, others, dt, WITHOUT_MASS)
+    sound = solve(points, others, dt, WITHOUT_MASS)
     for i in range(points.size):
         p = points[i]
         if p.source == WITHOUT_MASS:

@@ -16,6 +16,7 @@ from percuss.solver.compiled.bulk import Bulk, kinetic
 from percuss.solver.compiled.contact_equation import (
     BY_CURRENT,
     NOTHING,
+    WITH_MASS,
     WITHOUT_MASS,
     rounding_energy,
     solve,
@@ -214,7 +215,7 @@ def find_multipliers(
             points[i].multiplier = 0.0
     for sweep in range(SWEEPS_BETWEEN_LAWS):
         kernel_laws(laws, points, others, dt, time, response)
-        sound = solve(points, others, span)
+        sound = solve(points, others, span, WITH_MASS)
         if not in_turn or not sound:
             return sound
         moved = 0.0
@@ -251,11 +252,9 @@ def advance(
                 kinetic_energy, strain_energy = energies(loop.uniform, u, v, dt)
             else:
                 kinetic_energy = kinetic_of(loop.masses, v)
-                add_shifts_to_velocity(boundary, v, dt)
-                advance_to_next_action(boundary, u, v, n + 1, dt)
+                move_to_next_action(boundary, u, v, n + 1, dt)
                 strain_energy = elastic(groups, u, v, dim, dt)
-                return_from_next_action(boundary, u)
-                take_shifts_from_velocity(boundary, v)
+                move_back(boundary, u, v)
             write_record(kinetic_energy, strain_energy, boundary, record, u, dt, n)
         if not sound:
             return s
@@ -431,23 +430,14 @@ def add_work_of_shifts(
     return 0.5 * work
 
 
-def add_shifts_to_velocity(boundary: Boundary, v: Floats, dt: float) -> None:
-    """Make the velocities those that take u_n to the shifted u_{n+1}, between which the strain energy is taken."""
+def move_to_next_action(boundary: Boundary, u: Floats, v: Floats, n: int, dt: float) -> None:
+    """Move boundary degrees of freedom from t_n to where the strain energy of their bodies is taken.
+
+    The velocities become those that take u_n to the shifted u_{n+1}. A body whose internal forces do not act in every
+    step has been advanced to the time at which they act next, and the boundary follows it along its velocities.
+    """
     for i in range(boundary.shifts.size):
         v[boundary.boundary_dofs[i].dof] += boundary.shifts[i] / dt
-
-
-def take_shifts_from_velocity(boundary: Boundary, v: Floats) -> None:
-    """Make the velocities what they were, to the last bit."""
-    for i in range(boundary.shifts.size):
-        v[boundary.boundary_dofs[i].dof] = boundary.boundary_dofs[i].new_v
-
-
-def advance_to_next_action(boundary: Boundary, u: Floats, v: Floats, n: int, dt: float) -> None:
-    """Move boundary degrees of freedom from t_n, along their velocities, to where the rest of their bodies is.
-
-    A body whose internal forces do not act in every step has been advanced to the time at which they act next.
-    """
     for i in range(boundary.boundary_dofs.size):
         q = boundary.boundary_dofs[i]
         if q.own_step > 1:
@@ -455,8 +445,10 @@ def advance_to_next_action(boundary: Boundary, u: Floats, v: Floats, n: int, dt:
             u[q.dof] += (-n) % q.own_step * dt * v[q.dof]
 
 
-def return_from_next_action(boundary: Boundary, u: Floats) -> None:
-    """Move boundary degrees of freedom back to t_n, to the last bit."""
+def move_back(boundary: Boundary, u: Floats, v: Floats) -> None:
+    """Move boundary degrees of freedom back to t_n, and make their velocities what they were, to the last bit."""
+    for i in range(boundary.shifts.size):
+        v[boundary.boundary_dofs[i].dof] = boundary.boundary_dofs[i].new_v
     for i in range(boundary.boundary_dofs.size):
         q = boundary.boundary_dofs[i]
         if q.own_step > 1:

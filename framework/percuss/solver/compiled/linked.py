@@ -1,7 +1,7 @@
 """The slots of the compiled time loops: kernels called by address (`percuss.solver.compiler.linking`).
 
 In plain Python the slots are filled with the kernels themselves. In compiled code the functions of this module fill
-them, and the loop receives `LinkedBodies`, `LinkedLaws` and `LinkedStep` in the place of the arrays that only the
+them, and the loop receives `LinkedBodies`, `LinkedLaws` and their like in the place of the arrays that only the
 kernels read. Each kernel is compiled behind an *entrance*, which finds these arrays at the address of its data.
 """
 
@@ -36,8 +36,11 @@ class LinkedLaws(NamedTuple):
     apply: int
 
 
-class LinkedLoads(NamedTuple):
-    """The loads that follow the motion of an end; all addresses are 0 where there is none."""
+class LinkedKernel(NamedTuple):
+    """A single kernel: that of the loads that follow the motion of an end, or the step of a multi-stage scheme.
+
+    The data of the latter are its numbers and the `LinkedSystem`. Both addresses are 0 where no load follows.
+    """
 
     data: int
     apply: int
@@ -49,13 +52,6 @@ class LinkedSystem(NamedTuple):
     data: int
     accelerate: int
     internal: int  # 0 if the scheme does not ask for them
-
-
-class LinkedStep(NamedTuple):
-    """The step of a multi-stage scheme, whose data are its numbers and the `LinkedSystem`."""
-
-    data: int
-    step: int
 
 
 _LINE, _ROWS = np.zeros(1), np.zeros((1, 1))
@@ -135,7 +131,7 @@ def kernel_laws(
         call("contact laws", laws.apply, laws.data, (points, others, dt, time, response))
 
 
-def following_forces(loads: LinkedLoads, followers: Any, time: float) -> None:
+def following_forces(loads: LinkedKernel, followers: Any, time: float) -> None:
     """Set the forces of loads that follow the motion of an end."""
     if loads.apply != 0:
         call("following loads", loads.apply, loads.data, (followers, time))
@@ -151,6 +147,6 @@ def internal(system: LinkedSystem, stage: int, u: Floats, f: Floats) -> None:
     call("internal forces of a stage", system.internal, system.data, (stage, u, f))
 
 
-def take_step(numbers: LinkedStep, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
+def take_step(numbers: LinkedKernel, system: Any, u: Floats, v: Floats, kept: Floats, dt: float) -> None:
     """Make one step of the integrator."""
-    call("step of a scheme", numbers.step, numbers.data, (u, v, kept, dt))
+    call("step of a scheme", numbers.apply, numbers.data, (u, v, kept, dt))

@@ -24,39 +24,27 @@ Kernel = Callable[..., Any]
 LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
 
 
-def compile_callee(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
-    """Compile a function for compiled callers alone; a call from Python would crash the process.
+def compile_function(function: types.FunctionType, *, entry: bool, key: str = "", **options: Any) -> Kernel:
+    """Compile a function for compiled callers alone, or one that Python calls, with the code of its callees inside.
 
     Parameters
     ----------
     function
         The function.
+    entry
+        Whether Python calls it; a call from Python of any other would crash the process.
     key
         Name under which what is compiled is stored on disk, another one for any other code; empty not to store it.
     **options
         Options of `numba.njit`.
     """
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    stored, compilers = StoredFunction(key), pipelines()
-    if compilers is not None:
-        stored.restore = compilers.restored_callee
-        options["pipeline_class"] = compilers.CalleeCompiler
-    return _compiled(function, stored, options)
-
-
-def compile_entry(function: types.FunctionType, *, key: str = "", **options: Any) -> Kernel:
-    """Compile a function that Python calls, with the code of its callees inside; parameters as in `compile_callee`."""
-    options |= {"no_cfunc_wrapper": True}
-    stored, compilers = StoredFunction(key), pipelines()
-    if compilers is not None:
-        stored.restore = compilers.restored_entry
-        options["pipeline_class"] = compilers.compiler_of_one_entry(stored)
-    return _compiled(function, stored, options)
-
-
-def _compiled(function: types.FunctionType, stored: StoredFunction, options: dict[str, Any]) -> Kernel:
     import numba
 
+    options |= {"no_cfunc_wrapper": True} | ({} if entry else {"no_cpython_wrapper": True})
+    stored, compilers = StoredFunction(key), pipelines()
+    if compilers is not None:
+        stored.restore = compilers.restored_entry if entry else compilers.restored_callee
+        options["pipeline_class"] = compilers.compiler_of_one_entry(stored) if entry else compilers.CalleeCompiler
     signatures = options.pop("signature_or_function", ())
     kernel: Any = numba.njit(**options)(function)
     if not jit_disabled():

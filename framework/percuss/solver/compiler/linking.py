@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from percuss.compiling import compiler
-from percuss.solver.compiled.linked import LinkedBodies, LinkedLaws, LinkedLoads, LinkedStep, LinkedSystem
+from percuss.solver.compiled.linked import LinkedBodies, LinkedKernel, LinkedLaws, LinkedSystem
 from percuss.solver.compiler import machine_code
 from percuss.solver.compiler.fingerprint import layout
 from percuss.solver.compiler.machine_code import CannotLink
@@ -283,9 +283,9 @@ class LinkedLoop:
 
     def _loads(self, loads: Any) -> _Links:
         if "following loads" not in self.entrances.tags:
-            return _Links(loads, LinkedLoads(0, 0))
+            return _Links(loads, LinkedKernel(0, 0))
         block, addresses = self._link(loads, "the loads", "following loads")
-        return _Links(loads, LinkedLoads(block.address, *addresses), block)
+        return _Links(loads, LinkedKernel(block.address, *addresses), block)
 
     def _link(self, data: Any, of: str, *kinds: str) -> tuple[Block, list[int]]:
         """Return a block with the data of one or more kernels, and the addresses of these kernels."""
@@ -334,4 +334,4 @@ class LinkedStages(LinkedLoop):
 
     def _step(self, system: _Links, numbers: Any) -> _Links:
         block, addresses = self._link((numbers, system.links[1]), "the step", "step of a scheme")
-        return _Links((system, numbers), LinkedStep(block.address, *addresses), block)
+        return _Links((system, numbers), LinkedKernel(block.address, *addresses), block)

@@ -19,25 +19,25 @@ class Readings:
     """
 
     def __init__(self) -> None:
-        self._functions: list[tuple[types.FunctionType, Any, Any, Any]] = []
         self._variables: list[tuple[Mapping[str, Any], str, Any]] = []
-        self._attributes: list[tuple[types.ModuleType, str, Any]] = []
+        self._attributes: list[tuple[types.ModuleType | types.FunctionType, str, Any]] = []
         self._cells: list[tuple[types.CellType, Any]] = []
         self._values: list[tuple[Any, frozenset[str], str]] = []
         self._overloads: list[tuple[Any, bool]] = []
 
     def function(self, function: types.FunctionType) -> None:
         """Add the code of a function, its defaults and the content of its closure."""
-        self._functions.append((function, function.__code__, function.__defaults__, function.__kwdefaults__))
+        for name in ("__code__", "__defaults__", "__kwdefaults__"):
+            self.attribute(function, name)
         self._cells += [(cell, contents(cell)) for cell in function.__closure__ or ()]
 
     def variable(self, namespace: Mapping[str, Any], name: str) -> None:
         """Add the variable `name` of the globals of a function."""
         self._variables.append((namespace, name, namespace[name]))
 
-    def attribute(self, module: types.ModuleType, name: str) -> None:
-        """Add an attribute of a module, or that it has none of this name."""
-        self._attributes.append((module, name, getattr(module, name, _MISSING)))
+    def attribute(self, owner: types.ModuleType | types.FunctionType, name: str) -> None:
+        """Add an attribute of a module or a function, or that it has none of this name."""
+        self._attributes.append((owner, name, getattr(owner, name, _MISSING)))
 
     def value(self, value: Any, names: frozenset[str]) -> None:
         """Add the content of a value, as far as it is visible to code that refers to `names`."""
@@ -53,12 +53,8 @@ class Readings:
         if jit:
             refresh_overloads()
         return (
-            all(
-                function.__code__ is code and function.__defaults__ is defaults and function.__kwdefaults__ is keywords
-                for function, code, defaults, keywords in self._functions
-            )
-            and all(namespace.get(name, _MISSING) is value for namespace, name, value in self._variables)
-            and all(getattr(module, name, _MISSING) is value for module, name, value in self._attributes)
+            all(namespace.get(name, _MISSING) is value for namespace, name, value in self._variables)
+            and all(getattr(owner, name, _MISSING) is value for owner, name, value in self._attributes)
             and all(contents(cell) is value for cell, value in self._cells)
             and all(_tag(value, names) == tag for value, names, tag in self._values)
             and (not jit or all(is_overloaded(function) is before for function, before in self._overloads))

@@ -22,7 +22,7 @@ from percuss.compiling import compiler, listen
 from percuss.methods import slots as slot_functions
 from percuss.methods.source_digest import content_digest, function_digest
 from percuss.solver import compiled
-from percuss.solver.compiler.compile_function import compile_callee, compile_entry
+from percuss.solver.compiler.compile_function import compile_function
 from percuss.solver.compiler.fingerprint import (
     Fingerprint,
     contents,
@@ -389,8 +389,7 @@ def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry:
     if not _counting_can_be_left_out():
         options.pop("_nrt", None)
     listen()  # the clock has to listen before the first call, which compiles
-    compile_function = compile_entry if entry else compile_callee
-    return compile_function(function, key=key, **options)
+    return compile_function(function, entry=entry, key=key, **options)
 
 
 @functools.cache
