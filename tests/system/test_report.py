@@ -558,6 +558,8 @@ def test_an_axis_is_logarithmic_only_where_every_number_is_above_zero(values):
 @pytest.mark.deep
 def test_pictures_of_several_cases_join_no_runs_of_different_cases(several):
     pytest.importorskip("matplotlib", reason="pictures need the extra percuss[plot]")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     made = dict(figures(several))
     assert {"best-and-median", "work-precision", "work-precision-seconds-march", "performance-profile"} <= set(made)
     done = several.table[several.table["status"] == "done"]
@@ -574,9 +576,14 @@ def test_pictures_of_several_cases_join_no_runs_of_different_cases(several):
         lines = study_charts.work_lines(own.assign(e=errors), "node_steps", "e")[1]
         names = {text.get_text() for text in axes.texts}
         assert names == {pair for pair, line in lines.items() if line.shape[1] == 1}
-    texts = [text.get_text() for axes in made["best-and-median"].axes for text in axes.texts]
+    best = made["best-and-median"]
+    texts = [text.get_text() for axes in best.axes for text in axes.texts]
+    best.set_dpi(180)  # as it is saved
+    renderer = FigureCanvasAgg(best).get_renderer()
+    ends = [text.get_window_extent(renderer).x1 / 180 for axes in best.axes for text in axes.texts]
+    assert max(ends) <= 12.7, max(ends)  # of 12.8 inches
     assert any("4 of 12 runs unstable" in text for text in texts)
-    labels = [label.get_text() for label in made["best-and-median"].axes[0].get_yticklabels()]
+    labels = [label.get_text() for label in best.axes[0].get_yticklabels()]
     cells = study_data.cells(several.table, "force_error_l1")["hunek"]
     assert labels == sorted(cells, key=lambda pair: cells[pair].best)
     words = " ".join(text.get_text() for text in made["against-method-contact-beta_s"].texts)

@@ -99,7 +99,7 @@ def _print_forecast(file: Path, plugins: list[Path], workers: int, *, as_json: b
     if as_json:
         print_json(found)
     else:
-        print(printable(f"{found['title']}: {found['runs']} runs; none was stored"))
+        print(printable(f"{found['title'] or 'untitled study'}: {found['runs']} runs; none was stored"))
         can_run = f"{able} can run"
         if part:
             print(f"examined: {found['examined']} runs at equal distances, of which {can_run}")
