@@ -35,13 +35,12 @@ import places
 from command_line import percuss_command
 from percuss.case.options import options_of
 from percuss.case.specs import CaseSection
-from percuss.case.type_words import branches, fact, is_union, item_type
+from percuss.case.type_words import bounds, branches, fact, is_union, item_type
 from percuss.case.validation import NO_KEY, Keyed, Named, Section
 from percuss.certificate.verdict import settled
 from percuss.errors import PercussError
 from percuss.methods.registry import Registry
 from percuss.process import INTERRUPTED
-from percuss.testing.draws import bounds
 
 SHARES = {
     "case": 25, "value": 20, "edge": 20, "study": 5, "table": 9, "command": 5, "result": 10, "store": 3, "plug-in": 3,

@@ -764,7 +764,7 @@ def test_every_mistake_is_told_at_once(tmp_path, monkeypatch):
         (["nowhere.yaml"], "no such file"),
         (["study.yaml", "--workers", "0"], "--workers: expected a number of at least 1, found 0"),
         (["study.yaml", "--again", "faild"], "--again: expected one of failed, unstable, refused, done, found 'faild'"),
-        (["study.yaml", "--export", "a.xls"], "expected a name that ends in .csv or .parquet"),
+        (["study.yaml", "--export", "a.xls"], "expected a table ending in .csv or .parquet, found .xls"),
         (["study.yaml", "-o", "nowhere/a.sqlite"], "expected a folder nowhere"),
         (["study.yaml", "-o", "study.yaml"], "study.yaml: expected a file to write, found the study study.yaml"),
     ],

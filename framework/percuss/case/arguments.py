@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from percuss.case.hints import name_advice
@@ -19,6 +20,16 @@ def wrong_argument(function: str, message: str, value: Any, advice: str) -> Inpu
     text = repr(value)
     shown = text if len(text) <= 60 else f"{text[:57]}..."
     return InputError([Problem(function, "", f"{message}, found {shown} of type {type(value).__name__}", advice)])
+
+
+def expect_suffix(path: str | os.PathLike[str], what: str, suffixes: Sequence[str], advice: str) -> str:
+    """Return the suffix of a file to be written, in small letters; raise InputError unless it is one of `suffixes`."""
+    suffix = Path(path).suffix
+    if suffix.lower() not in suffixes:
+        endings = " or ".join(filter(None, (", ".join(suffixes[:-1]), suffixes[-1])))
+        message = f"expected {what} ending in {endings}, found {suffix or 'no ending'}"
+        raise InputError([Problem(str(path), "", message, advice)])
+    return suffix.lower()
 
 
 def expect_mapping_or_path(function: str, value: Any) -> None:

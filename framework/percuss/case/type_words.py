@@ -55,6 +55,19 @@ def fact(annotation: Any, kind: type[T]) -> T | None:
     return next((fact for fact in _facts(annotation) if isinstance(fact, kind)), None)
 
 
+def bounds(annotation: Any) -> tuple[float, float, bool, bool]:
+    """Return the lower and the upper bound of an annotation, and whether each bound is itself an allowed value."""
+    low, high, at_low, at_high = -math.inf, math.inf, True, True
+    for constraint in _facts(annotation):
+        for key, is_low, closed in (("gt", 1, False), ("ge", 1, True), ("lt", 0, False), ("le", 0, True)):
+            limit = getattr(constraint, key, None)
+            if limit is not None and is_low:
+                low, at_low = float(limit), closed
+            elif limit is not None:
+                high, at_high = float(limit), closed
+    return low, high, at_low, at_high
+
+
 def item_type(annotation: Any) -> Any:
     """Return the type of the items of a list, or of the values of a mapping, or None."""
     items = {tuple: 0, dict: 1}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from percuss.case.arguments import expect_suffix
 from percuss.cli.common import (
     AsJson,
     CaseFile,
@@ -97,9 +98,8 @@ class _Files(NamedTuple):
 
     def check_names(self) -> None:
         """Refuse a suffix that is not that of such a file, before the case is read."""
-        if self.out is not None and self.out.suffix.lower() != ".nc":
-            message = f"expected a result ending in .nc, found {self.out.suffix or 'no ending'}"
-            raise InputError([Problem(str(self.out), "", message, "Name it result.nc.")])
+        if self.out is not None:
+            expect_suffix(self.out, "a result", (".nc",), "Name it result.nc.")
         if self.plot is not None:
             expect_drawable(self.plot)
         if self.animate is not None:

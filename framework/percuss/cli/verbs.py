@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.arguments import expect_files, wrong_argument
+from percuss.case.arguments import expect_files, expect_suffix, wrong_argument
 from percuss.case.case import Case, expect_case
-from percuss.errors import InputError, Problem
 from percuss.files import expect_writable
 from percuss.methods.registry import Registry
 
@@ -108,9 +107,8 @@ def report(
     from percuss.reporting.study_page import study_report
     from percuss.studies.study_table import Study, open_study
 
-    if page is not None and Path(page).suffix.lower() not in {".html", ".htm"}:
-        message = f"expected a page ending in .html, found {Path(page).suffix or 'no ending'}"
-        raise InputError([Problem(str(page), "", message, "Name it report.html.")])
+    if page is not None:
+        expect_suffix(page, "a page", (".html", ".htm"), "Name it report.html.")
     study = study if isinstance(study, Study) else open_study(study)
     if page is None and figures is None:
         page = study.path.with_suffix(".html")

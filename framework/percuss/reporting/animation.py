@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from percuss.case.arguments import expect_suffix
 from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
@@ -57,13 +58,10 @@ def check_animation(path: str | os.PathLike[str]) -> None:
     PercussError
         If matplotlib is not installed, or ffmpeg, which writes .mp4, is not.
     """
-    suffix = Path(path).suffix
-    if suffix.lower() not in SUFFIXES:
-        message = f"expected an animation ending in .gif or .mp4, found {suffix or 'no ending'}"
-        raise InputError([Problem(str(path), "", message, "Name the file with one of the two.")])
+    suffix = expect_suffix(path, "an animation", SUFFIXES, "Name the file with one of the two.")
     with drawing():
         from matplotlib.animation import FFMpegWriter
-    if suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+    if suffix == ".mp4" and not FFMpegWriter.isAvailable():
         message = "an .mp4 needs the program ffmpeg, which is not installed: install it, or name the file .gif"
         raise PercussError(message)
 

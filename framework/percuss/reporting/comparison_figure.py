@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.reporting.figures import (
     ALARM,
@@ -111,18 +113,11 @@ def _run_with_exact(runs: Sequence[tuple[str, Result]]) -> Result:
 
 def _limit_forces(axes: Axes, results: Sequence[Result]) -> None:
     """Limit the force axis to the forces of stable runs, so that an unstable run does not flatten the others."""
-    stable_forces = [
-        result.arrays["contact_force"]
-        for result in results
-        if result.status != "unstable" and result.coordinates["contact"]
-    ]
-    if stable_forces and len(stable_forces) < len(results):
-        top, bottom = (
-            max(float(force.max()) for force in stable_forces),
-            min(float(force.min()) for force in stable_forces),
-        )
-        room = 0.25 * ((top - bottom) or 1.0)
-        axes.set_ylim(bottom - room, top + room)
+    stable = [result for result in results if result.status != "unstable" and result.coordinates["contact"]]
+    if stable and len(stable) < len(results):
+        forces = np.concatenate([result.arrays["contact_force"].ravel() for result in stable])
+        room = 0.25 * (float(np.ptp(forces)) or 1.0)
+        axes.set_ylim(float(forces.min()) - room, float(forces.max()) + room)
 
 
 def _mark_stop(axes: Axes, result: Result) -> None:

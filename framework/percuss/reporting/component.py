@@ -101,9 +101,7 @@ def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]
     about = docs(component)
     return plain(  # type: ignore[no-any-return]
         {
-            "family": family,
-            "name": name,
-            "summary": component.summary,
+            **_origin(registry, family, name),
             "about": about.first,
             "formula": about.formula,
             "details": about.rest,
@@ -113,13 +111,23 @@ def component_data(registry: Registry, family: str, name: str) -> dict[str, Any]
             "references": list(component.references),
             "examples": list(component.examples),
             "snippet": "\n".join(snippet(component, "" if source.distribution else source.file)),
-            "distribution": source.distribution,
-            "version": source.version,
-            "module": source.module,
-            "file": source.file,
-            "contract_version": component.contract_version,
         }
     )
+
+
+def _origin(registry: Registry, family: str, name: str) -> dict[str, Any]:
+    """Return what a component is in one line, and where it comes from."""
+    component, source = registry.get(family, name), registry.sources[family, name]
+    return {
+        "family": family,
+        "name": name,
+        "summary": component.summary,
+        "distribution": source.distribution,
+        "version": source.version,
+        "module": source.module,
+        "file": source.file,
+        "contract_version": component.contract_version,
+    }
 
 
 def _option(option: Option) -> dict[str, Any]:
@@ -232,19 +240,7 @@ def registry_data(registry: Registry) -> dict[str, Any]:
         "percuss": version.__version__,
         "contract": version.CONTRACT,
         "oldest_contract": OLDEST,
-        "components": [
-            {
-                "family": family,
-                "name": name,
-                "summary": component.summary,
-                "distribution": registry.sources[family, name].distribution,
-                "version": registry.sources[family, name].version,
-                "module": registry.sources[family, name].module,
-                "file": registry.sources[family, name].file,
-                "contract_version": component.contract_version,
-            }
-            for (family, name), component in registry.components.items()
-        ],
+        "components": [_origin(registry, *key) for key in registry.components],
         "broken": [{"source": plugin.source, "error": plugin.error, "file": plugin.file} for plugin in registry.broken],
     }
 

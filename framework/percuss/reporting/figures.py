@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.errors import InputError, PercussError, Problem, printable
+from percuss.case.arguments import expect_suffix
+from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
 from percuss.results.ledger import open_accounts
 
@@ -275,10 +276,7 @@ def check_suffix(path: str | os.PathLike[str]) -> None:
     PercussError
         If matplotlib is not installed.
     """
-    suffix = Path(path).suffix
-    if suffix.lower() not in SUFFIXES:
-        message = f"expected a picture ending in .png, .svg or .pdf, found {suffix or 'no ending'}"
-        raise InputError([Problem(str(path), "", message, "Name the file with one of the three.")])
+    expect_suffix(path, "a picture", SUFFIXES, "Name the file with one of the three.")
     with drawing():
         pass
 

@@ -69,10 +69,7 @@ def _notes_on_omissions(rows: list[dict[str, Any]], vary: Axis, curves: Axis) ->
         reason, count = Counter(row["reason"] or "no reason given" for row in without_number).most_common(1)[0]
         often = f" ({count} of them)" if count < len(without_number) else ""
         words.append(f"{len(without_number)} of {len(rows)} points have no number and are left blank: {reason}{often}")
-    labels, criteria = (
-        list(dict.fromkeys(collection))
-        for collection in ((_curve_label(row, curves) for row in rows), (row["by"] for row in rows))
-    )
+    labels, criteria = list(_by_curve(rows, curves)), list(dict.fromkeys(row["by"] for row in rows))
     if len(vary) == 2 and len(labels) > MOST_MAPS:
         words.append(f"the first {MOST_MAPS} of {len(labels)} curves have a map")
     if len(vary) == 2 and len(criteria) > 1:
@@ -84,16 +81,11 @@ def _draw_curves(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves:
     axes = figure.subplots()
     path = next(iter(vary))
     criteria = list(dict.fromkeys(row["by"] for row in rows))
-    curve_labels = list(dict.fromkeys(_curve_label(row, curves) for row in rows))
     quantity = _quantity(rows, vary)
-    for k, curve in enumerate(curve_labels):
+    for k, (curve, of_curve) in enumerate(_by_curve(rows, curves).items()):
         colour = COLOURS[k % len(COLOURS)]
         for j, criterion in enumerate(criteria):
-            points = [
-                point
-                for point in rows
-                if point["by"] == criterion and _curve_label(point, curves) == curve and point.get(quantity) is not None
-            ]
+            points = [point for point in of_curve if point["by"] == criterion and point.get(quantity) is not None]
             x, y = [_coordinate(point[path]) for point in points], [point[quantity] for point in points]
             label = "  ".join(part for part in (curve, criterion if len(criteria) > 1 else "") if part)
             if j == 0:
@@ -113,25 +105,20 @@ def _draw_curves(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves:
 
 def _draw_maps(figure: Figure, rows: list[dict[str, Any]], vary: Axis, curves: Axis) -> None:
     first, second = vary
-    curve_labels = list(dict.fromkeys(_curve_label(row, curves) for row in rows))[:MOST_MAPS]
-    criterion = rows[0]["by"]
+    drawn = dict(list(_by_curve(rows, curves).items())[:MOST_MAPS])
     quantity = _quantity(rows, vary)
-    panels = figure.subplots(1, len(curve_labels), sharey=True, squeeze=False)[0]
+    panels = figure.subplots(1, len(drawn), sharey=True, squeeze=False)[0]
     x, y = ([_coordinate(value) for value in vary[path]] for path in (first, second))
     grids = []
-    for curve in curve_labels:
-        value_at = {
-            (row[first], row[second]): row.get(quantity)
-            for row in rows
-            if row["by"] == criterion and _curve_label(row, curves) == curve
-        }
+    for of_curve in drawn.values():
+        value_at = {(row[first], row[second]): row.get(quantity) for row in of_curve if row["by"] == rows[0]["by"]}
         grids.append(
             np.array([[value_at.get((across, up)) for across in vary[first]] for up in vary[second]], dtype=float)
         )
     boundary = quantity != "courant_critical"
     finite = np.concatenate([grid[np.isfinite(grid)] for grid in grids])
     low, high = (0.0, 2.0) if boundary else (0.0, float(finite.max()))
-    for axes, grid, curve in zip(panels, grids, curve_labels, strict=True):
+    for axes, grid, curve in zip(panels, grids, drawn, strict=True):
         # Where no step is stable the ratio of the step to the critical one is infinite, which is drawn as a colour.
         shown = np.ma.masked_invalid(np.where(grid == np.inf, 10 * high, grid))
         mesh = axes.pcolormesh(
@@ -164,8 +151,13 @@ def _quantity(rows: list[dict[str, Any]], vary: Axis) -> str:
     return "theta" if any(row.get("theta") is not None for row in rows) else "margin"
 
 
-def _curve_label(row: Mapping[str, Any], curves: Axis) -> str:
-    return ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
+def _by_curve(rows: list[dict[str, Any]], curves: Axis) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of each curve, by its label."""
+    out: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        label = ", ".join(f"{path.rsplit('.', 1)[-1]} = {number(row[path])}" for path in curves)
+        out.setdefault(label, []).append(row)
+    return out
 
 
 def _coordinate(value: Any) -> Any:

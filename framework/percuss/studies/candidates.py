@@ -11,8 +11,8 @@ from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from percuss.case.options import Option, options_of
-from percuss.case.type_words import branches, fact
-from percuss.methods.interfaces import Ge, Gt, Le, Lt, Stages
+from percuss.case.type_words import bounds, branches
+from percuss.methods.interfaces import Stages
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Component, Integrator
@@ -116,13 +116,6 @@ def needed_quantities(component: type[Component]) -> list[str]:
     return [key for key, option in options_of(component).items() if option.required and option.unit not in ("", "1")]
 
 
-def _methods(candidate: Candidate) -> tuple[tuple[str, str, Mapping[str, Any]], ...]:
-    return (
-        ("integrators", candidate.integrator, candidate.integrator_options),
-        ("contacts", candidate.contact, candidate.contact_options),
-    )
-
-
 def _words(option: Option) -> list[Any]:
     """Return the values that an option names, where it is a choice between words."""
     return [
@@ -144,15 +137,12 @@ def _is_open(option: Option) -> bool:
 
 def _range(option: Option) -> tuple[float, float, bool]:
     """Return the lower and the upper end of the range of a number, and whether logarithms are evenly spread."""
-    bounds = [(fact(option.annotation, kind), kind.__name__.lower()) for kind in (Ge, Gt, Le, Lt)]
-    low, above, high, below = (None if found is None else float(getattr(found, name)) for found, name in bounds)
-    low = low if low is not None else above
-    high = high if high is not None else below
-    if low is not None and high is not None and not high > WIDE * low > 0.0:
+    low, high, *_ = bounds(option.annotation)
+    if math.isfinite(high - low) and not high > WIDE * low > 0.0:
         return low, high, False
     given = option.default if isinstance(option.default, int | float) else 0.0
     first, last = (given / AROUND_DEFAULT, given * AROUND_DEFAULT) if given > 0 else WITHOUT_DEFAULT
-    return max(first, low or 0.0), min(last, high if high is not None else math.inf), True
+    return max(first, low), min(last, high), True
 
 
 def _rounded(option: Option, value: float) -> Any:
@@ -163,10 +153,10 @@ def _rounded(option: Option, value: float) -> Any:
 def neighbours(candidate: Candidate, registry: Registry) -> list[Candidate]:
     """Return the candidates on the same mesh that differ in the step or in one option, the most promising first."""
     options: list[list[Candidate]] = []
-    for (family, name, given), attribute in zip(
-        _methods(candidate), ("integrator_options", "contact_options"), strict=True
-    ):
-        for option in filter(_is_open, options_of(registry.get(family, name)).values()):
+    for kind in ("integrator", "contact"):
+        attribute, component = f"{kind}_options", registry.get(f"{kind}s", getattr(candidate, kind))
+        given = getattr(candidate, attribute)
+        for option in filter(_is_open, options_of(component).values()):
             value = given.get(option.key, option.default)
             others = dict.fromkeys(one for one in _beside(option, value) if one != value)
             changed: list[dict[str, Any]] = [{attribute: {**given, option.key: other}} for other in others]

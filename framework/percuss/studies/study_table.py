@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from percuss.case.arguments import expect_suffix
 from percuss.errors import InputError, Problem
 from percuss.files import replacing
 from percuss.studies.perform import LOST
@@ -200,10 +201,7 @@ def exportable(path: str | os.PathLike[str]) -> str:
     """
     from importlib.util import find_spec
 
-    suffix = Path(path).suffix.lower()
-    if suffix not in {".csv", ".parquet"}:
-        problem = Problem(str(path), "", f"expected a name that ends in .csv or .parquet, found '{suffix}'")
-        raise InputError([problem])
+    suffix = expect_suffix(path, "a table", (".csv", ".parquet"), "Name it table.csv.")
     if suffix == ".parquet" and find_spec("pyarrow") is None:
         advice = "Install percuss[study], or write csv."
         raise InputError([Problem(str(path), "", "parquet needs pyarrow, which is not installed", advice)])

@@ -70,26 +70,18 @@ def tasks(
     """
     listed_integrators = list(integrators.items()) or [(case.method.integrator.name, None)]
     listed_laws = list(contacts.items()) or [(case.method.contact.name, None)]
-    for (integrator_label, integrator), (law_label, law) in itertools.product(listed_integrators, listed_laws):
+    pairs = [(*pair, points, False) for pair in itertools.product(listed_integrators, listed_laws)]
+    if tied:
+        tied_points = _without_law(points)
+        pairs += [(integrator, (TIED, None), tied_points, True) for integrator in listed_integrators]
+    for (integrator_label, integrator), (law_label, law), points_of_pair, is_tied in pairs:
         changes = {**_method_change("method.integrator", integrator), **_method_change("method.contact", law)}
-        for point in points if strict else _applicable(case, points, integrator, law):
+        for point in points_of_pair if strict else _applicable(case, points_of_pair, integrator, law):
             names = (
                 _method_of_point(point, "method.integrator") or integrator_label,
                 _method_of_point(point, "method.contact") or law_label,
             )
-            yield Task(label, *names, point, {**changes, **point})
-    tied_points = _without_law(points) if tied else []
-    for integrator_label, integrator in listed_integrators:
-        changes = _method_change("method.integrator", integrator)
-        for point in tied_points if strict else _applicable(case, tied_points, integrator, None):
-            yield Task(
-                label,
-                _method_of_point(point, "method.integrator") or integrator_label,
-                TIED,
-                point,
-                {**changes, **point},
-                tied=True,
-            )
+            yield Task(label, *names, point, {**changes, **point}, is_tied)
 
 
 def _applicable(

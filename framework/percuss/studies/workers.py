@@ -135,7 +135,8 @@ def run_local(local: LocalWorkers, jobs: Sequence[Job], keep: Keep, stop: thread
                 keep(made)
                 batches.put_back(batch, made)
             if broken:
-                lost.batches += in_flight.take_all()
+                lost.batches += in_flight.values()
+                in_flight.clear()
                 keep(lost.sort(local.crew.ends(), batches))
                 local.renew()
             elif local.crew.retiring and not in_flight:
@@ -179,12 +180,6 @@ class _InFlight(dict[Future[list[Record]], list[Job]]):
                 yield batch, future.result()
             except BrokenProcessPool:
                 yield batch, None
-
-    def take_all(self) -> list[list[Job]]:
-        """Return all batches and forget them, as they are no longer under way."""
-        batches = list(self.values())
-        self.clear()
-        return batches
 
 
 class _Lost:

@@ -207,7 +207,7 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa
 
     from hypothesis import strategies as st
 
-    from percuss.case.type_words import is_union
+    from percuss.case.type_words import bounds, is_union
     from percuss.methods.interfaces import DataFile
 
     if get_origin(annotation) is Annotated:
@@ -234,19 +234,6 @@ def option_values(annotation: Any, default: Any) -> SearchStrategy[Any]:  # noqa
     if annotation is DataFile or annotation is str:
         return st.none()
     return st.just(default)
-
-
-def bounds(annotation: Any) -> tuple[float, float, bool, bool]:
-    """Return the lower and the upper bound of an annotation, and whether each bound is itself an allowed value."""
-    low, high, at_low, at_high = -math.inf, math.inf, True, True
-    for constraint in getattr(annotation, "__metadata__", ()):
-        for key, is_low, closed in (("gt", 1, False), ("ge", 1, True), ("lt", 0, False), ("le", 0, True)):
-            limit = getattr(constraint, key, None)
-            if limit is not None and is_low:
-                low, at_low = float(limit), closed
-            elif limit is not None:
-                high, at_high = float(limit), closed
-    return low, high, at_low, at_high
 
 
 def _numbers(

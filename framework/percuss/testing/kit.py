@@ -80,20 +80,16 @@ def _shown_states(subject: Subject, integrator: str) -> Any:
 
 def perform(kit_check: Check, subject: Subject, partner: str = "") -> Outcome:
     """Run a check on a subject and return its outcome."""
-    outcome = _outcome(kit_check, subject, partner)
-    return dataclasses.replace(outcome, counts=not partner or partner in subject.partners)
-
-
-def _outcome(kit_check: Check, subject: Subject, partner: str) -> Outcome:
-    """Return the outcome of a check as if it counted."""
+    counts = not partner or partner in subject.partners
     fails_with = _fails_elsewhere(kit_check, subject, partner)
     if fails_with and not expected(kit_check, subject, partner):
         law, integrator = (subject.name, partner) if subject.family == "contacts" else (partner, subject.name)
         message = f"{law} fails it with {fails_with} too: nothing follows for {integrator}"
-        return Outcome(kit_check, partner, "not applicable", message)
+        return Outcome(kit_check, partner, "not applicable", message, counts=counts)
     subject = dataclasses.replace(subject, check=kit_check.name, loaded=[])
     outcome = _performed(kit_check, subject, partner)
-    return dataclasses.replace(outcome, case=subject.last_case()) if outcome.status == "failed" else outcome
+    case = subject.last_case() if outcome.status == "failed" else ""
+    return dataclasses.replace(outcome, case=case, counts=counts)
 
 
 def _performed(kit_check: Check, subject: Subject, partner: str) -> Outcome:
