@@ -466,8 +466,7 @@ def test_the_best_and_the_median_of_a_pair_in_a_case(several):
 
 def answer_of(study):
     known = study_data.columns(study)
-    told = study_data.answer(study_data.in_per_cent(study.table, known), known)
-    return [line.replace("\u00a0", " ") for line in told]
+    return study_data.answer(study.table, known)
 
 
 def test_the_answer_is_that_of_the_rows(several, small):
@@ -481,10 +480,11 @@ def test_the_answer_is_that_of_the_rows(several, small):
         own = table[(table["case"] == case) & (table["status"] == "done") & (table["contact"] != "tied")]
         best = own.loc[own["force_error_l1"].astype(float).idxmin()]
         value = f"{100 * best['force_error_l1']:.3g} %"
-        assert sentence.startswith(f"In {case}, {best['integrator']} + {best['contact']} has the smallest force error")
-        assert f": {value} (" in sentence
-        assert f"refine {best['refine']}" in sentence
-        assert f"the median of all runs is {100 * own['force_error_l1'].median():.3g} %." in sentence
+        pair = f"{best['integrator']} + {best['contact']}"
+        assert sentence.startswith(f"{case}: {pair} ")
+        assert f"has the smallest force error, L1 ({value}); " in sentence
+        assert f"refine={best['refine']}" in sentence
+        assert f"the median of {len(own)} runs is {100 * own['force_error_l1'].median():.3g} %." in sentence
     failed = table[table["status"] != "done"]
     assert told[2].startswith(f"{len(failed)} of {len(table)} runs failed ({len(failed)} unstable); {len(failed)} of")
     assert "The result of 1 of" in told[3]
@@ -508,7 +508,7 @@ def test_the_answer_names_all_that_share_the_best_and_what_the_error_depends_on(
     told = answer_of(FakeStudy(table))
     assert (
         told[0]
-        == "In c, i + p and i + q have the smallest force error, L1: 1 % (refine 2); the median of all runs is 2 %."
+        == "c: i + p refine=2 and i + q refine=1 have the smallest force error, L1 (1 %); the median of 5 runs is 2 %."
     )
     assert told[1] == "1 of 6 runs failed (1 failed); 1 of them used i + r."
     assert told[2] == "The error of a pair in a case changes by a factor of 5 with refine (medians)."

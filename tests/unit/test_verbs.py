@@ -60,7 +60,7 @@ def test_a_method_is_begun_from_python_as_from_the_command_line(tmp_path):
         (lambda: percuss.check("case.yaml"), "percuss.check: expected a case, found 'case.yaml' of type str"),
         (lambda: percuss.plugins(3), "percuss.plugins: expected the name of a method, found 3 of type int"),
         (lambda: percuss.schema(files="law.py"), "percuss.schema: expected a list of files"),
-        (lambda: percuss.report("x.sqlite", "page.pdf"), "page.pdf: expected a page ending in .html or .htm, found .pdf"),
+        (lambda: percuss.report("x", "a.pdf"), "a.pdf: expected a page ending in .html or .htm, found .pdf"),
     ],
 )
 def test_a_wrong_argument_is_refused_with_its_name(call, words):

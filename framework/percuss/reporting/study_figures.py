@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from percuss.case.quantities import STUDY_PANELS
+from percuss.case.quantities import STUDY_PANELS, percent
 from percuss.errors import InputError, Problem
 from percuss.files import is_file
 from percuss.reporting import study_charts, study_data
@@ -21,6 +21,7 @@ from percuss.reporting.figures import (
     legend_below,
     log_axis,
     new_figure,
+    number,
     one_line,
     tick_text,
     write,
@@ -149,7 +150,7 @@ def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell])
         axes.plot([best, median], [place, place], color=style.colour, linewidth=1.5, alpha=0.6)
         axes.plot(median, place, color=style.colour, marker="|", markersize=12, markeredgewidth=2)
         axes.plot(best, place, color=style.colour, markersize=7, **_mark(style))
-        values = f"{study_data.value_words(cell.best, name)}, median {study_data.value_words(cell.median, name)}"
+        values = f"{_value_words(cell.best, name)}, median {_value_words(cell.median, name)}"
         words = "; ".join(filter(None, (values if cell.measured else "", cell.lost_words)))
         frame = axes.get_yaxis_transform()
         axes.text(1.01, place, words, transform=frame, size=7.5, va="center", color=SOFT, parse_math=False)
@@ -159,6 +160,11 @@ def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell])
     axes.set_ylim(len(ranked) - 0.4, -0.6)
     _set_axis(axes, "x", charts.axes[name])
     return {}
+
+
+def _value_words(value: float, name: str) -> str:
+    """Return a value of a measure in words, a share in per cent."""
+    return percent(0.01 * value) if study_data.is_share(name) else number(value, 3)
 
 
 def work_figure(title: str, done: Any, charts: Charts, cost: str, error: str) -> Figure:

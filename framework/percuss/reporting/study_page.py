@@ -84,7 +84,7 @@ def report_html(study: StudyLike, beside: str = "", statistic: str = "best") -> 
         "title": escape(one_line(study.title or "Untitled study")),
         "question": _question_html(study, data),
         "sampled": _sampling_notice(data, beside),
-        "answer": _answer_html(study_data.answer(shown, roles), charts),
+        "answer": _answer_html(study_data.answer(study.table, roles), charts),
         **{f"{name}_caption": escape(caption) for name, caption in study_charts.CAPTIONS.items()},
         "varied": _varied_table(study, roles),
         "measured": _measures_table(study, roles),
@@ -213,7 +213,8 @@ def _answer_html(sentences: list[str], charts: Charts) -> str:
     """Return the answer as HTML, with the pairs of methods in bold."""
     names = sorted(map(escape, charts.styles), key=len, reverse=True)
     bold = re.compile("|".join(map(re.escape, names)) or "$^")
-    return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', escape(line))}</li>" for line in sentences)
+    lines = (escape(line).replace(" %", "\u00a0%") for line in sentences)  # no line ends at this space
+    return "".join(f"<li>{bold.sub(lambda name: f'<b>{name[0]}</b>', line)}</li>" for line in lines)
 
 
 def _question_html(study: StudyLike, data: dict[str, Any]) -> str:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from percuss.studies.perform import Run
 
 CLEARLY_BETTER = 0.9  # ratio of two errors
+SAME = 1e-6  # relative difference below which two errors are the same
 ACCEPTABLE = 0.5  # largest error of a law that is worth a try
 ROUND_OFF = 1e-10  # a smaller error or change of energy is none
 MOST_REASONS, MOST_NAMED = 12, 3
@@ -146,11 +147,9 @@ def rows_verdict(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> I
         if not done:
             yield f"{case}: no run has a value of {error}."
             continue
-        best = min(done, key=lambda row: row[error])
-        median = statistics.median(row[error] for row in done)
-        among = f" (median of {len(done)} runs: {value_text(error, median)})" if len(done) > 1 else ""
-        label = QUANTITIES.get(error, Quantity(label=error)).label
-        yield f"{case}: best is {run_words(best)}; {label} {value_text(error, best[error])}{among}."
+        least = min(row[error] for row in done)
+        best = [row for row in done if is_same(row[error], least)]
+        yield best_words(case, best, error, len(done), statistics.median(row[error] for row in done))
     if fragile := sum(row["fragile"] is True for row in rows):
         yield f"{fragile} of {len(rows)} runs depend on round-off."
     sources = (f"{row['said_by']} says: " if row["said_by"] else "" for row in rows)
@@ -158,6 +157,33 @@ def rows_verdict(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> I
         (row["status"], row["reason"] and f"{source}{row['reason']}", run_words(row))
         for row, source in zip(rows, sources, strict=True)
     )
+
+
+def is_same(error: Any, least: float) -> Any:
+    """Return whether an error, or each of an array of errors, is the least one but for round-off."""
+    return error - least <= SAME * abs(least)
+
+
+def best_words(case: str, best: Sequence[Mapping[str, Any]], error: str, count: int, median: float) -> str:
+    """Return the sentence on the smallest error of a case.
+
+    Parameters
+    ----------
+    case
+        Name of the case.
+    best
+        The runs that have this error, with the keys of the table of a study.
+    error
+        Name of the error.
+    count, median
+        Number of the runs that are compared, and the median of their errors.
+    """
+    first_of_pair = {(row["integrator"], row["contact"]): row for row in reversed(best)}
+    names = [run_words(row) for row in reversed(first_of_pair.values())]
+    pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"
+    label = QUANTITIES.get(error, Quantity(label=error)).label
+    among = f"; the median of {count:,} runs is {value_text(error, median)}" if count > 1 else ""
+    return f"{case}: {pairs} the smallest {label} ({value_text(error, best[0][error])}){among}."
 
 
 def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
@@ -186,7 +212,8 @@ def run_words(row: Mapping[str, Any]) -> str:
     """Return the methods and the varied values of a run of a study in one line."""
     keys = list(row)
     varied = keys[3 : keys.index("status")]
-    values = (f"{path.split('.')[-1]}={row[path]}" for path in varied if row[path] is not None)
+    given = {path.split(".")[-1]: row[path] for path in varied if row[path] is not None}
+    values = (f"{name}={value:.6g}" if isinstance(value, float) else f"{name}={value}" for name, value in given.items())
     return " ".join([f"{row['integrator']} + {row['contact']}", *values])
 
 

@@ -7,15 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from percuss.case.quantities import percent
 from percuss.reporting.figures import number
-from percuss.reporting.study_data.case_cells import Cell, cells
-from percuss.reporting.study_data.roles import ColumnRoles, is_share, ranking, references
-from percuss.reporting.study_data.values import WAITING, as_label, methods, numbers, texts
+from percuss.reporting.study_data.roles import ColumnRoles, ranking, references
+from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
+from percuss.reporting.verdict import best_words, is_same
 
-NO_BREAK = "\u00a0"  # A line of a page does not end at this space.
 MOST_CASES = 2  # Of more cases only the wins are counted; the first chart has each of them.
-SAME = 1e-6  # Relative difference below which two errors are the same.
 
 
 def answer(table: Any, roles: ColumnRoles) -> list[str]:
@@ -24,7 +21,7 @@ def answer(table: Any, roles: ColumnRoles) -> list[str]:
     Parameters
     ----------
     table
-        All rows of the study, shares in per cent.
+        All rows of the study.
     roles
         The roles of its columns.
     """
@@ -33,59 +30,31 @@ def answer(table: Any, roles: ColumnRoles) -> list[str]:
     return [*best, _failed_sentence(table), *(_dependence_sentence(table, roles, ranked[0]) if ranked else [])]
 
 
-def value_words(value: float, name: str) -> str:
-    """Return a value of a measure in words, a share in per cent."""
-    return percent(0.01 * value).replace(" ", NO_BREAK) if is_share(name) else number(value, 3)
-
-
-def winners(of_case: dict[str, Cell], excluded: set[str]) -> list[str]:
-    """Return the pairs with the smallest error of a case, all of them where several have the same."""
-    known = {pair: cell.best for pair, cell in of_case.items() if cell.measured and pair not in excluded}
-    least = min(known.values(), default=np.nan)
-    return [pair for pair, value in known.items() if value - least <= SAME * abs(least)]
-
-
 def _best_sentences(table: Any, roles: ColumnRoles, name: str) -> list[str]:
-    excluded, what = set(references(table)), roles.measures[name].removesuffix(" [%]")
-    of_cases = {case: own for case, own in cells(table, name).items() if winners(own, excluded)}
+    values, pairs, cases = numbers(table[name]), np.array(methods(table)), np.array(texts(table["case"]))
+    compared = (table["status"] == "done").to_numpy() & np.isfinite(values) & ~np.isin(pairs, references(table))
+    of_cases = {case: np.flatnonzero(compared & (cases == case)) for case in dict.fromkeys(cases[compared].tolist())}
+    what = roles.measures[name].removesuffix(" [%]")
     if not of_cases:
         return [f"No run has a value of the {what}."]
-    if len(of_cases) > MOST_CASES:
-        wins = Counter(pair for own in of_cases.values() for pair in winners(own, excluded))
-        (first, most), *rest = wins.most_common(3)
-        others = "".join(f", {pair} in {count}" for pair, count in rest)
-        medians = [_median(table, name, case, excluded) for case in of_cases]
-        least = [own[winners(own, excluded)[0]].best for own in of_cases.values()]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            factor = number(float(np.nanmedian(np.divide(medians, least))), 2)
-        return [
-            f"{first} has the smallest {what} in {most} of {len(of_cases)} cases{others}.",
-            f"The smallest error of a case is {factor} times smaller than the median of all its runs (median over the "
-            "cases).",
-        ]
-    return [_best_of_case(table, roles, name, case, of_cases[case], excluded) for case in of_cases]
-
-
-def _best_of_case(
-    table: Any, roles: ColumnRoles, name: str, case: str, of_case: dict[str, Cell], excluded: set[str]
-) -> str:
-    """Return the sentence on the best pairs of one case, with the varied values of the best run of the first."""
-    best = winners(of_case, excluded)
-    row = of_case[best[0]].row
-    values = {path: as_label(texts(table[path].iloc[[row]])[0]) for path in roles.varied}
-    where = ", ".join(f"{path.rpartition('.')[2]} {value}" for path, value in values.items() if value)
-    named = f"{', '.join(best[:-1])} and {best[-1]} have" if best[1:] else f"{best[0]} has"
-    median = value_words(_median(table, name, case, excluded), name)
-    return (
-        f"In {case}, {named} the smallest {roles.measures[name].removesuffix(' [%]')}: "
-        f"{value_words(of_case[best[0]].best, name)}{f' ({where})' if where else ''}; "
-        f"the median of all runs is {median}."
-    )
-
-
-def _median(table: Any, name: str, case: str, excluded: set[str]) -> float:
-    own = (table["status"] == "done") & (table["case"] == case) & ~np.isin(methods(table), list(excluded))
-    return float(np.nanmedian(numbers(table.loc[own, name])))
+    best = {case: rows[is_same(values[rows], values[rows].min())] for case, rows in of_cases.items()}
+    medians = {case: float(np.median(values[rows])) for case, rows in of_cases.items()}
+    if len(of_cases) <= MOST_CASES:
+        keys = ["case", "integrator", "contact", *roles.varied, "status", name]
+        plain = table[keys].astype(object).where(table[keys].notna(), None)
+        records = {case: plain.iloc[rows].to_dict("records") for case, rows in best.items()}
+        return [best_words(case, records[case], name, of_cases[case].size, medians[case]) for case in of_cases]
+    wins = Counter(pair for rows in best.values() for pair in dict.fromkeys(pairs[rows].tolist()))
+    (first, most), *rest = wins.most_common(3)
+    others = "".join(f", {pair} in {count}" for pair, count in rest)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factors = np.divide(list(medians.values()), [values[rows[0]] for rows in best.values()])
+    factor = number(float(np.nanmedian(factors)), 2)
+    return [
+        f"{first} has the smallest {what} in {most} of {len(of_cases)} cases{others}.",
+        f"The smallest error of a case is {factor} times smaller than the median of all its runs (median over the "
+        "cases).",
+    ]
 
 
 def _failed_sentence(table: Any) -> str:
