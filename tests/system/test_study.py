@@ -169,7 +169,8 @@ def test_a_row_is_what_the_run_says(tmp_path):
 
 
 def row_of(result):
-    from percuss.studies.comparison import Run, metrics
+    from percuss.studies.comparison import metrics
+    from percuss.studies.perform import Run
 
     return metrics(Run("", "", {}, "done", result=result))
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.case.case import Address, Case, load
+from percuss.case.case import Case, load
 from percuss.case.source import Source
+from percuss.case.specs import Address
 from percuss.errors import InputError, RunError
 from percuss.methods.registry import _load
 

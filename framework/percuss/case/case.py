@@ -12,35 +12,12 @@ from percuss.case.arguments import expect_files, expect_mapping_or_path, expect_
 from percuss.case.cross_checks import CrossChecks, completed
 from percuss.case.reader import Reader
 from percuss.case.source import Source
-from percuss.case.specs import (
-    Address,
-    BodySpec,
-    CaseSection,
-    ContactSpec,
-    Expectation,
-    LoadSpec,
-    MethodSpec,
-    RecordSpec,
-    TimeSpec,
-)
+from percuss.case.specs import Address, CaseSection
 from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.files import is_file
 from percuss.methods.registry import Registry
-
-__all__ = [
-    "Address",
-    "BodySpec",
-    "Case",
-    "ContactSpec",
-    "Expectation",
-    "LoadSpec",
-    "MethodSpec",
-    "RecordSpec",
-    "TimeSpec",
-    "load",
-]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

@@ -15,8 +15,6 @@ from percuss.case.type_words import fact
 from percuss.errors import PluginError
 from percuss.methods.interfaces import Doc, Unit
 
-__all__ = ["LARGEST_NUMBER", "SMALLEST_NUMBER", "UNITS", "Computed", "Key", "Option", "options_of"]
-
 # A product of three numbers between these bounds neither overflows nor underflows.
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-100, 1e100
 UNITS = "Choose units in which lengths, masses and times are nearer to 1."

@@ -19,8 +19,6 @@ from percuss.case.yaml_text import MAX_DEPTH, KeyPath, Mark, NotPlainError, comp
 from percuss.errors import InputError, Problem, shortened
 from percuss.files import found_instead, is_folder
 
-__all__ = ["KeyPath", "Mark", "Source", "dotted", "flow", "override_label"]
-
 EXCERPT_WIDTH = 120
 MAX_BYTES = 10_000_000  # of a file
 LONGEST_LABEL = 200  # letters of the path and of the value of an override

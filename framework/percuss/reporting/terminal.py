@@ -20,7 +20,8 @@ from percuss.case.quantities import (
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.results.ledger import ledger_words
-from percuss.studies.comparison import Run, metrics
+from percuss.studies.comparison import metrics
+from percuss.studies.perform import Run
 
 if TYPE_CHECKING:
     from percuss.certificate.waves import Waves

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from percuss.case.case import Case, Expectation
+    from percuss.case.case import Case
+    from percuss.case.specs import Expectation
     from percuss.results.result import Result
 from percuss.results.measures import CannotMeasure, measure
 

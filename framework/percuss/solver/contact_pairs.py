@@ -12,7 +12,8 @@ from percuss.solver.entities import ROUND_OFF, ContactPair
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from percuss.case.case import Case, ContactSpec
+    from percuss.case.case import Case
+    from percuss.case.specs import ContactSpec
     from percuss.errors import Problem
     from percuss.methods.interfaces import Floats
     from percuss.solver.entities import Body

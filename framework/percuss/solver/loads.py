@@ -15,7 +15,8 @@ from percuss.solver.entities import BodyForce, Constraint, Follower, NodalForce
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from percuss.case.case import Case, LoadSpec
+    from percuss.case.case import Case
+    from percuss.case.specs import LoadSpec
     from percuss.errors import Problem
     from percuss.methods.interfaces import Floats
     from percuss.solver.entities import Body

@@ -40,7 +40,8 @@ from percuss.solver.model_arrays import ModelArrays
 from percuss.solver.stiffness_limits import stiffness_limits
 
 if TYPE_CHECKING:
-    from percuss.case.case import Address, Case
+    from percuss.case.case import Case
+    from percuss.case.specs import Address
 
 
 class Stretch(NamedTuple):

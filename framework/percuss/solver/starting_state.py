@@ -10,7 +10,7 @@ from percuss.methods.plugin_calls import answer
 from percuss.solver.loads import amplitude
 
 if TYPE_CHECKING:
-    from percuss.case.case import LoadSpec
+    from percuss.case.specs import LoadSpec
     from percuss.methods.interfaces import Floats
     from percuss.solver.model import Model
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.studies.tasks import Task
 
-__all__ = ["Comparison", "Run", "compare", "metrics", "own_laws"]
-
 
 class Comparison(list[Run]):
     """The runs of a comparison."""

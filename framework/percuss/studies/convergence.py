@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from percuss.case.quantities import TRUE_ERRORS
-from percuss.studies.comparison import Run, metrics
+from percuss.studies.comparison import metrics
+from percuss.studies.perform import Run
 
 REFINED = "refine"
 ROUND_OFF = 1e-12  # smaller errors are not discretisation errors
