@@ -9,7 +9,7 @@ from matplotlib.text import Text
 import percuss
 import places
 from percuss.methods.interfaces import ExactContact
-from percuss.reporting import exact_figure, run_figure
+from percuss.reporting import run_figure
 from percuss.reporting.terminal import tell_exact, tell_result
 from percuss.results import nudged_twin, true_error
 from percuss.results.exact import exact_solution
@@ -299,7 +299,7 @@ def test_an_exact_solution_that_ends_early_says_where_and_why(short_of_breath, c
     reason = result.summary["exact_reason"]
     tell_exact(result)
     assert f"exact solution: {reason}" in " ".join(capsys.readouterr().out.split())
-    words = " ".join(text.get_text() for text in exact_figure.exact_figure(result).findobj(Text))
+    words = " ".join(text.get_text() for text in run_figure.figure_of(result).findobj(Text))
     assert f"INTERRUPTED at time {result.end:.4g}" in words
     assert "most_fronts" in words
     assert "most_fronts" in result._repr_html_()

@@ -12,7 +12,6 @@ from percuss.case.arguments import expect_suffix
 from percuss.case.quantities import QUANTITIES, with_unit
 from percuss.errors import InputError, PercussError, Problem
 from percuss.files import replacing
-from percuss.reporting.exact_figure import solution_line
 from percuss.reporting.figures import (
     ALARM,
     COLOURS,
@@ -32,7 +31,6 @@ from percuss.reporting.figures import (
 )
 from percuss.reporting.run_figure import contacts_left_out
 from percuss.reporting.space_time import body_names, contact_positions, strips_of
-from percuss.results.exact_result import ExactSolutionResult
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,7 +95,7 @@ def wave_frames(result: CaseResult) -> tuple[Figure, Callable[[int], None], list
     """Return the figure of an animation, the function that shows a snapshot in it, and the snapshots to show."""
     time = np.asarray(result.field_arrays["time"], dtype=float)
     frames = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_FRAMES)).round().astype(int)).tolist()
-    small = [solution_line(result)] if isinstance(result, ExactSolutionResult) else subtitle_lines(result)[:1]
+    small = subtitle_lines(result)[:1]
     loud = [] if result.status == "done" else [f"{result.status.upper()}: the result is not complete"]
     small += contacts_left_out(result.coordinates["contact"])
     with new_figure(*SIZE, result.title, small, loud) as figure:

@@ -17,6 +17,7 @@ import numpy as np
 from percuss.case.arguments import expect_suffix
 from percuss.errors import PercussError, printable
 from percuss.files import PACKAGE, replacing
+from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.ledger import open_accounts
 
 if TYPE_CHECKING:
@@ -52,7 +53,13 @@ def number(value: Any, digits: int = 4) -> str:
 
 
 def subtitle_lines(result: CaseResult) -> list[str]:
-    """Return the two lines below a title: the methods with the parameters used, and the steps with the status."""
+    """Return the lines below a title: the methods with the parameters used, and the steps with the status.
+
+    Of an exact solution they are one line: its name, and the time up to which it holds.
+    """
+    units = [] if result.units else ["consistent units"]
+    if isinstance(result, ExactSolutionResult):
+        return ["  ·  ".join([f"exact solution {result.solution_name}", f"up to time {number(result.end)}", *units])]
     resolved, summary = result.provenance.get("resolved", {}), result.summary
     laws: dict[str, list[str]] = {}
     for contact, parameters in (resolved.get("contacts") or {}).items():
@@ -63,8 +70,7 @@ def subtitle_lines(result: CaseResult) -> list[str]:
     laws_in_words = [law if len(laws) == 1 else f"{', '.join(contacts)}: {law}" for law, contacts in laws.items()]
     methods = [f"{resolved.get('integrator')} integrator", f"{resolved.get('mass')} mass", *laws_in_words]
     dt = f"Δt = {number(summary['dt'])}"
-    steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", result.status]
-    steps += [] if result.units else ["consistent units"]
+    steps = [f"Courant number {number(summary.get('courant'))}", dt, f"{summary['steps']} steps", result.status, *units]
     return ["  ·  ".join(methods if laws_in_words else [*methods, "no contact"]), "  ·  ".join(steps)]
 
 
@@ -80,9 +86,12 @@ def stopped_at(result: CaseResult) -> float:
 
 
 def warning_lines(result: CaseResult) -> list[str]:
-    """Return the warnings that must head a run that is not complete or not valid; none for a valid run."""
+    """Return the warnings that must head a result that is not complete or not valid; none for a valid one."""
     if result.status == "done":
         return [f"NOT A VALID RESULT: {words}" for words in open_accounts(result.summary)]
+    if isinstance(result, ExactSolutionResult):
+        head = f"INTERRUPTED at time {number(result.end)}: the solution is not complete"
+        return [head, result.summary["exact_reason"]]
     summary, stop = result.summary, result.summary["stop"]
     planned = result.provenance.get("resolved", {}).get("steps", "?")
     where = f"step {summary['steps']} of {planned}, time {number(stopped_at(result))}"
@@ -323,6 +332,8 @@ def write(path: str | os.PathLike[str], figure: Figure) -> None:
 
 def axis_end(result: CaseResult) -> float:
     """Return the end of the time axis: the planned end, or 1.3 times the time of the stop if that is less."""
+    if isinstance(result, ExactSolutionResult):
+        return result.end
     planned = result.provenance.get("resolved", {}).get("steps", result.summary["steps"]) * result.summary["dt"]
     return float(max(min(planned, 1.3 * stopped_at(result)), result.summary["dt"]))
 

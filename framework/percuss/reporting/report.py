@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import CONTACT_NUMBERS, percent, with_unit
 from percuss.errors import PercussError
-from percuss.reporting import exact_figure
 from percuss.reporting.figures import (
     ALARM,
     FAINT,
@@ -53,33 +52,28 @@ def notebook_html(result: CaseResult) -> str:
     It looks the same in light and dark notebooks. Without matplotlib it has no picture.
     """
     if isinstance(result, ExactSolutionResult):
-        facts = {"status": result.status, "solution": exact_figure.solution_line(result)}
-        return _card(result, exact_figure.warning_lines(result), facts, result.summary["end"])
-    methods, steps = subtitle_lines(result)
-    why_unknown = f": {result.summary['exact_reason']}" if result.summary["exact_reason"] else ""
-    facts = {"true error": f"{error_words(result)}{why_unknown}", "status": result.status}
-    facts |= {"methods": methods, "steps": steps}
-    return _card(result, warning_lines(result), facts, axis_end(result))
+        facts = {"status": result.status, "solution": subtitle_lines(result)[0]}
+    else:
+        methods, steps = subtitle_lines(result)
+        why_unknown = f": {result.summary['exact_reason']}" if result.summary["exact_reason"] else ""
+        facts = {"true error": f"{error_words(result)}{why_unknown}", "status": result.status}
+        facts |= {"methods": methods, "steps": steps}
+    title = escape(one_line(result.title or "Untitled case"))
+    head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
+    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warning_lines(result))
+    table = _facts(facts | _balances(result.summary))
+    return f'<div style="{CARD}">{head}{bad}{table}{_contacts(result)}{_picture(result, axis_end(result))}</div>'
 
 
 def plotted(result: CaseResult, path: str | os.PathLike[str] | None) -> Figure:
     """Return the figure of a result, which a notebook shows; write it to `path` if that is given."""
     if path is not None:
         check_suffix(path)
-    figure = exact_figure.exact_figure(result) if isinstance(result, ExactSolutionResult) else figure_of(result)
+    figure = figure_of(result)
     vars(figure)["_repr_png_"] = partial(picture, figure, "png")
     if path is not None:
         write(path, figure)
     return figure
-
-
-def _card(result: CaseResult, warnings: list[str], facts: dict[str, str], until: float) -> str:
-    """Return the HTML of a result with its warnings, its facts, its contacts and their forces up to `until`."""
-    title = escape(one_line(result.title or "Untitled case"))
-    head = f'<div style="font-size:16px;font-weight:bold">{title}</div>'
-    bad = "".join(f'<div style="{BAND}">{escape(line)}</div>' for line in warnings)
-    table = _facts(facts | _balances(result.summary))
-    return f'<div style="{CARD}">{head}{bad}{table}{_contacts(result)}{_picture(result, until)}</div>'
 
 
 def _balances(summary: Mapping[str, Any]) -> dict[str, str]:

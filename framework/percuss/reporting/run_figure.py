@@ -1,4 +1,4 @@
-"""Figure of a run: contact forces, energies, and stress in space and time."""
+"""Figure of a run or of an exact solution: contact forces, energies, and stress in space and time."""
 
 from __future__ import annotations
 
@@ -40,37 +40,22 @@ if TYPE_CHECKING:
 
 
 def figure_of(result: CaseResult) -> Figure:
-    """Return the figure of a run without a window: contact forces, energies and stress.
+    """Return the figure of a run or of an exact solution: contact forces, energies, and stress in space and time.
 
     Where its attribute ``exact_histories`` is not None, a mapping of a contact's name to (times, forces), these exact
     forces are drawn over those of the run.
     """
-    closure = ledger_words(result.summary["energy"])
-    return history_figure(result, axis_end(result), subtitle_lines(result), warning_lines(result), closure)
-
-
-def history_figure(result: CaseResult, until: float, small: Sequence[str], loud: Sequence[str], closure: str) -> Figure:
-    """Return a figure of contact forces, energies and stress in space and time.
-
-    Parameters
-    ----------
-    result
-        The result of a run, or an exact solution.
-    until
-        End of the time axis.
-    small, loud
-        Small lines and warnings below the title.
-    closure
-        How well the energies agree with the work, in words.
-    """
+    until = axis_end(result)
     count, notes = _panel_count(result), contacts_left_out(result.coordinates["contact"])
-    with new_figure(12.8, 6.2 + 1.2 * count, result.title, [*small, *notes], loud) as figure:
+    with new_figure(
+        12.8, 6.2 + 1.2 * count, result.title, [*subtitle_lines(result), *notes], warning_lines(result)
+    ) as figure:
         widths, heights = (1.15, 1.0 if result.field_arrays else 0.4), [1.0] * count + [1.0 if count == 1 else 1.4]
         grid = figure.add_gridspec(count + 1, 2, width_ratios=widths, height_ratios=heights)
         panels = [figure.add_subplot(grid[0, 0])]
         panels += [figure.add_subplot(grid[k, 0], sharex=panels[0]) for k in range(1, count + 1)]
         forces(panels[:-1], result)
-        _energies(panels[-1], result, closure)
+        _energies(panels[-1], result)
         panels[0].set_xlim(0, until)
         for k, axes in enumerate(panels):
             axes.tick_params(labelbottom=k == count)
@@ -146,7 +131,7 @@ def draw_references(axes: Axes, result: CaseResult, names: Sequence[str]) -> dic
     return entries
 
 
-def _energies(axes: Axes, result: CaseResult, closure: str) -> None:
+def _energies(axes: Axes, result: CaseResult) -> None:
     """Draw the energies and works of a result, and write how well they agree."""
     arrays, heads = result.arrays, {name: quantity.head for name, quantity in QUANTITIES.items()}
     total = arrays["kinetic_energy"] + arrays["elastic_energy"]
@@ -169,5 +154,6 @@ def _energies(axes: Axes, result: CaseResult, closure: str) -> None:
     axes.set_xlabel(with_unit("time", "time", result.units), parse_math=False)
     axes.set_ylabel(with_unit(heads["energy"], "energy", result.units), parse_math=False)
     powers(axes)
+    closure = ledger_words(result.summary["energy"])
     axes.text(0.99, 0.975, closure, transform=axes.transAxes, ha="right", va="top", size=9, color=SOFT, bbox=PAPER)
     legend(axes, dict(zip(lines, handles, strict=True)))
