@@ -17,7 +17,9 @@ from percuss.case.quantities import (
     STUDY_PANELS,
     STUDY_TABLE,
     Quantity,
+    of_column,
     percent,
+    ranking,
     unit_name,
     values_at,
     with_unit,
@@ -198,3 +200,11 @@ def test_every_entry_of_the_table_has_the_types_of_a_quantity():
 )
 def test_per_cent_has_no_power_of_ten_where_a_number_is_as_short(fraction, text):
     assert percent(fraction, 2) == text
+
+
+def test_runs_are_ranked_by_errors_true_ones_first():
+    names = ["steps", "ledger_error", "ripple_error", "penetration", "exact.contacts.*.force_error_l2", "impulse_error"]
+    ranked = ranking(names)
+    assert ranked[:2] == ["exact.contacts.*.force_error_l2", "impulse_error"]
+    assert set(ranked[2:]) == {"ripple_error", "penetration"}
+    assert of_column("exact.contacts.*.force_error_l2").text(0.0858) == "8.58 %"

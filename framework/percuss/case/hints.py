@@ -39,8 +39,9 @@ def number_advice(text: str) -> str:
     prefixed = PREFIXED.fullmatch(unit)
     if prefixed is None:
         return f"Write {number} alone, without a unit: all numbers of a case are in units that fit together."
-    power = POWERS[prefixed[1]]
-    scaled = f"{float(number) * 10**power:.12g}" if "e" in number.lower() else f"{number}e{power}"
+    mantissa, _, exponent = number.lower().partition("e")
+    # Without the point and the sign YAML 1.1 reads a text.
+    scaled = f"{mantissa}{'' if '.' in mantissa else '.0'}e{int(exponent or 0) + POWERS[prefixed[1]]:+d}"
     return f"Write the number alone: {scaled} if your unit is {prefixed[2]}, {number} if {unit}."
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -108,6 +108,18 @@ MEASURABLE = {
 # Quantities that are columns of the table of a study by their bare names, in this order.
 METRICS = {name: quantity for name, quantity in QUANTITIES.items() if quantity.metric}
 TRUE_ERRORS = tuple(name for name, quantity in METRICS.items() if quantity.against_exact and quantity.is_error)
+
+
+def of_column(name: str) -> Quantity:
+    """Return the quantity in a column of the table of a study, which has a name or a path; one without a unit else."""
+    return QUANTITIES.get(name) or METRICS.get(name.rpartition(".")[2]) or Quantity(label=name)
+
+
+def ranking(names: Iterable[str]) -> list[str]:
+    """Return the columns by which runs are ranked, all of them better when smaller; true errors come first."""
+    ranked = [name for name in names if ("error" in name or of_column(name).is_error) and name != "ledger_error"]
+    return sorted(ranked, key=lambda name: name.rpartition(".")[2] not in TRUE_ERRORS)
+
 
 # Columns of the table of a comparison, columns of the table of the best runs of a study, and panels of its figures.
 COMPARISON_TABLE = (*TRUE_ERRORS, "peak_force", "penetration", "energy_kept", "energy_max", "steps")

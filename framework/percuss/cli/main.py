@@ -82,7 +82,8 @@ def options(
 def expect_no_space_in_lists(arguments: list[str]) -> None:
     """End the command if a space stands after a comma: the shell made two arguments of one list."""
     for option, before, after in zip(arguments, arguments[1:], arguments[2:], strict=False):
-        if option.startswith("-") and before.endswith(",") and not after.startswith("-") and not Path(after).is_file():
+        of_option = option.startswith("-") or (before.startswith("--") and "=" in before)
+        if of_option and before.endswith(",") and not after.startswith("-") and not Path(after).is_file():
             print(f"percuss: expected a list without spaces, found '{before} {after}'", file=sys.stderr)
             print(f"  Write {before}{after}", file=sys.stderr)
             sys.exit(2)

@@ -76,9 +76,12 @@ def verify(case: Case, result: Result | None = None) -> list[Check]:
         A result of the case; without it the case is run.
     """
     expect_case("percuss.verify", case)
+    from percuss.results.result import Result
     from percuss.results.runner import run
     from percuss.results.verify import verify as verified
 
+    if result is not None and not isinstance(result, Result):
+        raise wrong_argument("percuss.verify", "expected a result", result, "Make one: percuss.run(case).")
     return verified(case, run(case) if result is None else result)
 
 

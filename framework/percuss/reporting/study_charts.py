@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.quantities import ranking
 from percuss.case.yaml_text import flow
 from percuss.reporting import study_data
 from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
@@ -208,7 +209,7 @@ def study_charts(table: Any, roles: ColumnRoles) -> Charts:
         [name for name in roles.measures if name not in roles.costs and name != "seconds"],
         [*varied, *(name for name in several if name not in varied)],
         [*varied, *(["case"] if "case" in axes else [])],
-        study_data.ranking(roles),
+        ranking(roles.measures),
     )
 
 

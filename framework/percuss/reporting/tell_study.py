@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import STUDY_TABLE
+from percuss.case.quantities import STUDY_TABLE, ranking
 from percuss.reporting.tables import Column, plain_text, print_table
 from percuss.reporting.tables import console as console_of_output
 from percuss.reporting.terminal import _number
-from percuss.reporting.verdict import is_number, ranking_error, value_text
+from percuss.reporting.verdict import is_number, value_text
 
 if TYPE_CHECKING:
     from percuss.studies.study_table import Study
@@ -42,7 +42,7 @@ def _without_value(study: Study, done: list[dict[str, Any]]) -> dict[str, int]:
 
 def _print_best_runs(console: Any, done: list[dict[str, Any]], measured: list[str], keys: list[str]) -> None:
     """Print the done rows by the first measured error, as a table of cases and pairs or as a ranking."""
-    error = ranking_error(measured)
+    error = next(iter(ranking(measured)), "")
     usual = [name for name in STUDY_TABLE if name in measured] or measured[:6]
     shown = list(dict.fromkeys([*usual, "seconds"]))
     if error and error not in shown:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from percuss.case.quantities import METRICS, QUANTITIES, Quantity, percent
+from percuss.case.quantities import METRICS, of_column, percent, ranking
 from percuss.certificate.cures import capitalised
 from percuss.results.ledger import open_accounts
 from percuss.results.true_error import largest_error
@@ -96,7 +96,8 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
         yield f"The exact solution ends before the run: {summary['exact_reason']}."
     if error is None:
         every = result.provenance["case"].get("record", {}).get("every", 1)
-        yield f"{words}: the force is compared where each step is recorded (record.every: 1, not {every})."
+        sparse = f"the force is compared where each step is recorded (record.every: 1, not {every})"
+        yield f"{words}: {sparse if every > 1 else 'there is no force and no displacement to compare'}."
         return
     if others is None:
         yield f"{words} (exact solution known)."
@@ -114,7 +115,8 @@ def _error_lines(result: Result, others: Alternatives | None, next_command: str)
     if tried:
         helps = "" if advice else ", and none is clearly better"
         late = f"; there was no time for {len(others.untried)} more" if others.untried else ""
-        yield f"percuss tried {' and '.join(tried)}{helps}{late}. {capitalised(next_command)} searches more."
+        more = f" {capitalised(next_command)} searches more." if advice else ""
+        yield f"percuss tried {' and '.join(tried)}{helps}{late}.{more}"
 
 
 def comparison_verdict(title: str, runs: Sequence[Run]) -> Iterator[str]:
@@ -141,7 +143,7 @@ def rows_verdict(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> I
     columns
         The measured columns; runs are ranked by the first error among them.
     """
-    error = ranking_error(name for name in columns if any(is_number(row[name]) for row in rows))
+    error = next(iter(ranking(name for name in columns if any(is_number(row[name]) for row in rows))), "")
     for case, group in groupby(rows, key=lambda row: row["case"]) if error else ():
         done = [row for row in group if row["status"] == "done" and row["contact"] != TIED and is_number(row[error])]
         if not done:
@@ -181,7 +183,7 @@ def best_words(case: str, best: Sequence[Mapping[str, Any]], error: str, count: 
     first_of_pair = {(row["integrator"], row["contact"]): row for row in reversed(best)}
     names = [run_words(row) for row in reversed(first_of_pair.values())]
     pairs = f"{', '.join(names[:-1])} and {names[-1]} have" if names[1:] else f"{names[0]} has"
-    label = QUANTITIES.get(error, Quantity(label=error)).label
+    label = of_column(error).label
     among = f"; the median of {count:,} runs is {value_text(error, median)}" if count > 1 else ""
     return f"{case}: {pairs} the smallest {label} ({value_text(error, best[0][error])}){among}."
 
@@ -217,14 +219,9 @@ def run_words(row: Mapping[str, Any]) -> str:
     return " ".join([f"{row['integrator']} + {row['contact']}", *values])
 
 
-def ranking_error(names: Iterable[str]) -> str:
-    """Return the first error among the columns of a study, by which its runs are ranked; empty if there is none."""
-    return next((name for name in names if "error" in name and name != "ledger_error"), "")
-
-
 def value_text(name: str, value: Any) -> str:
     """Return the value of a column of a study for readers."""
-    return QUANTITIES.get(name, Quantity(label=name)).text(value)
+    return of_column(name).text(value)
 
 
 def is_number(value: Any) -> bool:

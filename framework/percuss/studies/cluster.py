@@ -155,7 +155,7 @@ def _records_of_killer(batch: list[Job], batches: Batches) -> list[Record]:
     if len(batch) > 1:
         batches.alone |= {job.key for job in batch}
         return []
-    reason = "its worker process died several times; the next session tries the run again"
+    reason = "its worker process died several times; the same command tries the run again"
     return [Record(batch[0].key, LOST, reason, WORKER)]
 
 

@@ -213,7 +213,7 @@ class _Lost:
                 elif crash:
                     given_up.append(Record(job.key, "failed", crash, WORKER))
                 else:
-                    reason = f"its worker process died {STRIKES} times; the next session tries the run again"
+                    reason = f"its worker process died {STRIKES} times; the same command tries the run again"
                     given_up.append(Record(job.key, LOST, reason, WORKER))
         self.batches = []
         return given_up

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from percuss.case.quantities import ranking
 from percuss.reporting.figures import number
-from percuss.reporting.study_data.roles import ColumnRoles, ranking, references
+from percuss.reporting.study_data.roles import ColumnRoles, references
 from percuss.reporting.study_data.values import WAITING, methods, numbers, texts
 from percuss.reporting.verdict import best_words, is_same
 
+LARGEST_FACTOR = 1e6  # Errors with a larger ratio are round-off.
 MOST_CASES = 2  # Of more cases only the wins are counted; the first chart has each of them.
 
 
@@ -25,7 +27,7 @@ def answer(table: Any, roles: ColumnRoles) -> list[str]:
     roles
         The roles of its columns.
     """
-    ranked = ranking(roles)
+    ranked = ranking(roles.measures)
     best = _best_sentences(table, roles, ranked[0]) if ranked else ["The study measured no error to rank its runs by."]
     return [*best, _failed_sentence(table), *(_dependence_sentence(table, roles, ranked[0]) if ranked else [])]
 
@@ -47,14 +49,13 @@ def _best_sentences(table: Any, roles: ColumnRoles, name: str) -> list[str]:
     wins = Counter(pair for rows in best.values() for pair in dict.fromkeys(pairs[rows].tolist()))
     (first, most), *rest = wins.most_common(3)
     others = "".join(f", {pair} in {count}" for pair, count in rest)
+    sentence = f"{first} has the smallest {what} in {most} of {len(of_cases)} cases{others}."
     with np.errstate(divide="ignore", invalid="ignore"):
-        factors = np.divide(list(medians.values()), [values[rows[0]] for rows in best.values()])
-    factor = number(float(np.nanmedian(factors)), 2)
-    return [
-        f"{first} has the smallest {what} in {most} of {len(of_cases)} cases{others}.",
-        f"The smallest error of a case is {factor} times smaller than the median of all its runs (median over the "
-        "cases).",
-    ]
+        factor = float(np.median(np.divide(list(medians.values()), [values[rows[0]] for rows in best.values()])))
+    if not factor < LARGEST_FACTOR:
+        return [sentence]
+    than = f"{number(factor, 2)} times smaller than the median of all its runs (median over the cases)"
+    return [sentence, f"The smallest error of a case is {than}."]
 
 
 def _failed_sentence(table: Any) -> str:

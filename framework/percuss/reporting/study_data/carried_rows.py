@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from percuss.reporting.study_data.roles import ColumnRoles, ranking
+from percuss.case.quantities import ranking
+from percuss.reporting.study_data.roles import ColumnRoles
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.pareto import front_of
 
@@ -59,7 +60,7 @@ def best_runs(table: Any, roles: ColumnRoles) -> Any:
     """
     done = (table["status"] == "done").to_numpy()
     costs = [numbers(table[name]) for name in roles.costs]
-    errors = [numbers(table[name]) for name in ranking(roles)]
+    errors = [numbers(table[name]) for name in ranking(roles.measures)]
     best = np.zeros(len(table), dtype=bool)
     for rows in _by_case_and_method(table, done):
         for error in errors:

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from percuss.case.quantities import METRICS, QUANTITIES, TRUE_ERRORS
+from percuss.case.quantities import QUANTITIES, of_column
 from percuss.reporting.study_data.values import methods, numbers, texts
 from percuss.studies.tasks import TIED
 
@@ -24,8 +24,6 @@ MEASURES = {
 COSTS = ("node_steps", "seconds", "seconds.march", "steps")
 SECONDS_OF_MARCH = "seconds of the march alone"
 
-# Ranked in addition to all measures with "error" in their names.
-LESS_IS_BETTER = {name for name, quantity in QUANTITIES.items() if quantity.is_error}
 ABOUT = ("case", "integrator", "contact", "status", "reason", "said_by", "fragile", "key")
 
 
@@ -93,7 +91,10 @@ def columns(study: StudyLike) -> ColumnRoles:
     further = [name for name in others if name not in varied and name not in MEASURES]
     values = {name: numbers(study.table[name]) for name in (*standard, *further)}
     measured = [name for name, column in values.items() if column is not None and np.isfinite(column).any()]
-    labels = {name: MEASURES.get(name, name.replace("_", " ")) + " [%]" * is_share(name) for name in measured}
+    labels = {
+        name: (MEASURES.get(name) or of_column(name).label.replace("_", " ")) + " [%]" * is_share(name)
+        for name in measured
+    }
     costs = [name for name in COSTS if name in labels and (name != "seconds" or "seconds" in descriptions)]
     if "seconds" in costs:
         labels["seconds"] = SECONDS_OF_MARCH + (", the least of its repeats" if "seconds.march" in labels else "")
@@ -102,8 +103,7 @@ def columns(study: StudyLike) -> ColumnRoles:
 
 def is_share(name: str) -> bool:
     """Return whether a measure is a share: a fraction in the table of a study, per cent wherever it is shown."""
-    quantity = METRICS.get(name.rpartition(".")[2])
-    return quantity is not None and quantity.is_fraction
+    return of_column(name).is_fraction
 
 
 def in_per_cent(table: Any, roles: ColumnRoles) -> Any:
@@ -121,12 +121,6 @@ def _paths_named(part: Any) -> list[str]:
     if isinstance(part, dict):
         return [str(path) for path in part.get("of", part)]
     return [path for item in part for path in _paths_named(item)] if isinstance(part, list) else []
-
-
-def ranking(roles: ColumnRoles) -> list[str]:
-    """Return the measures by which runs are ranked, all of them better when smaller; true errors come first."""
-    ranked = [name for name in roles.measures if "error" in name or name in LESS_IS_BETTER]
-    return sorted(ranked, key=lambda name: name not in TRUE_ERRORS)
 
 
 def references(table: Any) -> list[str]:
