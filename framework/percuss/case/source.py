@@ -206,15 +206,8 @@ class Source:
             parent = dotted(tuple(parts))
             if isinstance(container, tuple):
                 if not (part.isdecimal() and int(part) < len(container)):
-                    raise InputError(
-                        [
-                            Problem(
-                                label,
-                                parent,
-                                f"expected the number of an item, 0 to {len(container) - 1}, found '{part}'",
-                            )
-                        ]
-                    )
+                    message = f"expected the number of an item, 0 to {len(container) - 1}, found '{part}'"
+                    raise InputError([Problem(label, parent, message)])
                 parts.append(int(part))
                 container = container[int(part)]
                 continue

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from percuss.certificate.waves import Waves
     from percuss.cli.scaffold import Scaffold
     from percuss.reporting.component import Explanation
-    from percuss.results.result import Result
-    from percuss.results.verify import Check
     from percuss.studies.study_table import Study
 
 
@@ -63,26 +61,6 @@ def waves(case: Case, contact: str = "") -> Waves:
     from percuss.certificate.waves import waves as measured
 
     return measured(settled(case).model, contact)
-
-
-def verify(case: Case, result: Result | None = None) -> list[Check]:
-    """Return a check of each value that a case expects, with what was measured and whether it passed.
-
-    Parameters
-    ----------
-    case
-        The case, with its key ``expect``.
-    result
-        A result of the case; without it the case is run.
-    """
-    expect_case("percuss.verify", case)
-    from percuss.results.result import Result
-    from percuss.results.runner import run
-    from percuss.results.verify import verify as verified
-
-    if result is not None and not isinstance(result, Result):
-        raise wrong_argument("percuss.verify", "expected a result", result, "Make one: percuss.run(case).")
-    return verified(case, run(case) if result is None else result)
 
 
 def report(

@@ -9,6 +9,7 @@ from percuss.case.quantities import QUANTITIES, TRUE_ERRORS
 from percuss.reporting.figures import SOFT, legend_below, new_figure, percent_axis, tick_text, write_reason
 from percuss.reporting.study_charts import line_style
 from percuss.reporting.study_figures import marked_line
+from percuss.studies.perform import label_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,5 +75,4 @@ def _triangle(axes: Axes, points: Sequence[tuple[float, float]], order: float) -
 
 def _label(fit: Mapping[str, Any]) -> str:
     """Return the label of a line: the pair of methods, and other varied values."""
-    others = [f"{path.split('.')[-1]}={value}" for path, value in fit.items() if "." in path]
-    return " ".join([fit["integrator"], "+", fit["contact"], *others])
+    return label_of(fit["integrator"], fit["contact"], {path: value for path, value in fit.items() if "." in path})

@@ -14,6 +14,7 @@ from percuss.results.ledger import open_accounts
 from percuss.results.true_error import largest_error
 from percuss.studies.columns import metric
 from percuss.studies.comparison import metrics
+from percuss.studies.perform import label_of
 from percuss.studies.tasks import TIED
 
 if TYPE_CHECKING:
@@ -213,10 +214,8 @@ def failures(runs: Iterable[tuple[str, str, str]]) -> Iterator[str]:
 def run_words(row: Mapping[str, Any]) -> str:
     """Return the methods and the varied values of a run of a study in one line."""
     keys = list(row)
-    varied = keys[3 : keys.index("status")]
-    given = {path.split(".")[-1]: row[path] for path in varied if row[path] is not None}
-    values = (f"{name}={value:.6g}" if isinstance(value, float) else f"{name}={value}" for name, value in given.items())
-    return " ".join([f"{row['integrator']} + {row['contact']}", *values])
+    varied = {path: row[path] for path in keys[3 : keys.index("status")]}
+    return label_of(row["integrator"], row["contact"], varied)
 
 
 def value_text(name: str, value: Any) -> str:

@@ -65,9 +65,7 @@ def _own_digest() -> str | None:
         return None
 
 
-@cache
-def _settings() -> dict[str, str]:
-    return numeric_settings()
+_settings = cache(numeric_settings)
 
 
 def machine() -> dict[str, Any]:

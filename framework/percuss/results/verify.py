@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from percuss.case.case import Case
-    from percuss.case.specs import Expectation
-    from percuss.results.result import Result
+from percuss.case.arguments import wrong_argument
+from percuss.case.case import Case, expect_case
+from percuss.case.specs import Expectation
 from percuss.results.measures import CannotMeasure, measure
+from percuss.results.result import Result
+from percuss.results.runner import run
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,8 +66,20 @@ def describe(expectation: Expectation) -> str:
     return f"{statistic}{expectation.quantity}{' of ' + owner if owner else ''}{when}"
 
 
-def verify(case: Case, result: Result) -> list[Check]:
-    """Return a check of each expected value of a case against the result of its run."""
+def verify(case: Case, result: Result | None = None) -> list[Check]:
+    """Return a check of each value that a case expects, with what was measured and whether it passed.
+
+    Parameters
+    ----------
+    case
+        The case, with its key ``expect``.
+    result
+        A result of the case; without it the case is run.
+    """
+    expect_case("percuss.verify", case)
+    if result is not None and not isinstance(result, Result):
+        raise wrong_argument("percuss.verify", "expected a result", result, "Make one: percuss.run(case).")
+    result = run(case) if result is None else result
     checks = []
     for expectation in case.expect:
         try:

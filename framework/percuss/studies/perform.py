@@ -63,12 +63,7 @@ class Run:
     @property
     def label(self) -> str:
         """The pair of methods and the varied values, in one line."""
-        return " ".join(
-            [
-                f"{self.integrator} + {self.contact}",
-                *(f"{path.split('.')[-1]}={value}" for path, value in self.varied.items()),
-            ]
-        )
+        return label_of(self.integrator, self.contact, self.varied)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the run as plain data for JSON."""
@@ -81,6 +76,13 @@ class Run:
             "said_by": self.said_by,
             "summary": self.result.summary if self.result is not None else None,
         }
+
+
+def label_of(integrator: str, contact: str, varied: Mapping[str, Any]) -> str:
+    """Return a pair of methods and the varied values that it has, in one line."""
+    given = {path.split(".")[-1]: value for path, value in varied.items() if value is not None}
+    values = (f"{name}={value:.6g}" if isinstance(value, float) else f"{name}={value}" for name, value in given.items())
+    return " ".join([f"{integrator} + {contact}", *values])
 
 
 def perform(

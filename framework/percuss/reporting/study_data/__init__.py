@@ -6,7 +6,6 @@ from percuss.reporting.study_data.answer_sentences import *
 from percuss.reporting.study_data.axis_bins import *
 from percuss.reporting.study_data.carried_rows import *
 from percuss.reporting.study_data.case_cells import *
-from percuss.reporting.study_data.lost_runs import *
 from percuss.reporting.study_data.page_histories import *
 from percuss.reporting.study_data.performance_profile import *
 from percuss.reporting.study_data.roles import *

@@ -1,7 +1,8 @@
-"""What the pairs of methods reach in each case: the best and the median of a measure, and the runs behind them."""
+"""Results of the pairs of methods in each case: best and median of a measure, the runs behind them, why runs failed."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any
@@ -58,3 +59,16 @@ def cells(table: Any, name: str) -> dict[str, dict[str, Cell]]:
             best, median = (float(valid.min()), float(np.median(valid))) if valid.size else (np.nan, np.nan)
             out.setdefault(case, {})[pair] = Cell(best, median, row, valid.size, own.size, dict(lost))
     return out
+
+
+def lost(table: Any) -> list[dict[str, Any]]:
+    """Return the reasons why runs are not done, most frequent first; reasons that differ by numbers alone are one."""
+    rows = table[~table["status"].isin(["done", WAITING])]
+    pairs = methods(rows)
+    sources, reasons, status = (texts(rows[name]) for name in ("said_by", "reason", "status"))
+    groups: dict[Any, dict[str, Any]] = {}
+    for entry in zip(status, pairs, sources, reasons, strict=True):
+        kind = (*entry[:3], re.sub(r"[-+]?\d[\d.]*(e[-+]?\d+)?", "#", entry[3]))
+        group = groups.setdefault(kind, dict(zip(("status", "method", "said_by", "reason"), entry, strict=True)))
+        group["count"] = group.get("count", 0) + 1
+    return sorted(groups.values(), key=lambda group: -int(group["count"]))
