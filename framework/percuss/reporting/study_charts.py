@@ -20,16 +20,18 @@ from percuss.reporting.figures import COLOURS, DASHES, MORE_COLOURS, MORE_DASHES
 from percuss.reporting.study_data import ColumnRoles, StudyLike
 
 MOST_BANDS = 3  # Bands of more pairs hide each other, and the medians.
+LINES = {
+    "best": "a line joins the best runs of a pair",
+    "median": f"a line joins the medians of a pair; a band, drawn for at most {MOST_BANDS} pairs, holds 8 of 10 runs",
+}
+MARKED = "a ring marks a value at which runs failed; a level line is a pair without this option"
 CAPTIONS = {
     "best": "each pair of methods in each case: the mark is its best run, the bar its median run; best pair first",
     "work": (
         "a line joins the runs of a pair that no other run of the pair beats; a name stands where one run beats all "
         "others of its pair; the broad grey line joins the runs that no run of any pair beats"
     ),
-    "vary": (
-        f"a line joins the best or the median runs of a pair; a band, drawn for at most {MOST_BANDS} pairs, holds 8 of "
-        "10 runs around a median; a ring marks a value at which runs failed; a level line is a pair without this option"
-    ),
+    "vary": f"best: {LINES['best']}; median: {LINES['median']}; {MARKED}",
     "map": "two varied values, one panel for each pair of methods in each case",
     "profile": (
         "the share of problems on which a pair comes within a factor of the best pair; a failed run is within none "

@@ -238,7 +238,8 @@ def varied_figure(title: str, table: Any, charts: Charts, path: str, statistic: 
     """
     made = table[table["status"] != study_data.WAITING]
     lost = int((made["status"] != "done").sum())
-    notes = [f"{statistic} run against {path}: {study_charts.CAPTIONS['vary']}", *_sampling_note(made)]
+    lines = f"{study_charts.LINES[statistic]}; {study_charts.MARKED}"
+    notes = [f"{statistic} run against {path}: {lines}", *_sampling_note(made)]
     notes += [f"{lost} of {len(made)} runs failed: they are in no line"] if lost else []
     of_cases = _by_case(made)
     several = len(of_cases) > 1 and bool(charts.ranked)

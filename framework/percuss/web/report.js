@@ -321,9 +321,7 @@ function drawFilters() {
 function showFilters() {
   const filters = new Map(table.getHeaderFilters().map(({ field, value }) => [field, String(value)]));
   for (const chosen of document.querySelectorAll("#filters select")) {
-    const value = filters.get(chosen.dataset.field) ?? "";
-    chosen.value = value;
-    if (chosen.selectedIndex < 0) chosen.value = "";
+    chosen.value = filters.get(chosen.dataset.field) ?? ""; // empty where a filter of the table is none of its choices
   }
 }
 
