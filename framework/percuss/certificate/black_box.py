@@ -318,11 +318,7 @@ class Motions:
     @cached_property
     def gaps(self) -> Floats:
         """Gap matrix N^T of all contacts for weighted displacements, (P, n)."""
-        out = np.zeros((len(self.model.contact_pairs), self.root.size))
-        for p, contact_pair in enumerate(self.model.contact_pairs):
-            for node, normal in contact_pair.gap_gradient():
-                out[p, node * self.model.dim : (node + 1) * self.model.dim] += normal
-        return np.asarray(self.projection @ (out / self.root).T).T
+        return self._weighted(self.model.normals().T)
 
     @cached_property
     def end_forces(self) -> Floats:
@@ -332,13 +328,16 @@ class Motions:
         for line, end_force in zip(out, found, strict=True):
             for node, row in end_force.rows.items():
                 line[node * self.model.dim : (node + 1) * self.model.dim] = row
-        out /= np.abs(out).max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
-        return np.asarray(self.projection @ (out / self.root).T).T
+        return self._weighted(out / np.abs(out).max(axis=1, keepdims=True, initial=np.finfo(float).tiny))
 
     @cached_property
     def followed(self) -> Floats:
         """The displacements that loads follow, as rows for weighted displacements, (loads, n)."""
-        return np.asarray(self.projection @ (directions(self.model) / self.root).T).T
+        return self._weighted(directions(self.model))
+
+    def _weighted(self, rows: Floats) -> Floats:
+        """Return rows for displacements, (k, nodes * dim), as rows for weighted ones, (k, n)."""
+        return np.asarray(self.projection @ (rows / self.root).T).T
 
     @cached_property
     def strainless(self) -> Floats:

@@ -143,21 +143,17 @@ class _Ends:
     """
 
     def __init__(self, model: Model, p: int) -> None:
-        contact_pair = model.contact_pairs[p]
+        contact_pair, mass = model.contact_pairs[p], model.case.method.mass.name
+        contact = f"contact '{contact_pair.name}'"
         if model.points_without_mass.any():
-            raise PercussError(
-                f"contact '{contact_pair.name}': waves are measured of ends with mass; the mass "
-                f"{model.case.method.mass.name} leaves ends in contact without"
-            )
+            without = f"the mass {mass} leaves ends in contact without"
+            raise PercussError(f"{contact}: waves are measured of ends with mass; {without}")
         if model.couples_nodes:
-            raise PercussError(
-                f"contact '{contact_pair.name}': waves are measured with diagonal masses; the mass "
-                f"{model.case.method.mass.name} couples nodes"
-            )
+            raise PercussError(f"{contact}: waves are measured with diagonal masses; the mass {mass} couples nodes")
         motions = Motions(model)
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():
-            raise PercussError(f"contact '{contact_pair.name}': the step is not linear while it is closed")
+            raise PercussError(f"{contact}: the step is not linear while it is closed")
         held = {constraint.node for constraint in motions.pencil.constraints}
         bodies = [model.body_of(node) for node in contact_pair.nodes]
         others = [
@@ -166,10 +162,8 @@ class _Ends:
             if other is not contact_pair and set(other.nodes) & set(contact_pair.nodes)
         ]
         if held & set(contact_pair.nodes) or others or any(body.stiffness.size < 2 for body in bodies):
-            raise PercussError(
-                f"contact '{contact_pair.name}': waves need ends that move freely, in one contact, with two elements "
-                "behind"
-            )
+            needed = "ends that move freely, in one contact, with two elements behind"
+            raise PercussError(f"{contact}: waves need {needed}")
         self.sides = [
             (float(body.stiffness[body.end_element(node)]), float(body.frequency[body.end_element(node)]))
             for body, node in zip(bodies, contact_pair.nodes, strict=True)

@@ -230,22 +230,13 @@ def _compile_alone(integrator: Integrator, u: Floats, v: Floats, dt: float) -> N
     step(numbers, (np.zeros(u.size),), u, v, np.zeros((integrator.kept, u.size)), dt)
 
 
-class _Stage(NamedTuple):
-    """What a time loop asks of its model: bulk update or internal forces, strain energy, laws, following loads."""
-
-    update: Kernel
-    energy: Kernel
-    laws: Kernel
-    loads: Kernel
-
-
-def _bound(maker: Specialiser, recipe: _Recipe) -> _Stage:
-    """Return the kernels of a model, bound."""
+def _bound(maker: Specialiser, recipe: _Recipe) -> tuple[Kernel, Kernel, Kernel, Kernel]:
+    """Return bulk update or internal forces, strain energy, contact laws and following loads of a model, bound."""
     forces: Kernel = bulk.advance_bodies if recipe.scheme is None else multistage_loop.force_group
     update = _over_groups(maker, recipe, forces, bulk.each_group)
     energy = _over_groups(maker, recipe, bulk.elastic_group, bulk.sum_over_groups)
     loads = following_loads.bind(maker, recipe.loads)
-    return _Stage(update, energy, custom_laws.bind(maker, recipe.laws), loads)
+    return update, energy, custom_laws.bind(maker, recipe.laws), loads
 
 
 def _plain_loop(recipe: _Recipe) -> Kernels:

@@ -115,9 +115,7 @@ class Body:
 
     def element_nodes(self, elements: Integers) -> Integers:
         """Return the nodes of the model that elements of the body have, (elements, nodes of an element)."""
-        if self.mesh.cells:
-            return self.start + cells_of(self.mesh)[elements]
-        return self.start + np.stack([elements, elements + 1], axis=1)
+        return self.start + cells_of(self.mesh)[elements]
 
     @cached_property
     def axial_band(self) -> tuple[Floats, Floats]:

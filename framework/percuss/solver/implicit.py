@@ -64,7 +64,7 @@ class ImplicitStepper:
             [c.node * model.dim + int(np.argmax(np.abs(c.direction))) for c in model.constraints], dtype=np.int64
         )
         self.order = [point for bound_law in model.laws for point in bound_law.where]
-        self.normals = self._normals()
+        self.normals = np.ascontiguousarray(model.normals()[:, self.order])  # N of all points in the order of the loop
         self.initial_gap = np.array([model.contact_pairs[point].gap for point in self.order])
         self._factorise()
         self._bind_laws()
@@ -92,15 +92,6 @@ class ImplicitStepper:
             force = np.outer(body.mass, body_force.acceleration)
             patterns[loads.index(body_force.load) + 1, body.start : body.stop] += force
         return patterns.reshape(len(loads) + 1, -1)
-
-    def _normals(self) -> Floats:
-        """Return N of all points in the order of the loop, (nodes * dim, P)."""
-        model, dim = self.model, self.model.dim
-        normals = np.zeros((model.n_nodes * dim, len(self.order)))
-        for column, point in enumerate(self.order):
-            for node, normal in model.contact_pairs[point].gap_gradient():
-                normals[node * dim : (node + 1) * dim, column] += normal
-        return normals
 
     def _factorise(self) -> None:
         """Factorise the effective matrix and set K_eff^-1 N and S; held degrees of freedom do not move."""
@@ -154,9 +145,7 @@ class ImplicitStepper:
     def set_loop(self, loop: Loop) -> None:
         """Use the arrays of the next stretch of the run."""
         self.loop = loop
-        self.acting = np.setdiff1d(
-            np.arange(len(self.order)), np.flatnonzero(np.isin(self.order, self.model.inactive_points(loop.midpoint)))
-        )
+        self.acting = np.flatnonzero(~np.isin(self.order, self.model.inactive_points(loop.midpoint)))
 
     def start(self, kernels: Kernels) -> None:  # noqa: ARG002
         """Set the acceleration by the loads at t = 0; nothing presses before the first step."""
@@ -218,11 +207,8 @@ class ImplicitStepper:
 
         dofs, points = boundary.boundary_dofs, boundary.points
         dofs["new_v"] = velocity[dofs["dof"]]
-        middle, mean_load, mean_reaction = (
-            0.5 * (self.v + velocity),
-            mean(self.load, load),
-            mean(self.reaction, reaction),
-        )
+        middle = 0.5 * (self.v + velocity)
+        mean_load, mean_reaction = mean(self.load, load), mean(self.reaction, reaction)
         points["multiplier"] = mean(self.multiplier, multiplier)
         boundary.internal_work[0] += dt * float(mean(self.internal, internal) @ middle)
         boundary.constraints["reaction"] += mean_reaction

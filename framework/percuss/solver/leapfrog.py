@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +38,6 @@ class LeapFrogStepper:
         self.u: Floats = np.zeros(model.n_nodes * model.dim)
         self.v[:] = starting_velocity(model).ravel()
         self.loop: Loop
-        self._single: tuple[Floats, Floats, Floats, LoadAmplitudes] | None = None
         self._impulse = np.zeros(model.dim)
 
     def _zeros(self, count: int) -> LoadAmplitudes:
@@ -92,16 +92,15 @@ class LeapFrogStepper:
 
         Where bodies have steps of their own, these are as many steps as it takes until all of them act together.
         """
-        period = self.model.period
-        if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
-            arrays = np.empty_like(state)
-            amplitudes = self._zeros(period)
-            amplitudes.force[:, [follower.column for follower in self.model.followers]] = 1.0
-            self._single = arrays, arrays[0], arrays[1], amplitudes
-        after, u, v, no_loads = self._single
-        after[:] = state
-        kernels.loop.advance(self.loop, no_loads, record, u, v, self.model.dt, period, period)
-        return after.copy()
+        self.u[:], self.v[:] = state
+        self.advance(kernels, self._no_loads, record, self.model.period, self.model.period)
+        return np.stack([self.u, self.v])
+
+    @cached_property
+    def _no_loads(self) -> LoadAmplitudes:
+        amplitudes = self._zeros(self.model.period)
+        amplitudes.force[:, [follower.column for follower in self.model.followers]] = 1.0
+        return amplitudes
 
     def load_impulse(self, amplitudes: Any) -> Floats:
         """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""

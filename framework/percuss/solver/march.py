@@ -475,10 +475,8 @@ class March:
                 amplitudes = self.stepper.amplitudes(start, count)
                 saved = self._saved_state()
                 if self._advance_or_report(amplitudes, saved, start, count) < count or not self._is_sound():
-                    outcome.status, (outcome.done, outcome.stop) = (
-                        "unstable",
-                        self._locate_failure(amplitudes, saved, start, count),
-                    )
+                    outcome.status = "unstable"
+                    outcome.done, outcome.stop = self._locate_failure(amplitudes, saved, start, count)
                     return
                 outcome.done += count
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
@@ -678,10 +676,8 @@ class March:
         if contact_work_exceeded:
             kind, description = "contact work", "the work of the contacts exceeds all energy put in many times"
         elif not solved:
-            kind, description = (
-                "not solved",
-                f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps",
-            )
+            kind = "not solved"
+            description = f"the equation of contacts that share an end was not solved in {SWEEPS} sweeps"
         else:
             kind, description = "energy", "the kinetic energy exceeds all energy put in many times"
             if not self._kinetic(self.v) + total.began_with + total.largest_work + total.step_energy < LARGEST_ENERGY:

@@ -89,7 +89,8 @@ class Model(ModelArrays):
     @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
     @process_as_before()
     def __init__(self, case: Case) -> None:
-        bodies = size_limits.checked_bodies(case, lambda: _bodies_of(case))
+        bodies = _bodies_of(case)
+        size_limits.check_bodies(case, bodies)
         mass = np.concatenate([body.mass for body in bodies.values()])
         nodes = np.concatenate([body.mesh.nodes for body in bodies.values()])
         mass.flags.writeable = nodes.flags.writeable = False

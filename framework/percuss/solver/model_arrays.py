@@ -198,6 +198,14 @@ class ModelArrays:
         stiffness = float(body.stiffness[body.end_element(node)])
         return [Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])]
 
+    def normals(self) -> Floats:
+        """Return N of all contact points, (nodes * dim, P)."""
+        normals = np.zeros((self.n_nodes, self.dim, len(self.contact_pairs)))
+        for p, contact_pair in enumerate(self.contact_pairs):
+            for node, normal in contact_pair.gap_gradient():
+                normals[node, :, p] += normal
+        return normals.reshape(self.n_nodes * self.dim, -1)
+
     @cached_property
     def couples_nodes(self) -> bool:
         """Whether the mass of a body couples its nodes, so that M^-1 is banded."""

@@ -5,6 +5,7 @@ The arrays of its state are longer than those of the nodes; `percuss.solver.comp
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -79,7 +80,6 @@ class MultistageStepper:
             rows.append((body.start, body.stop, k * model.dim, column, 0.0))
         self.body_forces = record_array(rows, BODY_FORCE)
         self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
-        self._single: tuple[State, StageAmplitudes] | None = None
         self.system: System
 
     def _zeros(self, count: int) -> StageAmplitudes:
@@ -133,10 +133,8 @@ class MultistageStepper:
         system.clock[0] = -system.times[-1] * model.dt
         last = system.ends[-1].copy(), system.responses[-1].copy()
         if self.stages.start:
-            system.ends[-1], system.responses[-1] = (
-                self.stages.start,
-                self._responses([table_of_stage(*self.stages.start)]),
-            )
+            system.ends[-1] = self.stages.start
+            system.responses[-1] = self._responses([table_of_stage(*self.stages.start)])
         kernels.loop.begin(system, system.times.size - 1, *self.state)
         system.ends[-1], system.responses[-1] = last
 
@@ -148,17 +146,18 @@ class MultistageStepper:
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
         """Return the nodal state after one step without loads given in time, (levels, nodes * dim)."""
-        if self._single is None:  # linking the loop to other arrays in each of many steps takes longer than the steps
-            amplitudes = self._zeros(1)
-            amplitudes.force[..., [follower.column for follower in self.model.followers]] = 1.0
-            self._single = State(*(np.zeros_like(array) for array in self.state)), amplitudes
-        full_state, no_loads = self._single
-        for array in full_state:
+        for array in self.state:
             array.fill(0.0)
-        nodal = [array[..., : self.nodal] for array in full_state]
-        nodal[0][:], nodal[1][:], nodal[2][:] = state[0], state[1], state[2:]
-        kernels.loop.advance(self.system, self.stages.numbers, no_loads, record, *full_state, self.model.dt, 1, 1)
-        return np.concatenate([nodal[0][None], nodal[1][None], nodal[2]])
+        kept = self.state.kept[:, : self.nodal]
+        self.u[:], self.v[:], kept[:] = state[0], state[1], state[2:]
+        self.advance(kernels, self._no_loads, record, 1, 1)
+        return np.concatenate([self.u[None], self.v[None], kept])
+
+    @cached_property
+    def _no_loads(self) -> StageAmplitudes:
+        amplitudes = self._zeros(1)
+        amplitudes.force[..., [follower.column for follower in self.model.followers]] = 1.0
+        return amplitudes
 
     def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
         """Return the impulse of the loads on all bodies so far, (dim,)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,8 +91,8 @@ def within_limits(values: Any) -> Any:
     return (values >= SMALLEST_NUMBER) & (values <= LARGEST_NUMBER)
 
 
-def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> dict[str, Body]:
-    """Return the bodies made by `make_bodies`, or refuse them if one of their quantities is out of bounds.
+def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
+    """Refuse bodies of which one of the quantities is out of bounds.
 
     Element lengths, masses, stiffnesses, frequencies and velocities other than zero have to lie within the bounds.
 
@@ -102,7 +102,6 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
         With one problem for each body that is out of bounds.
     """
     problems = []
-    bodies = make_bodies()
     for name, body in bodies.items():
         h = body.mesh.lengths
         quantities: dict[str, Any] = {
@@ -117,17 +116,14 @@ def checked_bodies(case: Case, make_bodies: Callable[[], dict[str, Body]]) -> di
             if not inside.all():
                 first = int(np.argmin(inside))
                 value = float(values[first])
-                message, advice = (
-                    f"expected {quantity} between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {value:.6g}",
-                    UNITS,
-                )
+                advice = UNITS
+                message = f"expected {quantity} between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {value:.6g}"
                 if not value > 0 and _sizes_within_limits(body):
                     message, advice = _not_positive_message(case, body, quantity, first, value)
                 own = ("velocity",) if quantity == "a velocity" else ()
                 problems.append(case.problem(("bodies", name, *own), message, advice, any_inside=True))
                 break
     refuse_if_any(problems)
-    return bodies
 
 
 def _sizes_within_limits(body: Body) -> bool:

@@ -50,7 +50,10 @@ class Stepper(Protocol):
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
 
     def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
-        """Return the nodal state after one step without loads given in time, (levels, nodes * dim)."""
+        """Return the nodal state after one step from `state` without loads given in time, (levels, nodes * dim).
+
+        The state of the run is overwritten: of many steps each would take longer with arrays of its own.
+        """
 
     def load_impulse(self, amplitudes: Any) -> Floats:
         """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""

@@ -144,7 +144,7 @@ def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = F
 
     Each law is given by its kernel and the layout of what this kernel reads.
     """
-    return maker.chain(apply_laws, apply_law, multipliers, remaining_laws, laws, entry=entry)
+    return maker.with_slots(maker.chain(apply_law, multipliers, remaining_laws, laws)).bind(apply_laws, entry=entry)
 
 
 def compile_alone(bound_law: BoundLaw) -> None:

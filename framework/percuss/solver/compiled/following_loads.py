@@ -104,7 +104,7 @@ def bind(maker: Specialiser, loads: Sequence[tuple[Any, str]], *, entry: bool = 
 
     Each load is given by its kernel and the layout of the numbers that this reads.
     """
-    return maker.chain(apply_loads, apply_load, follow, remaining_loads, loads, entry=entry)
+    return maker.with_slots(maker.chain(apply_load, follow, remaining_loads, loads)).bind(apply_loads, entry=entry)
 
 
 def compile_alone(follower: Follower) -> None:

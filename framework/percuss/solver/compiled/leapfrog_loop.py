@@ -624,12 +624,8 @@ def apply_multipliers(points: Any, entries: Any, boundary_dofs: Any, dt: float) 
 
 def update_contact_energy(boundary: Boundary, n: int, dt: float) -> None:
     """Add up work, stored energy, impulses and overlaps of the contacts in a step, and track the energy growth."""
-    points, entries, boundary_dofs, total = (
-        boundary.points,
-        boundary.entries,
-        boundary.boundary_dofs,
-        boundary.totals[0],
-    )
+    points, entries = boundary.points, boundary.entries
+    boundary_dofs, total = boundary.boundary_dofs, boundary.totals[0]
     work = 0.0
     energy_sum = 0.0
     steady_change = 0.0

@@ -164,26 +164,28 @@ def object_code(library: Any) -> tuple[bytes, list[str]]:
     return bytes(code), outside
 
 
+class _ContextOfCallees:
+    """The context with which numba makes compiled functions anew, where these are callees without machine code."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self.typing_context = context.typing_context
+
+    def codegen(self) -> _ContextOfCallees:
+        """Return this object, which reads the stored library."""
+        return self
+
+    def unserialize_library(self, stored: tuple[str, str, bytes]) -> CalleeLibrary:
+        """Return the library that was stored."""
+        return CalleeLibrary.restored(self._context.codegen(), stored)
+
+    def get_executable(self, library: CalleeLibrary, fndesc: Any, environment: Any) -> Any:
+        """Return a function object without machine code."""
+        return _unreachable_from_python(library, fndesc, environment)
+
+
 def restored_callee(target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
-    """Return the compiled callee from what `CompileResult._reduce` returned."""
-    stored, fndesc, environment, signature, objectmode, lifted, annotation, reload_init, environments = payload
-    for initialise in reload_init:
-        initialise()
-    library = CalleeLibrary.restored(target_context.codegen(), stored)
-    return CompileResult(
-        target_context=target_context,
-        typing_context=target_context.typing_context,
-        library=library,
-        environment=environment,
-        entry_point=_unreachable_from_python(library, fndesc, environment),
-        fndesc=fndesc,
-        type_annotation=annotation,
-        signature=signature,
-        objectmode=objectmode,
-        lifted=lifted,
-        typing_error=None,
-        call_helper=None,
-        metadata=None,
-        reload_init=reload_init,
-        referenced_envs=environments,
-    )
+    """Return the compiled callee from what `CompileResult._reduce` returned; its entry refers to the environments."""
+    *parts, environments = payload
+    restored = CompileResult._rebuild(_ContextOfCallees(target_context), *parts, ())
+    return restored._replace(target_context=target_context, referenced_envs=environments)

@@ -104,36 +104,24 @@ class Specialiser:
         specialiser._bound, specialiser._in_progress, specialiser._modules = {}, set(), set()
         return specialiser
 
-    def chain(
-        self,
-        whole: Kernel,
-        function: Kernel,
-        slot: Kernel,
-        remaining: Kernel,
-        kernels: Sequence[tuple[Kernel, str]],
-        *,
-        entry: bool = False,
-    ) -> Kernel:
-        """Return `whole` bound to `function`, bound to the first kernel, which calls the one bound to the next.
+    def chain(self, function: Kernel, slot: Kernel, remaining: Kernel, kernels: Sequence[Any]) -> dict[Kernel, Kernel]:
+        """Return what fills the slot `remaining`: `function` with the first kernel, which calls that with the next.
 
         Parameters
         ----------
-        whole, function
-            Templates whose slot `remaining` takes `function` bound to the first, or the next, kernel, which takes the
-            place of the slot `slot` of `function`.
+        function
+            Template whose `slot` takes a kernel and whose slot `remaining` takes the template bound to the next one.
         slot, remaining
             These slots.
         kernels
             Each kernel with the layout of what it reads.
-        entry
-            Whether Python calls `whole`.
         """
         rest: dict[Kernel, Kernel] = {}
         for kernel, about in reversed(kernels):
             specialiser = self.with_slots({slot: kernel, **rest}, about)
             specialiser.checked = True
             rest = {remaining: specialiser.bind(function)}
-        return self.with_slots(rest).bind(whole, entry=entry)
+        return rest
 
     def tag_of(self, kernel: Kernel) -> str:
         """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""
