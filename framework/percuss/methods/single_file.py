@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import json
 import re
@@ -96,7 +95,7 @@ class SingleFile:
         content = self._all_content
         version = self.digest[:12]
         # The name depends on the content too, so that an edited file is a new module and the old one stays intact.
-        unique = hashlib.sha256(str(self.path).encode() + b"\0" + content).hexdigest()[:12]
+        unique = content_digest(str(self.path).encode() + b"\0" + content)[:12]
         stem = re.sub(r"[^A-Za-z0-9_]", "_", self.path.stem)
         return Provenance("", version, f"percuss_file_{stem}_{unique}", str(self.path))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import traceback
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -21,7 +22,6 @@ from percuss.solver.build import Kernels, LoopParts, bind
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Trial
     from percuss.solver.bound_law import BoundLaw
-    from percuss.solver.entities import Follower
     from percuss.solver.model import Model
 
 
@@ -69,18 +69,11 @@ class NoMultiplier(Exception):
         return f"the kernel was called with {self.state}: {self.fault.remedy}"
 
 
-class KernelError(Exception):
-    """Error of a contact law or a load whose kernel raised an exception, which is the cause of this error."""
-
-
 def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
-    """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` or `KernelError` if it fails."""
+    """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` if it leaves a contact without one."""
 
     def probe(bound: Any, trial: Trial, multiplier: Floats) -> None:
-        try:
-            kernel(bound, trial, multiplier)
-        except Exception as error:
-            raise KernelError(f"contact law {law}: multipliers: ") from error
+        kernel(bound, trial, multiplier)
         state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
         if np.isnan(multiplier).any() and np.isfinite(state).all():
             point = int(np.isnan(multiplier).argmax())
@@ -88,20 +81,6 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
             raise NoMultiplier(law, contacts[point], fault, describe_state(trial, point))
 
     return probe
-
-
-def probing_follower(follower: Follower) -> Follower:
-    """Return a load whose kernel raises `KernelError` if it fails."""
-    load: Any = follower.load.load
-
-    def probe(numbers: tuple[float, ...], time: float, displacement: float, velocity: float) -> float:
-        try:
-            force: float = load.follow(numbers, time, displacement, velocity)
-        except Exception as error:
-            raise KernelError(f"load {load.name}: follow: ") from error
-        return force
-
-    return dataclasses.replace(follower, kernel=probe)
 
 
 def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseException | None:
@@ -127,8 +106,7 @@ def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseExcepti
     ]
     saved = [array.copy() for array in march.changing_arrays()]
     compiled = march.kernels
-    followers = [probing_follower(follower) for follower in march.parts.followers]
-    march.kernels = bind(dataclasses.replace(march.parts, laws=laws, followers=followers), compiled=False)
+    march.kernels = bind(dataclasses.replace(march.parts, laws=laws), compiled=False)
     try:
         with np.errstate(all="ignore"):
             march.advance(amplitudes, step, 1)
@@ -171,14 +149,21 @@ def refuse_array_writing(error: Exception) -> None:
 def kernel_failure(march: Marching, amplitudes: Any, step: int, raised: BaseException) -> PercussError:
     """Return the error for a kernel that raised an exception: its law, file and line, the step and the time."""
     error = repeat_in_python(march, amplitudes, step) or raised
-    law = ""
-    if isinstance(error, KernelError):
-        law = str(error)
-        error = error.__cause__ or raised
     if isinstance(error, NoMultiplier):
         error = raised
     description = described(error)
     if isinstance(error, ValueError) and "read-only" in str(error):
         description = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
     step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
-    return PluginError(f"{law or 'a kernel: '}{description} ({step_and_time})", line_in_plugin(error))
+    return PluginError(f"{_kernel_of_error(march, error)}: {description} ({step_and_time})", line_in_plugin(error))
+
+
+def _kernel_of_error(march: Marching, error: BaseException) -> str:
+    """Return in words the kernel in which an error was raised, also in a function that it calls."""
+    called = {frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)}
+    kernels: list[tuple[Any, str]] = [
+        *((kernel_of(bound.law), f"contact law {bound.law.name}: multipliers") for bound in march.kernel_laws),
+        *((follower.kernel, f"load {follower.load.load.name}: follow") for follower in march.parts.followers),
+    ]
+    of_plug_in = (words for kernel, words in kernels if getattr(kernel, "py_func", kernel).__code__ in called)
+    return next(of_plug_in, "a kernel")

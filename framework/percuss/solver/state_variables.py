@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,23 +55,23 @@ class StateVariables:
         sizes = [body.volumes.size * body.spec.material.state for body in bodies]
         edges = list(itertools.accumulate(sizes, initial=laws))
         places = {body.number: place for body, place in zip(bodies, itertools.pairwise(edges), strict=True)}
-        volumes = []
-        for fact in ("stored_in", "dissipated_in"):
-            volume = np.zeros(edges[-1] if any(getattr(body.spec.material, fact) is not None for body in bodies) else 0)
-            for body in bodies:
-                variable, (start, stop) = getattr(body.spec.material, fact), places[body.number]
-                if variable is not None:
-                    volume[start + variable : stop : body.spec.material.state] = body.volumes.ravel()
-            volumes.append(volume)
-        size = edges[-1]
-        stored_by_laws = np.zeros(size if any(bound_law.law.stored_in is not None for bound_law in kernel_laws) else 0)
-        first = 0
+        of_bodies = [(body.spec.material, places[body.number], body.volumes.ravel()) for body in bodies]
+        of_laws, first, size = [], 0, edges[-1]
         for bound_law in kernel_laws:
             stop = first + len(bound_law.where) * bound_law.law.state
-            if bound_law.law.stored_in is not None:
-                stored_by_laws[first + bound_law.law.stored_in : stop : bound_law.law.state] = 1.0
+            of_laws.append((bound_law.law, (first, stop), 1.0))
             first = stop
-        return StateVariables(np.zeros(size), np.zeros(size), volumes[0], volumes[1], stored_by_laws, places, laws)
+
+        def weights(fact: str, owners: Sequence[tuple[Any, tuple[int, int], Any]]) -> Floats:
+            out = np.zeros(size if any(getattr(owner, fact) is not None for owner, _, _ in owners) else 0)
+            for owner, (start, stop), weight in owners:
+                if (variable := getattr(owner, fact)) is not None:
+                    out[start + variable : stop : owner.state] = weight
+            return out
+
+        stored, dissipated = weights("stored_in", of_bodies), weights("dissipated_in", of_bodies)
+        stored_by_laws = weights("stored_in", of_laws)
+        return StateVariables(np.zeros(size), np.zeros(size), stored, dissipated, stored_by_laws, places, laws)
 
     def of_laws(self) -> tuple[Floats, Floats]:
         """Return the variables of the laws, before and after the present step."""

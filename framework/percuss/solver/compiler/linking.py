@@ -17,7 +17,7 @@ import ctypes
 import itertools
 import pickle
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -55,7 +55,7 @@ class Block:
         Address of the block.
     """
 
-    def __init__(self, value: Any, form: str, numbers: Sequence[Any] | None = None) -> None:
+    def __init__(self, value: Any, form: str, numbers: Iterable[Any] | None = None) -> None:
         self._value = value
         self._memory = np.zeros(struct.calcsize(form) // 8 + 1, dtype=np.int64)
         struct.pack_into(form, self._memory.data, 0, *(_numbers(value) if numbers is None else numbers))
@@ -205,10 +205,6 @@ class _Call(NamedTuple):
             return False
 
 
-def _block(arguments: tuple[Any, ...], form: str, numbers: Sequence[Sequence[Any]]) -> Block:
-    return Block(arguments, form, list(itertools.chain(*numbers)))
-
-
 class LinkedLoop:
     """The compiled loop of leap-frog schemes, linked to the kernels and arrays of one model.
 
@@ -251,11 +247,11 @@ class LinkedLoop:
         if last is None or not last.fits(arguments):
             form, (address,) = self._known_link(arguments, "the loop", kind)
             numbers = [_numbers(argument) for argument in arguments]
-            last = _Call(arguments, numbers, form, address, _block(arguments, form, numbers))
+            last = _Call(arguments, numbers, form, address, Block(arguments, form, itertools.chain(*numbers)))
         elif not all(new is old for new, old in zip(arguments, last.arguments, strict=True)):
             given = zip(arguments, last.arguments, last.numbers, strict=True)
             numbers = [numbers if new is old else _numbers(new) for new, old, numbers in given]
-            block = _block(arguments, last.form, numbers)
+            block = Block(arguments, last.form, itertools.chain(*numbers))
             last = last._replace(arguments=arguments, numbers=numbers, block=block)
         self._calls[kind] = last
         return call_at(last.address, last.block)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import hashlib
 import json
 import os
 import sys
@@ -61,7 +60,7 @@ def jit_disabled() -> bool:
 
 def key_of(*parts: str) -> str:
     """Return the name under which machine code is stored: a digest of `parts`, the processor and the compiler."""
-    return hashlib.sha256("\0".join([*parts, _surroundings()]).encode()).hexdigest()[:40]
+    return content_digest("\0".join([*parts, _surroundings()]).encode())[:40]
 
 
 @functools.cache
@@ -77,7 +76,7 @@ def address_of_stored(key: str) -> tuple[int, str] | None:
     """Return the address of a stored function and the form of its data, or None if it cannot be loaded."""
     with LOCK:
         if key not in _ADDRESSES:
-            stored = kept(_name_of(key))
+            stored = kept(f"{key}.code")
             if stored is None:
                 return None
             header, object_code = stored.split(b"\n", 1)
@@ -91,7 +90,7 @@ def address_of_stored(key: str) -> tuple[int, str] | None:
 
 def store(key: str, code: MachineCode) -> None:
     """Store machine code."""
-    keep(_name_of(key), json.dumps([code.symbol, code.form]).encode() + b"\n" + code.object_code)
+    keep(f"{key}.code", json.dumps([code.symbol, code.form]).encode() + b"\n" + code.object_code)
 
 
 def refers_to_c_alone(names: Iterable[str]) -> bool:
@@ -104,10 +103,6 @@ def refers_to_c_alone(names: Iterable[str]) -> bool:
     except TypeError:  # on Windows
         return not outside
     return all(hasattr(process, name) for name in outside)
-
-
-def _name_of(key: str) -> str:
-    return f"{key}.code"
 
 
 @functools.cache
