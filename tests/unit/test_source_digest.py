@@ -11,14 +11,14 @@ CONTENT = b"import numpy as np\nfrom . import beside\nTABLE = 'table.csv'\n"
 @pytest.fixture
 def kept(tmp_path, monkeypatch):
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
-    source_digest._imports_and_texts.cache_clear()
+    source_digest.imports_and_texts.cache_clear()
     yield tmp_path
-    source_digest._imports_and_texts.cache_clear()
+    source_digest.imports_and_texts.cache_clear()
 
 
 def found(content=CONTENT, package="mine"):
-    source_digest._imports_and_texts.cache_clear()
-    return source_digest._imports_and_texts(content, package)
+    source_digest.imports_and_texts.cache_clear()
+    return source_digest.imports_and_texts(content, package)
 
 
 def test_what_is_kept_is_what_was_found(kept, monkeypatch):

@@ -513,8 +513,8 @@ class BlackBoxCriterion:
         for closed in closed_sets:
             stable_at_longer_step = dt < self.free and self._unstable_combinations == []
             stability = self._examine(dt, closed, stable_at_longer_step=stable_at_longer_step)
+            names = quoted_names(self.model, closed) or "none"
             if not stability.linear:
-                names = quoted_names(self.model, closed) or "none"
                 doubt = f"the step is not linear with contacts {names} closed"
                 if stability.failure:
                     doubt = f"with contacts {names} held closed a kernel fails ({stability.failure})"
@@ -525,7 +525,6 @@ class BlackBoxCriterion:
                 return StepAssessment(False, self._smallest_combination(dt, closed), stability.theta)
             if stability.several_lines:
                 complete = False
-                names = quoted_names(self.model, closed) or "none"
                 doubt = (
                     f"with contacts {names} closed the step is another one at other overlaps or while they open; on "
                     "none of these lines growth was found"

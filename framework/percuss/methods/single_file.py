@@ -14,7 +14,7 @@ from types import ModuleType
 from percuss.errors import PluginError, nearest, shortened
 from percuss.files import found_instead
 from percuss.methods.provenance import Provenance, display_path
-from percuss.methods.source_digest import content_digest, data_named, file_of_module, imports_of, record_import
+from percuss.methods.source_digest import content_digest, data_files, file_of_module, imports_and_texts, record_import
 
 NEVER_BESIDE = {*sys.stdlib_module_names, "percuss", "percuss_methods"}
 
@@ -77,7 +77,8 @@ class SingleFile:
                 for name, line in beside.items()
             )
             raise PluginError("\n".join(lines))
-        data = tuple((file, file.read_bytes()) for file in data_named(path, content))
+        named = data_files(path, imports_and_texts(content, "")[1], in_package=False)
+        data = tuple((file, file.read_bytes()) for file in named)
         return cls(path, content, data, str(given))
 
     @property
@@ -128,7 +129,7 @@ def _modules_beside(path: Path, content: bytes) -> dict[str, int]:
     """
     folder = path.parent
     lines: dict[str, int] = {}
-    for statement in sorted(imports_of(content)):
+    for statement in sorted(imports_and_texts(content, "")[0]):
         for name in [statement.module] if statement.module else statement.parts:
             top = name.partition(".")[0]
             if top.isidentifier() and top not in NEVER_BESIDE and top not in lines and _is_beside(top, folder):

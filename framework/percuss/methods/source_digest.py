@@ -272,8 +272,8 @@ class SourceDigests:
             if not module.whole or path.suffix != ".py":
                 continue
             package = module.name if path.name == "__init__.py" else module.name.rpartition(".")[0]
-            imports, texts = _imports_and_texts(content, package)
-            for data in _data_files(path, texts, in_package=path.name == "__init__.py" or bool(package)):
+            imports, texts = imports_and_texts(content, package)
+            for data in data_files(path, texts, in_package=path.name == "__init__.py" or bool(package)):
                 digests[f"{module.name}: {data.name}"] = _data_digest(data)
             waiting += self._files_to_follow(_modules(imports), top, digests)
         return digests
@@ -316,13 +316,8 @@ def _modules(imports: Iterable[ImportStatement]) -> list[_Import]:
     return list(modules)
 
 
-def imports_of(content: bytes) -> tuple[ImportStatement, ...]:
-    """Return the imports of a Python source outside any package; none if it is not valid Python."""
-    return _imports_and_texts(content, "")[0]
-
-
 @functools.lru_cache(maxsize=256)
-def _imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
+def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
     """Return the imports of a source and the short texts in it; both are empty if it is not valid Python.
 
     They are kept in the user's cache folder, as to find them takes a good part of a short run.
@@ -401,9 +396,8 @@ def _file_on_path(name: str) -> str | None:
                 return None
             search = [str(parent_file.parent)]
     for finder in sys.meta_path:
-        find_spec = getattr(finder, "find_spec", None)
         try:
-            spec = find_spec(name, search) if find_spec is not None else None
+            spec = finder.find_spec(name, search)
         except Exception:  # noqa: BLE001, S112 - finders of other packages may raise anything
             continue
         if spec is not None:
@@ -411,22 +405,17 @@ def _file_on_path(name: str) -> str | None:
     return None
 
 
-def data_named(path: Path, content: bytes) -> list[Path]:
-    """Return the data files that a Python source outside any package names."""
-    return _data_files(path, _imports_and_texts(content, "")[1], in_package=False)
-
-
-def _data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[Path]:
+def data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[Path]:
     """Return the data files that a source may read: those named in its texts and, in a package, all in its folder."""
     folder = path.parent
-    data_files: dict[Path, None] = {}
+    found: dict[Path, None] = {}
     folders = [folder]
     folders += [
         folder / text for text in texts if is_folder(folder / text) and "/" not in text.strip("/") and text.strip("./")
     ]
     for parent in folders:
         named = (parent / text for text in texts if not text.endswith(".py"))
-        data_files |= dict.fromkeys(filter(is_file, named))
+        found |= dict.fromkeys(filter(is_file, named))
     if in_package and (folder / "__init__.py").is_file():
         for entry in folder.rglob("*"):
             if (
@@ -434,8 +423,8 @@ def _data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[P
                 and entry.suffix not in {".py", ".pyc", ".nbi", ".nbc"}
                 and "__pycache__" not in entry.parts
             ):
-                data_files[entry] = None
-    return sorted(data_files)
+                found[entry] = None
+    return sorted(found)
 
 
 def _data_digest(path: Path) -> str:

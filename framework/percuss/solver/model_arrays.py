@@ -213,8 +213,7 @@ class ModelArrays:
 
     def mobility(self, node: int) -> float:
         """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
-        body = self.body_of(node)
-        return body.response(node)[node] if body.inverse.size else 1.0 / self.mass[node]
+        return self.body_of(node).response(node)[node]
 
     @cached_property
     def points_without_mass(self) -> Any:

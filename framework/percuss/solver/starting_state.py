@@ -33,19 +33,13 @@ def starting_velocity(model: Model) -> Floats:
     before = velocity.copy()
     for nodal_force in model.nodal_forces:
         impulse = _impulse_before_start(nodal_force.load, model.dt) * nodal_force.force
-        if model.couples_nodes:
-            velocity[nodal_force.node] -= impulse * model.mobility(nodal_force.node)
-        else:
-            velocity[nodal_force.node] -= impulse / model.mass[nodal_force.node]
+        velocity[nodal_force.node] -= _change_by(impulse, model, nodal_force.node)
     for follower in model.followers:
         speed = float(velocity[follower.node] @ follower.direction)
         motion = max(-follower.switched_on, 0.0), 0.0, speed
         force = answer(follower.load.load, "follow", follower.numbers, *motion)
         duration = _impulse_before_start(follower.load, model.dt)
-        if model.couples_nodes:
-            velocity[follower.node] -= duration * force * follower.direction * model.mobility(follower.node)
-        else:
-            velocity[follower.node] -= duration * force * follower.direction / model.mass[follower.node]
+        velocity[follower.node] -= _change_by(duration * force * follower.direction, model, follower.node)
     bodies = list(model.bodies.values())
     for body_force in model.body_forces:
         body = bodies[body_force.body]
@@ -57,6 +51,11 @@ def starting_velocity(model: Model) -> Floats:
     if model.couples_nodes:
         _carry_to_neighbours(model, velocity, before)
     return velocity
+
+
+def _change_by(impulse: Floats, model: Model, node: int) -> Floats:
+    """Return the change of the velocity of a node by an impulse on it, (dim,)."""
+    return impulse * model.mobility(node) if model.couples_nodes else impulse / model.mass[node]
 
 
 def _carry_to_neighbours(model: Model, velocity: Floats, before: Floats) -> None:
