@@ -75,7 +75,7 @@ class Pencil:
                 diagonal = diagonal.copy()
                 diagonal[beside - body.start] -= body.stiffness[body.end_element(node)]
             left_out = [
-                node in without_mass or not self._free_along(held.get(node, []), axis)
+                node in without_mass or not all(abs(float(direction @ axis)) < 1e-9 for direction in held.get(node, []))
                 for node in (body.start, body.stop - 1)
             ]
             lo, hi = int(left_out[0]), body.mass.size - int(left_out[1])
@@ -102,10 +102,6 @@ class Pencil:
                 if p in model.tied_points and not model.own_steps:
                     ties.setdefault(p, []).append((node, along))
         self.parts = parts_of(self.bodies, list(ties.values()))
-
-    @staticmethod
-    def _free_along(directions: list[Floats], axis: Floats) -> bool:
-        return all(abs(float(direction @ axis)) < 1e-9 for direction in directions)
 
     def factors(self, dt: float) -> list[Any] | None:
         """Return a factor of ``(4/dt^2) M - K`` of each part; None unless all are positive definite."""

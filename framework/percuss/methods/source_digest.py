@@ -322,7 +322,8 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
 
     They are kept in the user's cache folder, as to find them takes a good part of a short run.
     """
-    name = content_digest(b"\0".join([content, package.encode(), sys.version.encode(), _own_content()])) + ".imports"
+    depends_on = [content, package.encode(), sys.version.encode(), Path(__file__).read_bytes()]
+    name = content_digest(b"\0".join(depends_on)) + ".imports"
     stored = kept(name)
     if stored is not None:
         imports, texts = json.loads(stored)
@@ -330,11 +331,6 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
     found = _parsed(content, package)
     keep(name, json.dumps(found).encode())
     return found
-
-
-@functools.cache
-def _own_content() -> bytes:
-    return Path(__file__).read_bytes()
 
 
 def _parsed(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import described, line_in_plugin
-from percuss.methods.kernel_trial import Fault, describe_state, fault_of_nan, kernel_of
+from percuss.methods.kernel_trial import describe_state, fault_of_nan, kernel_of
 from percuss.solver.build import Kernels, LoopParts, bind
 
 if TYPE_CHECKING:
@@ -45,28 +45,17 @@ class NoMultiplier(Exception):
 
     Attributes
     ----------
-    law, contact
-        Names of the law and of the contact.
-    fault
-        What the kernel did, and the remedy.
-    state
-        The state of the contact that the kernel received, in words.
+    contact
+        Name of the contact.
+    description
+        The fault of the kernel, in words.
+    cause
+        The cause of the fault and its remedy, in words.
     """
 
-    def __init__(self, law: str, contact: str, fault: Fault, state: str) -> None:
-        super().__init__(law, contact, fault, state)
-        self.law, self.contact, self.fault, self.state = law, contact, fault, state
-
-    @property
-    def description(self) -> str:
-        """The fault of the kernel, in words."""
-        contact = f"contact '{self.contact}'"
-        return f"law {self.law} {self.fault.did.format(contact)}"
-
-    @property
-    def cause(self) -> str:
-        """The cause of the fault and its remedy, in words."""
-        return f"the kernel was called with {self.state}: {self.fault.remedy}"
+    def __init__(self, contact: str, description: str, cause: str) -> None:
+        super().__init__(contact, description, cause)
+        self.contact, self.description, self.cause = contact, description, cause
 
 
 def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
@@ -77,8 +66,11 @@ def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, .
         state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
         if np.isnan(multiplier).any() and np.isfinite(state).all():
             point = int(np.isnan(multiplier).argmax())
-            fault = fault_of_nan(kernel, bound, trial, point)
-            raise NoMultiplier(law, contacts[point], fault, describe_state(trial, point))
+            did, remedy = fault_of_nan(kernel, bound, trial, point)
+            contact = contacts[point]
+            fault = did.format(f"contact '{contact}'")
+            cause = f"the kernel was called with {describe_state(trial, point)}: {remedy}"
+            raise NoMultiplier(contact, f"law {law} {fault}", cause)
 
     return probe
 

@@ -44,7 +44,8 @@ def compile_function(function: types.FunctionType, *, entry: bool, key: str = ""
     stored, compilers = StoredFunction(key), pipelines()
     if compilers is not None:
         stored.restore = compilers.restored_entry if entry else compilers.restored_callee
-        options["pipeline_class"] = compilers.compiler_of_one_entry(stored) if entry else compilers.CalleeCompiler
+        entry_compiler = type("Compiler", (compilers.EntryCompiler,), {"cache": stored})
+        options["pipeline_class"] = entry_compiler if entry else compilers.CalleeCompiler
     signatures = options.pop("signature_or_function", ())
     kernel: Any = numba.njit(**options)(function)
     if not jit_disabled():

@@ -142,11 +142,6 @@ class EntryCompiler(_Compiler):
             return compiled
 
 
-def compiler_of_one_entry(cache: Any) -> type[EntryCompiler]:
-    """Return a compiler class of one entry, which has this `cache`."""
-    return type("Compiler", (EntryCompiler,), {"cache": cache})
-
-
 def restored_entry(target_context: Any, payload: tuple[Any, ...]) -> CompileResult:
     """Return the compiled entry from what `CompileResult._reduce` returned; its object code stays with it."""
     restored = CompileResult._rebuild(target_context, *payload)
