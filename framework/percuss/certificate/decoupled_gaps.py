@@ -109,20 +109,17 @@ class DecoupledGapsCriterion:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.pencil = Pencil(model)
+        self._end_forces = end_forces(model, 0.5 * model.dt)  # of all contact points
         self._delassus = model.contact_rows(0.5 * model.dt).diagonal
-
-    @cached_property
-    def _end_forces(self) -> list[Any]:
-        found = end_forces(self.model, 0.5 * self.model.dt)
-        return [found[point] for point in range(len(self.model.contact_pairs))]
 
     @cached_property
     def _kappa(self) -> Floats:
         """``-N^T M^-1 Sigma / s``, (P,)."""
         mass, out = self.model.mass, np.zeros(len(self._end_forces))
         rows = self.model.contact_rows(0.5 * self.model.dt).sides
-        for p, (end_force, sides) in enumerate(zip(self._end_forces, rows, strict=True)):
-            out[p] = -sum(float(side.response @ end_force.rows[side.node]) for side in sides if mass[side.node] > 0.0)
+        for p, sides in enumerate(rows):
+            sigma = self._end_forces[p].rows
+            out[p] = -sum(float(side.response @ sigma[side.node]) for side in sides if mass[side.node] > 0.0)
         return out / self._delassus
 
     def _oscillators(self, dt: float) -> _Oscillators:
@@ -147,7 +144,7 @@ class DecoupledGapsCriterion:
             axis = self.model.body_of(body.first).mesh.direction
             columns = np.zeros((body.mass.size, harmful.size))
             for column, p in enumerate(harmful):
-                for node, row in self._end_forces[p].rows.items():
+                for node, row in self._end_forces[int(p)].rows.items():
                     if body.first <= node < body.first + body.mass.size:
                         columns[node - body.first, column] += float(row @ axis)
             if columns.any():

@@ -19,7 +19,7 @@ from percuss.case.overrides import as_given_by
 from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
-from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion, RunCriterion
+from percuss.certificate.criteria import BlackBoxCriterion, Criterion, PencilCriterion, RunCriterion
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
@@ -127,11 +127,8 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
     if why := _why_unknown(model, way, doubts):
         return _row(varied, way, None, why)
     try:
-        kinds: dict[str, type[PencilCriterion | BlackBoxCriterion]] = {
-            "pencil": PencilCriterion,
-            "black-box": BlackBoxCriterion,
-        }
-        criterion: Any = RunCriterion(model, kinds[way]) if way in kinds else ClosedFormCriterion(model)
+        kind: type[Criterion] = PencilCriterion if way == "pencil" else BlackBoxCriterion
+        criterion: Any = ClosedFormCriterion(model) if way == "closed-form" else RunCriterion(model, kind)
         critical = criterion.critical_step
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))

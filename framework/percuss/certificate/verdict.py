@@ -418,10 +418,8 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
     if not stable:
         return "no", f"the step {dt:.6g} is unstable {combination}"
     if np.isnan(critical):
-        return (
-            "yes",
-            f"at the step {dt:.6g} nothing grows in any set of closed contacts; the critical step is not known",
-        )
+        nothing = "nothing grows in any set of closed contacts; the critical step is not known"
+        return "yes", f"at the step {dt:.6g} {nothing}"
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
