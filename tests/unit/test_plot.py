@@ -1,6 +1,7 @@
 """Pictures and the notebook's view: what is drawn is the data, and nothing is left behind where drawing fails."""
 
 import copy
+import itertools
 import re
 import sys
 from html.parser import HTMLParser
@@ -360,6 +361,18 @@ def test_the_ticks_of_a_logarithmic_axis_are_several_and_differ(low, high):
         assert all(label.endswith(end) for label in labels)
     assert axes.get_ylim()[0] < low < high < axes.get_ylim()[1]
     assert (figures.tick_text(1.5e5), figures.percent_text(0.015)) == ("1.5×10⁵", "1.5 %")
+
+
+@pytest.mark.parametrize(("low", "high"), [(2.5e5, 8.6e5), (1.1e5, 3.6e5), (1.0, 9.0), (1e-6, 3e5)])
+def test_labels_of_an_axis_stand_apart(low, high):
+    from matplotlib.figure import Figure
+
+    figure = Figure((4.2, 4.0))  # a narrow panel
+    axes = figure.subplots()
+    figures.log_axis(axes, "x", (low, high))
+    figure.draw_without_rendering()
+    ends = [label.get_window_extent() for label in axes.get_xticklabels()]
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(ends))
 
 
 @pytest.mark.slow

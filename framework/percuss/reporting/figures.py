@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import re
 import textwrap
@@ -251,7 +252,11 @@ def log_axis(
         ticks = [tick for tick in locator.tick_values(low, high) if low <= tick <= high]
         if len(ticks) >= least:
             break
-    axis.set_major_locator(FixedLocator(ticks))
+    spaced: list[float] = []  # equal distances crowd towards the end of the axis
+    for tick in ticks:
+        if not spaced or math.log(tick / spaced[-1]) > LEAST_SPACE[which] * math.log(high / low):
+            spaced.append(tick)
+    axis.set_major_locator(FixedLocator(spaced))
     axis.set_major_formatter(FuncFormatter(text))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
@@ -264,6 +269,7 @@ def percent_axis(axes: Axes, low: float, high: float) -> None:
 
 
 DOTS_PER_INCH = 180
+LEAST_SPACE = {"x": 0.16, "y": 0.06}  # of an axis between two ticks
 SUFFIXES = (".png", ".svg", ".pdf")
 # The colours of Okabe and Ito, ordered so that neighbours differ in grey too; each has its own line style.
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7")
