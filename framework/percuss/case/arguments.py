@@ -24,7 +24,7 @@ def wrong_argument(function: str, message: str, value: Any, advice: str) -> Inpu
 
 def expect_suffix(path: str | os.PathLike[str], what: str, suffixes: Sequence[str], advice: str) -> str:
     """Return the suffix of a file to be written, in small letters; raise InputError unless it is one of `suffixes`."""
-    suffix = Path(path).suffix
+    suffix = Path(str(path)).suffix
     if suffix.lower() not in suffixes:
         endings = " or ".join(filter(None, (", ".join(suffixes[:-1]), suffixes[-1])))
         message = f"expected {what} ending in {endings}, found {suffix or 'no ending'}"

@@ -90,7 +90,7 @@ def report(
 
     if page is not None:
         expect_suffix(page, "a page", (".html", ".htm"), "Name it report.html.")
-    study = study if isinstance(study, Study) else open_study(study)
+    study = study if isinstance(study, Study) else open_study(str(study))
     if page is None and figures is None:
         page = study.path.with_suffix(".html")
     if page is not None:
