@@ -101,7 +101,7 @@ def gain(case: dict[str, Any], law: dict[str, Any]) -> tuple[float, int]:
         case["time"] = {**case["time"], "end": transits * slowest}
         march = March(Model(percuss.load(case)))
         outcome = march.run(None)
-        found = ledger.energies(outcome)
+        found = ledger.energies(march, outcome)
         energy = found["kinetic_energy"] + found["elastic_energy"]
         start = 0.5 * float(march.model.mass @ (initial_velocity(march.model) ** 2).sum(axis=1))
         pressed = outcome.record.multiplier[: outcome.records] != 0.0

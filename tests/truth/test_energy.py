@@ -321,9 +321,9 @@ def warned(case):
 
 @pytest.mark.parametrize("law", ["penalty", "matched", "lagrange"])
 def test_a_contact_that_lets_go_a_step_late_is_seen(monkeypatch, law):
-    def late(points, others, dt):
+    def late(points, others, dt, source):
         before = points.multiplier.copy()
-        sound = right(points, others, dt)
+        sound = right(points, others, dt, source)
         let_go = (points.multiplier == 0.0) & (before > 0.0) & (points.last != -2)
         points.multiplier[let_go] = before[let_go]
         points.last[let_go] = -2
@@ -355,8 +355,8 @@ def test_a_force_that_acts_twice_is_seen(monkeypatch, law):
 def test_a_spring_that_follows_a_step_late_is_seen(monkeypatch):
     """Central difference with the force of the step before: the energy of a closed contact is not kept."""
 
-    def behind(points, others, dt):
-        sound = right(points, others, dt)
+    def behind(points, others, dt, source):
+        sound = right(points, others, dt, source)
         asked = points.multiplier.copy()
         closed = (asked != 0) & (before[0] != 0)
         points.multiplier[closed] = before[0][closed]
