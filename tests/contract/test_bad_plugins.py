@@ -389,7 +389,7 @@ def line_of(text):
     return 1 + FATES[: FATES.index(text)].count("\n")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_study_goes_on_whatever_a_plug_in_does(tmp_path):
     case, *_ = written(tmp_path, "mass.nodal", "raises")
     text = case.read_text().replace("plugins: [my_method.py]\n", "").replace("mass: my-method", "")

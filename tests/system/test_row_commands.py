@@ -278,6 +278,7 @@ def test_names_stay_in_sight_and_columns_are_chosen(browser, page_of_rows):
         assert opened.complaints == []
 
 
+@pytest.mark.deep
 def test_the_address_holds_what_was_chosen(browser, page_of_rows):
     with Opened(browser, page_of_rows) as opened:
         page = opened.page

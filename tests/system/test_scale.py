@@ -16,7 +16,7 @@ from percuss.solver.size_limits import BYTES_PER_NODE
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_certificate_and_run_of_a_million_elements_take_less_memory_than_is_stated():
     pytest.importorskip("resource")  # it reports the largest memory of a process
     program = ROOT / "tests" / "benchmarks" / "scale.py"

@@ -246,7 +246,10 @@ def test_a_plug_in_that_raises_costs_its_own_rows(tmp_path):
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, marks=pytest.mark.deep) if path.stem == "sensitivity" else path for path in SHIPPED],
+    [
+        pytest.param(path, marks=pytest.mark.deep) if path.stem in {"sensitivity", "family"} else path
+        for path in SHIPPED
+    ],
     ids=lambda path: path.stem,
 )
 def test_a_shipped_study_is_one(path, tmp_path):

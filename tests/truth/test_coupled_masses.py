@@ -259,7 +259,7 @@ def dense_pencil(case, consistency):
     return bars, mass[np.ix_(free, free)], bars.K[np.ix_(free, free)], normal[free]
 
 
-@pytest.mark.parametrize("consistency", [1.0, -1.5])
+@pytest.mark.parametrize("consistency", [1.0, pytest.param(-1.5, marks=pytest.mark.deep)])
 @pytest.mark.parametrize("law", [*LAWS, {"name": "tied"}])
 @pytest.mark.parametrize("integrator", LEAP_FROG)
 def test_the_critical_step_is_that_of_dense_matrices(consistency, law, integrator):

@@ -269,6 +269,7 @@ def test_a_gap_held_closed_grows_in_its_multiplier_and_is_unknown_to_the_certifi
     assert certificate(Model(percuss.load(three_bars("penalty", -0.1))))["stable"] == "unknown"
 
 
+@pytest.mark.deep
 def test_the_tie_of_rates_stays_bounded():
     result = run(three_bars("tied", steps=4000, courant=0.7))
     energy = result.arrays["kinetic_energy"] + result.arrays["elastic_energy"] - result.arrays["external_work"]

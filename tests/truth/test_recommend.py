@@ -98,8 +98,16 @@ def test_a_search_that_was_interrupted_goes_on(small, monkeypatch):
     assert {key: made_later[key] for key in stored} == stored  # to the last digit of a clock: none was run again
 
 
-@pytest.mark.parametrize("bounds", [{"error": 1e-30}, {"error": 1e-300}, {"error": None, "energy": 1e-300},
-                                    {"error": 0.5, "seconds": 1e-300}])  # fmt: skip
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        {"error": 1e-30},
+        *(
+            pytest.param(bounds, marks=pytest.mark.deep)
+            for bounds in ({"error": 1e-300}, {"error": None, "energy": 1e-300}, {"error": 0.5, "seconds": 1e-300})
+        ),
+    ],
+)
 def test_no_run_meets_a_bound_that_cannot_be_met(bounds, small):
     answer = found(small, runs=12, **bounds)
     assert answer.best is None
@@ -109,6 +117,7 @@ def test_no_run_meets_a_bound_that_cannot_be_met(bounds, small):
     assert answer.beside >= 0
 
 
+@pytest.mark.deep
 def test_without_an_exact_solution_the_error_is_that_of_a_finer_mesh(small):
     text = SMALL.replace("young: 100, density: 0.01}", "young: 100, density: 0.01, yield_stress: 1e6, tangent: 0.1}")
     text = text.replace("material: {", "material: {name: bilinear-plastic, ")
@@ -288,7 +297,7 @@ def test_a_search_never_says_no_while_runs_are_left(order):
 @pytest.mark.parametrize(
     ("case", "error", "most"),
     [
-        ("doyen-bounce", 0.01, 101 * 1600),  # refine 1 at the Courant number 1
+        pytest.param("doyen-bounce", 0.01, 101 * 1600, marks=pytest.mark.deep),  # refine 1 at the Courant number 1
         ("hunek", 0.02, 302 * 1600 / 16),  # a quarter of the elements of the case
     ],
 )
