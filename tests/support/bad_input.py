@@ -50,9 +50,9 @@ GOOD = {"fine", "refused"}
 SECOND = 1.0  # of processor time, that no input may take
 MEMORY = 500e6  # bytes that no process may take
 ADDRESSES = 8 * 2**30  # bytes that a process may ask for, so that the machine survives it
-GIVE_UP = 20.0  # seconds of processor time after which an input counts as hanging
-SECONDS_OF_WORK = 20.0  # of a study, whose plan may have thousands of runs at 1 to 2 ms each, or of a picture
-PATIENCE = 300.0  # seconds after which a process that hangs outside Python is ended
+GIVE_UP = 90.0  # seconds of processor time after which an input counts as hanging
+SECONDS_OF_WORK = 60.0  # of a study, whose plan may have thousands of runs at 1 to 3 ms each, or of a picture
+PATIENCE = 1200.0  # seconds after which a process that hangs outside Python is ended
 LONGEST = 20_000  # letters of a message
 MOST_ELEMENTS = 2000  # a case with more is no bad input, and takes the time that it takes
 
