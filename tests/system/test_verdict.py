@@ -9,6 +9,7 @@ import pytest
 import percuss
 import places
 from command_line import percuss_command
+from percuss.reporting.verdict import failures
 from percuss.results.true_error import largest_error
 from percuss.studies import alternatives as module
 from percuss.studies.columns import metric
@@ -155,3 +156,13 @@ def test_a_check_begins_with_three_answers(coarse: Path, changes: tuple[str, ...
     assert said[3] == ""
     for line, words in zip(said, lines, strict=False):
         assert re.search(words, line), line
+
+
+def test_one_reason_is_told_once_with_the_number_of_its_runs() -> None:
+    why = "not started: the certificate says unstable, node {0} (node {0} of body 'steel') limits the step\n  cause: a step"
+    runs = [("unstable", why.format(10 * k), f"i + l{k % 5}") for k in range(6)]
+    assert list(failures([*runs, ("done", "", "i + l9")])) == [
+        "6 unstable: i + l0, i + l1, i + l2 and 2 more: not started: the certificate says unstable"
+    ]
+    (alone,) = failures(runs[:1])
+    assert alone.endswith("node 0 (node 0 of body 'steel') limits the step; cause: a step")
