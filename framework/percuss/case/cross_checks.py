@@ -223,18 +223,10 @@ class CrossChecks:
     def _check_owner(self, path: KeyPath, expectation: Expectation, contacts: Sequence[str]) -> None:
         """Report a contact that is missing, a probe that the case has not, and a component that it has not."""
         name, of = expectation.quantity, quantity_named(expectation.quantity).of
-        # Mistakes in the contacts have been reported already.
-        if (
-            of == "contact"
-            and expectation.contact is None
-            and len(contacts) != 1
-            and (contacts or not self.reader.problems)
-        ):
-            advice = (
-                f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
-                if contacts
-                else "The case has no contact."
-            )
+        reported = self.reader.problems and not contacts  # as mistakes in the contacts
+        if of == "contact" and expectation.contact is None and len(contacts) != 1 and not reported:
+            one = f"Add `contact:` with one of: {', '.join(sorted(contacts))}."
+            advice = one if contacts else "The case has no contact."
             self.wrong((*path, "contact"), f"missing (the owner of {name})", advice, key=True)
         at = (*path, "probe")
         if of == "probe" and expectation.probe is not None and self._is_end(at, expectation.probe):

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from percuss.results.exact_result import ExactSolutionResult
     from percuss.results.result import Result
 
+SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
+
 
 def run(
     case: CaseFile,
@@ -84,9 +86,6 @@ def run(
             lost = any(not change.startswith(SEARCHED) for change in set_ or [])
             search = f"`{words}`{' (first write the values of --set into the case)' if lost else ''}"
             _run(loaded, files, "" if tied else search, nudge=nudge, as_json=as_json)
-
-
-SEARCHED = ("method.contact", "method.integrator", "refine", "time.courant")  # values that a recommendation finds
 
 
 class _Files(NamedTuple):

@@ -21,7 +21,7 @@ from percuss.cli.common import (
     reporting,
     tell,
 )
-from percuss.errors import InputError, Problem, printable
+from percuss.errors import Problem, printable, refuse_if_any
 from percuss.process import INTERRUPTED
 
 
@@ -51,10 +51,10 @@ def study(
         from percuss.studies.study_table import exportable
 
         if dry_run:
-            needless = {"--out": out, "--export": export, "--again": again, "--scheduler": scheduler}
-            for name in (name for name, value in needless.items() if value):
-                message = f"expected --dry-run or {name}, found both"
-                raise InputError([Problem("percuss study", "", message, "A dry run makes no rows.")])
+            of_rows = {"--out": out, "--export": export, "--again": again, "--scheduler": scheduler}
+            message, advice = "expected --dry-run or {}, found both", "A dry run makes no rows."
+            given = [name for name, value in of_rows.items() if value]
+            refuse_if_any([Problem("percuss study", "", message.format(name), advice) for name in given])
             _print_forecast(file, plugin or [], workers or os.cpu_count() or 1, as_json=as_json)
             return
         if export is not None:

@@ -322,8 +322,7 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
 
     They are kept in the user's cache folder, as to find them takes a good part of a short run.
     """
-    depends_on = [content, package.encode(), sys.version.encode(), Path(__file__).read_bytes()]
-    name = content_digest(b"\0".join(depends_on)) + ".imports"
+    name = content_digest(b"\0".join([content, package.encode(), sys.version.encode(), _own_content()])) + ".imports"
     stored = kept(name)
     if stored is not None:
         imports, texts = json.loads(stored)
@@ -331,6 +330,11 @@ def imports_and_texts(content: bytes, package: str) -> tuple[tuple[ImportStateme
     found = _parsed(content, package)
     keep(name, json.dumps(found).encode())
     return found
+
+
+@functools.cache
+def _own_content() -> bytes:
+    return Path(__file__).read_bytes()
 
 
 def _parsed(content: bytes, package: str) -> tuple[tuple[ImportStatement, ...], tuple[str, ...]]:
@@ -405,10 +409,8 @@ def data_files(path: Path, texts: Sequence[str], *, in_package: bool) -> list[Pa
     """Return the data files that a source may read: those named in its texts and, in a package, all in its folder."""
     folder = path.parent
     found: dict[Path, None] = {}
-    folders = [folder]
-    folders += [
-        folder / text for text in texts if is_folder(folder / text) and "/" not in text.strip("/") and text.strip("./")
-    ]
+    single = (folder / text for text in texts if "/" not in text.strip("/") and text.strip("./"))
+    folders = [folder, *filter(is_folder, single)]
     for parent in folders:
         named = (parent / text for text in texts if not text.endswith(".py"))
         found |= dict.fromkeys(filter(is_file, named))

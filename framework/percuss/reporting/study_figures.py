@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from percuss.case.quantities import STUDY_PANELS, percent
+from percuss.case.quantities import STUDY_PANELS
 from percuss.errors import InputError, Problem
 from percuss.files import is_file
 from percuss.reporting import study_charts, study_data
@@ -21,7 +21,6 @@ from percuss.reporting.figures import (
     legend_below,
     log_axis,
     new_figure,
-    number,
     one_line,
     tick_text,
     write,
@@ -29,6 +28,7 @@ from percuss.reporting.figures import (
 )
 from percuss.reporting.study_charts import Axis, Charts, LineStyle, ProfileChart
 from percuss.reporting.study_data import Cell, StudyLike
+from percuss.reporting.verdict import value_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -144,13 +144,15 @@ def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell])
     """Draw the best and the median of each pair of one case, and write their values beside them."""
     ranked = sorted(of_case, key=lambda pair: (not of_case[pair].measured, of_case[pair].best))[:MOST_RANKED]
     edge = charts.axes[name].edge
+    unit = 0.01 if study_data.is_share(name) else 1.0  # the table has shares in per cent
     for place, pair in enumerate(ranked):
         style, cell = charts.styles[pair], of_case[pair]
         best, median = max(cell.best, edge), max(cell.median, edge)
         axes.plot([best, median], [place, place], color=style.colour, linewidth=1.5, alpha=0.6)
         axes.plot(median, place, color=style.colour, marker="|", markersize=12, markeredgewidth=2)
         axes.plot(best, place, color=style.colour, markersize=7, **_mark(style))
-        values = f"{_value_words(cell.best, name)}, median {_value_words(cell.median, name)}"
+        best_text, median_text = (value_text(name, unit * value) for value in (cell.best, cell.median))
+        values = f"{best_text}, median {median_text}"
         words = "; ".join(filter(None, (values if cell.measured else "", cell.lost_words)))
         frame = axes.get_yaxis_transform()
         axes.text(1.01, place, words, transform=frame, size=7.5, va="center", color=SOFT, parse_math=False)
@@ -160,11 +162,6 @@ def _best_panel(axes: Axes, charts: Charts, name: str, of_case: dict[str, Cell])
     axes.set_ylim(len(ranked) - 0.4, -0.6)
     _set_axis(axes, "x", charts.axes[name])
     return {}
-
-
-def _value_words(value: float, name: str) -> str:
-    """Return a value of a measure in words, a share in per cent."""
-    return percent(0.01 * value) if study_data.is_share(name) else number(value, 3)
 
 
 def work_figure(title: str, done: Any, charts: Charts, cost: str, error: str) -> Figure:

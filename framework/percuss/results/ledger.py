@@ -65,9 +65,8 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     largest = np.maximum(np.maximum.accumulate(sizes), step_energy) if sizes.size else sizes
     growth = contact + stored - (contact + stored)[:1]
     bodies = {"internal_work": internal} if sums_internal_work else {}
-    if (
-        march.model.viscosity > 0 or march.model.implicit
-    ):  # what the work of the internal forces has not stored in linear bodies
+    if march.model.viscosity > 0 or march.model.implicit:
+        # What the work of the internal forces has not stored in linear bodies.
         bodies["dissipated_energy"] = internal - (elastic - (energy_before - outcome.kinetic_before))
     elif march.state_variables.dissipated.size > 0:
         bodies["dissipated_energy"] = dissipated

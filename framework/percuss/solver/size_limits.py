@@ -116,8 +116,8 @@ def check_bodies(case: Case, bodies: Mapping[str, Body]) -> None:
             if not inside.all():
                 first = int(np.argmin(inside))
                 value = float(values[first])
-                advice = UNITS
                 message = f"expected {quantity} between {SMALLEST_NUMBER:g} and {LARGEST_NUMBER:g}, found {value:.6g}"
+                advice = UNITS
                 if not value > 0 and _sizes_within_limits(body):
                     message, advice = _not_positive_message(case, body, quantity, first, value)
                 own = ("velocity",) if quantity == "a velocity" else ()
