@@ -27,6 +27,5 @@ def project_files():
 def is_dropping(path):
     """Return whether a file is what building, testing or the commands of the README leave behind."""
     made = path.suffix in {".png", ".svg", ".pdf", ".nc", ".html", ".csv", ".sqlite"} and len(path.parts) == 1
-    return (
-        made or bool(DROPPINGS & set(path.parts)) or any(p.startswith(".venv") or "egg-info" in p for p in path.parts)
-    )
+    hidden = any(part.startswith(".") and part != ".ci" for part in path.parts[:-1])
+    return made or hidden or bool(DROPPINGS & set(path.parts)) or any("egg-info" in part for part in path.parts)
