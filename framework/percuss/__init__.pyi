@@ -9,6 +9,7 @@ from percuss.cli.verbs import plugins as plugins
 from percuss.cli.verbs import report as report
 from percuss.cli.verbs import schema as schema
 from percuss.cli.verbs import waves as waves
+from percuss.compiler.specialise import compiled_function as compiled_function
 from percuss.errors import InputError as InputError
 from percuss.errors import PercussError as PercussError
 from percuss.errors import PluginError as PluginError
@@ -68,7 +69,6 @@ from percuss.results.result import Result as Result
 from percuss.results.result import open_result as open_result
 from percuss.results.runner import run as run
 from percuss.results.verify import verify as verify
-from percuss.solver.compiler.specialise import compiled_function as compiled_function
 from percuss.studies.comparison import compare as compare
 from percuss.studies.recommendation import recommend as recommend
 from percuss.studies.study import study as study

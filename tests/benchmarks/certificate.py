@@ -8,7 +8,7 @@ from pathlib import Path
 
 import percuss
 from percuss.certificate.verdict import certificate, settled
-from percuss.solver.march import March
+from percuss.march.march import March
 
 HUNEK = Path(__file__).parent.parent.parent / "cases" / "hunek.yaml"
 PAIRS = [

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 import percuss
+from percuss.contact.contact_problem import contact_problem
+from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.solver.contact_problem import contact_problem
-from percuss.solver.model import Model
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
 

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import percuss
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.march.starting_state import initial_velocity
 from percuss.results import ledger
-from percuss.solver.march import March
-from percuss.solver.model import Model
-from percuss.solver.starting_state import initial_velocity
 
 CLOSINGS = 10
 LONGEST = 64

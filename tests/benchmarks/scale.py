@@ -33,9 +33,9 @@ import numpy as np
 import percuss
 from percuss.blas import one_blas_thread
 from percuss.certificate import verdict
+from percuss.march.march import March
+from percuss.march.recording import recordable
 from percuss.results.assemble import result_of
-from percuss.solver.march import March
-from percuss.solver.recording import recordable
 
 PARTS = ("load", "model", "certificate", "march", "result")
 DOMINATES = 10.0  # times the cheapest: sizes from which on a part is taken to grow

@@ -28,9 +28,9 @@ import numpy as np
 import percuss
 from percuss.blas import ONE_THREAD, one_blas_thread
 from percuss.certificate import verdict
+from percuss.march.march import March
 from percuss.results.exact import exact_solution
 from percuss.results.true_error import contact_errors, displacement_error
-from percuss.solver.march import March
 
 HERE = Path(__file__).resolve().parent
 HUNEK = HERE.parents[1] / "cases" / "hunek.yaml"

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import percuss
+from percuss.compiler.fingerprint import layout
+from percuss.compiler.specialise import Specialiser
 from percuss.methods import source_digest
-from percuss.solver.compiler.fingerprint import layout
-from percuss.solver.compiler.specialise import Specialiser
 from strategies import hunek
 
 DEEP = os.environ.get("HYPOTHESIS_PROFILE") == "deep"

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import strategies as st
 
 import percuss
+from percuss.march.model import Model
 from percuss.methods.registry import Registry
 from percuss.results.runner import examined_run
-from percuss.solver.model import Model
 
 NUDGE = 1e-12  # relative; what it does to a run is what round-off may do
 HANGS = 1e-4  # a nudge that moves the answer by more: the run depends on round-off and is compared with nothing

@@ -18,8 +18,8 @@ import pages
 import percuss
 import places
 from command_line import percuss_command
+from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.solver.model import Model
 
 ROOT = places.ROOT
 PAGES = pages.texts()

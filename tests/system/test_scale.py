@@ -11,7 +11,7 @@ from benchmarks.scale import SERIES, exponent, once
 
 import pages
 from percuss.certificate.black_box import MOST_ALONE
-from percuss.solver.size_limits import BYTES_PER_NODE
+from percuss.mesh.size_limits import BYTES_PER_NODE
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,8 +10,8 @@ from importlib import metadata
 import pytest
 
 from command_line import percuss_command
-from percuss.solver import build
-from percuss.solver.compiler import machine_code
+from percuss.compiler import machine_code
+from percuss.step import build
 from places import CASES
 
 NOTHING = set()

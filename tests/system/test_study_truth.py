@@ -413,7 +413,7 @@ def test_a_plug_in_that_is_missing_or_another_where_the_run_is_made_is_told_apar
 
 
 def test_memory_that_another_machine_may_have_is_no_failure_of_a_method(tmp_path, monkeypatch):
-    from percuss.solver import size_limits
+    from percuss.mesh import size_limits
 
     study = given(tmp_path, vary={"time.end": [0.4, 4000.0]})
     with monkeypatch.context() as patched:
@@ -447,8 +447,8 @@ def test_the_cost_of_a_row_is_its_march(tmp_path):
 
 
 def test_the_least_of_the_repeats_counts(monkeypatch):
+    from percuss.march.march import March
     from percuss.results import runner
-    from percuss.solver.march import March
 
     times = iter([0.5, 0.2, 0.3, 0.9])
     real, made = March.run, []
@@ -468,8 +468,8 @@ def test_the_least_of_the_repeats_counts(monkeypatch):
 
 
 def test_a_march_that_takes_as_long_as_one_alike_is_not_repeated(monkeypatch):
+    from percuss.march.march import March
     from percuss.results import runner
-    from percuss.solver.march import March
 
     real, times, made = March.run, [], []
 
@@ -496,8 +496,8 @@ def test_a_march_that_takes_as_long_as_one_alike_is_not_repeated(monkeypatch):
 
 
 def test_ctrl_c_while_a_march_is_repeated_makes_no_row(monkeypatch):
+    from percuss.march.march import March
     from percuss.results import runner
-    from percuss.solver.march import March
 
     real, made = March.run, []
 

@@ -10,9 +10,9 @@ from benchmarks.gain import gains, row
 import percuss
 import places
 from percuss.certificate.verdict import certificate
+from percuss.march.model import Model
 from percuss.methods.registry import Registry
 from percuss.reporting.explanation import explanation
-from percuss.solver.model import Model
 from strategies import hunek, run
 
 pytestmark = pytest.mark.slow

@@ -27,8 +27,8 @@ from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormErr
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
 from percuss.certificate.pencil import Pencil
 from percuss.certificate.verdict import certificate
-from percuss.solver.compiled import leapfrog_loop
-from percuss.solver.model import Model
+from percuss.march.model import Model
+from percuss.step import loop as leapfrog_loop
 from percuss.testing import Subject
 from percuss.testing.checks.pairs import impact
 from strategies import INVISCID, LAWS, LEAPFROG, PAIRS, PLAIN_PAIRS, REGISTRY, each_pair, hunek, rows, with_pair

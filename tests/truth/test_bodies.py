@@ -17,8 +17,8 @@ from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormErr
 from percuss.certificate.waves import waves
 from percuss.cli import scaffold
 from percuss.errors import InputError, PercussError, RefusedPair
+from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
-from percuss.solver.model import Model
 from percuss.testing import Subject, checks_of
 from percuss.testing.draws import bar_chains
 from percuss.testing.kit import perform

@@ -12,9 +12,9 @@ from percuss.certificate.pencil import Pencil
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
 from percuss.errors import PercussError
+from percuss.march.model import Model
+from percuss.mesh.stresses import stress_field
 from percuss.reporting.component import component_data
-from percuss.solver.bodies import stress_field
-from percuss.solver.model import Model
 from strategies import CORE, FIRST, LEAPFROG, REGISTRY, hunek, is_refused, largest, pair_id, run
 
 SPECTRAL = [{"name": "spectral-bar", "order": order} for order in (1, 2, 3, 4)]

@@ -11,7 +11,7 @@ import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
 from percuss.certificate.criteria import NOT_EXCLUDED
 from percuss.certificate.verdict import certificate
-from percuss.solver.model import Model
+from percuss.march.model import Model
 
 GROWS = 1e-6  # a defective eigenvalue at 1 (a rigid motion) is computed to some 1e-7
 

@@ -338,7 +338,7 @@ def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_mat
     from percuss.certificate.closed_contacts import closed_contacts
     from percuss.certificate.pencil import Pencil
     from percuss.certificate.unequal_contacts import ClosedMatrix
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     model = Model(percuss.load(case))
     inverse = reciprocal_inverse(assemble(case), 0.8)
@@ -487,7 +487,7 @@ def test_what_only_the_step_itself_could_tell_is_unknown():
 
 def test_criteria_that_do_not_cover_it_say_so():
     from percuss.certificate.waves import waves
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     case = hunek(5, contact={"name": "penalty", "beta_s": 0.5})
     case["method"]["mass"] = "reciprocal"
@@ -628,7 +628,7 @@ def test_the_kit_asks_masses_about_their_inverse():
 
 @pytest.mark.parametrize("reach", [1, 2, 3])
 def test_bands_are_those_of_full_matrices(reach):
-    from percuss.solver.banded_matrices import pencil_bands, reversed_band, times, with_ends_held
+    from percuss.mesh.banded_matrices import pencil_bands, reversed_band, times, with_ends_held
 
     draw, size = np.random.default_rng(reach), 9
     root = np.tril(np.triu(draw.uniform(0.5, 1.5, (size, size)), -reach))
@@ -651,7 +651,7 @@ def test_bands_are_those_of_full_matrices(reach):
 @pytest.mark.parametrize(("consistency", "courant"), [(-1.5, 1.3), (-1.5, 0.4), (1.0, 0.5), (1.0, 0.9)])
 def test_the_stiffness_limit_of_a_contact_is_that_of_dense_matrices(consistency, courant):
     """1 / sum of 1/r of both sides, r the dynamic stiffness of a free body at its end, at most at 0.99 of its limit."""
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     case = hunek(8, courant=courant, contact={"name": "penalty", "beta_s": 0.1})
     del case["bodies"]["long"]["fixed"]

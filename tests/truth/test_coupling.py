@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 import dense
 import percuss
 from percuss.certificate import verdict
+from percuss.compiler.compile_function import jit_disabled
+from percuss.march.march import March
+from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
-from percuss.solver.compiler.compile_function import jit_disabled
-from percuss.solver.march import March
-from percuss.solver.model import Model
 
 LAWS = '''
 from dataclasses import dataclass

@@ -18,8 +18,8 @@ from percuss.certificate import verdict
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.criteria import BlackBoxCriterion, RunCriterion
 from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, EnergyAtEndCriterion, closed_form
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.march.march import March
+from percuss.march.model import Model
 from strategies import hunek, run
 
 LAWS = str(Path(__file__).parent.parent / "support" / "bodies" / "end_forces.py")

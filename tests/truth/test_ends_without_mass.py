@@ -584,7 +584,7 @@ def test_elements_of_more_nodes_are_refused():
 
 def test_waves_at_ends_without_mass_are_not_told():
     from percuss.certificate.waves import waves
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     case = hunek(4, contact="lagrange")
     case["method"]["mass"] = "redistributed"

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.certificate import verdict
-from percuss.solver.compiled import leapfrog_loop
-from percuss.solver.model import Model
+from percuss.march.model import Model
+from percuss.step import loop as leapfrog_loop
 from strategies import (
     CORE,
     INTEGRATORS,

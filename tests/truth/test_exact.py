@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 import characteristics
 import percuss
 import places
+from percuss.contact.contact_problem import contact_problem
+from percuss.march.model import Model
 from percuss.results.exact_only import run_exact
-from percuss.solver.contact_problem import contact_problem
-from percuss.solver.model import Model
 from percuss_methods.solutions import _row
 from strategies import REGISTRY, hunek, number
 

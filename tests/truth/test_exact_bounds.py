@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import percuss
+from percuss.contact.contact_problem import contact_problem
 from percuss.heartbeat import heard_by
+from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
 from percuss.reporting.verdict import run_verdict
 from percuss.results import exact_only, kept_solutions
 from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
-from percuss.solver.contact_problem import contact_problem
-from percuss.solver.model import Model
 from percuss_methods.solutions import _bounds, _row
 from percuss_methods.solutions._polynomials import pieces_needed
 

@@ -11,7 +11,7 @@ import percuss
 import places
 from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
 from percuss.certificate.verdict import certificate
-from percuss.solver.model import Model
+from percuss.march.model import Model
 from strategies import CORE, INTEGRATORS, INVISCID, each_integrator, number, run
 
 CD = "central-difference"

@@ -11,8 +11,8 @@ import dense
 import percuss
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
-from percuss.solver.implicit import solved, stiffness_matrix
-from percuss.solver.model import Model
+from percuss.march.implicit import solved, stiffness_matrix
+from percuss.march.model import Model
 
 STEEL = {"young": 100.0, "density": 0.01}
 

@@ -15,8 +15,8 @@ import percuss
 import places
 from percuss.case.defaults import CONTACT
 from percuss.certificate.scheme_limit import amplification
+from percuss.compiler.specialise import Specialiser
 from percuss.methods import slots
-from percuss.solver.compiler.specialise import Specialiser
 from percuss.testing.checks.integrators import check_stages
 from percuss.testing.subject import Subject
 from strategies import REGISTRY, hunek

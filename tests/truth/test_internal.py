@@ -10,8 +10,8 @@ import dense
 import percuss
 import places
 from percuss.certificate.verdict import certificate
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.march.march import March
+from percuss.march.model import Model
 from strategies import hunek
 
 PAGE = (places.ROOT / "plugins" / "INTEGRATOR.md").read_text(encoding="utf-8")
@@ -241,7 +241,7 @@ def test_a_stage_that_does_not_exist_is_told(tmp_path):
 
 def test_schemes_that_do_not_ask_for_internal_forces_compile_none():
     """The entrance of the internal forces is compiled for schemes that ask for them alone."""
-    from percuss.solver.integrator_check import kernel_of, uses_internal
+    from percuss.step.integrator_check import kernel_of, uses_internal
 
     case = percuss.load(hunek(5, courant=0.5, integrator="velocity-verlet", contact={"name": "penalty"}))
     assert not uses_internal(kernel_of(case.method.integrator))

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 import percuss
 from dense import assemble
 from percuss.certificate.verdict import certificate
-from percuss.solver.model import Model
+from percuss.march.model import Model
 from percuss.testing.checks.contacts import sample_points, sample_trial
 from strategies import FIRST, REGISTRY, hunek, run
 

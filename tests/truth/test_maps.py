@@ -15,8 +15,8 @@ import places
 from command_line import percuss_command
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate, settled
 from percuss.certificate.waves import waves
+from percuss.march.model import Model
 from percuss.reporting.stability_figure import stability_figure
-from percuss.solver.model import Model
 from strategies import CORE_PAIRS, INVISCID, each_pair, hunek, pair_id, rows, with_pair
 
 CASES = sorted(places.CASES.glob("*.yaml"))

@@ -10,8 +10,8 @@ import dense
 import percuss
 from percuss.certificate.black_box import Motions, examine
 from percuss.certificate.verdict import certificate, settled
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.march.march import March
+from percuss.march.model import Model
 
 STIFF = {"young": 1e4, "density": 0.01}
 SOFT = {"young": 100.0, "density": 0.01}

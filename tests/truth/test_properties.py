@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import percuss
 from percuss.case.options import options_of
-from percuss.solver.model import Model
+from percuss.march.model import Model
 from strategies import (
     CORE_PAIRS,
     INTEGRATORS,

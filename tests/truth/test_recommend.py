@@ -11,8 +11,8 @@ import pytest
 import percuss
 from command_line import percuss_command
 from percuss.case.options import options_of
+from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.solver.model import Model
 from percuss.studies import recommendation
 from percuss.studies.candidates import Candidate, evaluations, meshes, neighbours
 from percuss.studies.recommendation import Bounds, Tried, bound_of, front, recommend

@@ -11,7 +11,7 @@ import places
 from percuss.certificate.criteria import PencilCriterion
 from percuss.certificate.pencil import largest_eigenvalue, largest_step, largest_step_below
 from percuss.certificate.verdict import certificate
-from percuss.solver.model import Model
+from percuss.march.model import Model
 from strategies import hunek
 
 HUNEK = places.CASES / "hunek.yaml"

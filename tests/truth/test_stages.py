@@ -15,10 +15,10 @@ from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
+from percuss.march.march import March
+from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
 from percuss.results.exact import exact_solution
-from percuss.solver.march import March
-from percuss.solver.model import Model
 from strategies import CORE, INTEGRATORS, LEAPFROG, REGISTRY, hunek, rows, with_pair
 
 STAGED = [name for name in CORE if name not in LEAPFROG]

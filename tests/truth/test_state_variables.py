@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 import percuss
 from percuss.certificate.black_box import ClosedStep, Motions
 from percuss.errors import PluginError
+from percuss.march.march import March
+from percuss.march.model import Model
 from percuss.methods.admission import admitted
-from percuss.solver.march import March
-from percuss.solver.model import Model
 from percuss.testing.subject import Subject
 from strategies import hunek
 

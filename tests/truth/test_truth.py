@@ -8,6 +8,7 @@ from matplotlib.text import Text
 
 import percuss
 import places
+from percuss.march.model import Model
 from percuss.methods.interfaces import ExactContact
 from percuss.reporting import run_figure
 from percuss.reporting.terminal import tell_exact, tell_result
@@ -16,7 +17,6 @@ from percuss.results.exact import exact_solution
 from percuss.results.exact_only import run_exact
 from percuss.results.summary import ContactErrors
 from percuss.results.verify import verify
-from percuss.solver.model import Model
 from percuss.studies.columns import column_by_name
 from percuss.studies.comparison import compare, metrics
 from percuss.studies.convergence import orders

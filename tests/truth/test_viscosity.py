@@ -14,8 +14,8 @@ import dense
 import percuss
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
 from percuss.certificate.verdict import certificate
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.march.march import March
+from percuss.march.model import Model
 from strategies import hunek
 
 VISCOSITIES = [0.0, 0.06, 0.3, 2.0]

@@ -12,8 +12,8 @@ import time
 import pytest
 
 from percuss import cache
-from percuss.solver.compiler import specialise
-from percuss.solver.compiler.specialise import Specialiser
+from percuss.compiler import specialise
+from percuss.compiler.specialise import Specialiser
 from places import CASES
 
 DAMAGES = ["emptied", "halved", "another byte", "swapped"]

@@ -9,13 +9,13 @@ import types
 
 import pytest
 
+from percuss.compiler import compile_function
+from percuss.compiler.marks import called
+from percuss.compiler.specialise import Specialiser
 from percuss.filelock import in_turn
-from percuss.solver.compiled.marks import called
-from percuss.solver.compiler import compile_function
-from percuss.solver.compiler.specialise import Specialiser
 
 CALLEES = """
-from percuss.solver.compiler.compile_function import compile_function
+from percuss.compiler.compile_function import compile_function
 
 def _mean(values, divisor):
     if divisor == 0:
@@ -37,8 +37,8 @@ ENTRY = """
 import sys
 import numpy as np
 if "plain" in sys.argv:
-    sys.modules["percuss.solver.compiler.numba_pipelines"] = None  # as with another version of numba
-from percuss.solver.compiler.compile_function import compile_function
+    sys.modules["percuss.compiler.numba_pipelines"] = None  # as with another version of numba
+from percuss.compiler.compile_function import compile_function
 from callees import mean, twice
 
 def scaled(values, divisor):
@@ -113,7 +113,7 @@ TOGETHER = """
 import sys, time
 from pathlib import Path
 from numba.core.compiler import CompilerBase
-from percuss.solver.compiler.compile_function import compile_function
+from percuss.compiler.compile_function import compile_function
 
 folder, count = Path(sys.argv[1]), int(sys.argv[2])
 compile_all = CompilerBase._compile_bytecode

@@ -3,8 +3,8 @@
 import pytest
 
 from percuss import load, run
+from percuss.march.model import Model
 from percuss.reporting.explanation import explanation
-from percuss.solver.model import Model
 
 BAR = {"bar": {"length": 1.0, "elements": 4}, "area": 0.04, "material": {"young": 1.0, "density": 1.0}}
 

@@ -11,8 +11,8 @@ from percuss.case.case import load
 from percuss.case.source import Source
 from percuss.cli.main import expect_no_space_in_lists
 from percuss.errors import InputError
+from percuss.march.model import Model
 from percuss.methods.registry import Registry
-from percuss.solver.model import Model
 from percuss.studies.study_table import open_study
 
 TABLE = yaml.safe_load((Path(__file__).parent / "input_errors.yaml").read_text(encoding="utf-8"))

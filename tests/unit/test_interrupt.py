@@ -24,7 +24,7 @@ from percuss.cli.main import app
 from percuss.errors import InputError
 from percuss.heartbeat import Watch, beat
 from percuss.interrupt import interruptible
-from percuss.solver import march
+from percuss.march import march
 from percuss.studies.cluster import _WaitForWorkers
 
 run_command = importlib.import_module("percuss.cli.run")

@@ -7,9 +7,9 @@ import pytest
 
 import percuss
 from percuss.cli.main import app
-from percuss.solver.compiler.compile_function import jit_disabled
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.compiler.compile_function import jit_disabled
+from percuss.march.march import March
+from percuss.march.model import Model
 
 LAW = '''
 from dataclasses import dataclass

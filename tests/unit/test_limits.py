@@ -12,8 +12,8 @@ from command_line import percuss_command
 from percuss.certificate.criteria import PencilCriterion
 from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError
-from percuss.solver import size_limits
-from percuss.solver.recording import recordable
+from percuss.march.recording import recordable
+from percuss.mesh import size_limits
 from strategies import hunek
 
 ROOT = places.ROOT

@@ -11,12 +11,12 @@ import pytest
 from numba.core import types
 
 import percuss
-from percuss.solver.compiler import specialise
-from percuss.solver.compiler.calls import at, call, form_of
-from percuss.solver.compiler.linking import Block, structure
-from percuss.solver.compiler.machine_code import CannotLink
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.compiler import specialise
+from percuss.compiler.machine_code import CannotLink
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.step.calls import at, call, form_of
+from percuss.step.linking import Block, structure
 from strategies import hunek
 
 

@@ -7,9 +7,9 @@ import pytest
 from llvmlite import binding, ir
 
 from percuss import cache, lapack
-from percuss.solver.compiler import machine_code
-from percuss.solver.compiler.linking import Block, call_at
-from percuss.solver.compiler.machine_code import MachineCode, address_of_stored, key_of, refers_to_c_alone, store
+from percuss.compiler import machine_code
+from percuss.compiler.machine_code import MachineCode, address_of_stored, key_of, refers_to_c_alone, store
+from percuss.step.linking import Block, call_at
 
 
 def compiled(library_function="sqrt", status=0):

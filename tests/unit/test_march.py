@@ -18,9 +18,9 @@ import pytest
 
 import percuss
 import places
-from percuss.solver import march
-from percuss.solver.compiled.bulk import BLOCK
-from percuss.solver.model import Model
+from percuss.march import march
+from percuss.march.model import Model
+from percuss.step.bulk import BLOCK
 from strategies import CORE, INTEGRATORS, INVISCID, LEAPFROG, REGISTRY, each_integrator, hunek, run
 
 STEEL = {"young": 100.0, "density": 0.01}

@@ -11,10 +11,10 @@ import percuss
 import places
 from percuss.certificate import criteria
 from percuss.certificate.verdict import certificate, settled
+from percuss.contact.contact_problem import contact_problem
+from percuss.march.march import March
+from percuss.march.model import Model
 from percuss.results import assemble, exact
-from percuss.solver.contact_problem import contact_problem
-from percuss.solver.march import March
-from percuss.solver.model import Model
 from strategies import hunek
 
 HUNEK = places.CASES / "hunek.yaml"

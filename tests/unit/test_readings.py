@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.solver.compiler.specialise import Specialiser
+from percuss.compiler.specialise import Specialiser
 from strategies import hunek
 
 TEXT = """

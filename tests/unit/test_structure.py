@@ -61,7 +61,10 @@ METHOD_FILES = [path for path in PLUGIN_FILES if path.parent != PLUGINS and not 
 
 # ---------------------------------------------------------------------------------------------------- rooms
 
-ROOMS = ("methods", "case", "solver", "certificate", "results", "studies", "reporting", "testing", "cli")
+ROOMS = (
+    *("methods", "case", "compiler", "mesh", "contact", "step", "march"),
+    *("certificate", "results", "studies", "reporting", "testing", "cli"),
+)
 GROUND = {
     *(
         "blas",

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import percuss
-from percuss.solver import march, uniform_bars
-from percuss.solver.compiled.uniform_bars import UNIFORM_BAR, advance_row, advance_whole, energies
-from percuss.solver.march import March
-from percuss.solver.model import Model
+from percuss.march import march
+from percuss.march.march import March
+from percuss.march.model import Model
+from percuss.step import uniform_bars
+from percuss.step.uniform_rows import UNIFORM_BAR, advance_row, advance_whole, energies
 from strategies import CORE_PAIRS, LEAPFROG, PAIRS, each_pair, hunek, run, with_pair
 
 BOUNCE = {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.lapack import lapack
-from percuss.solver.banded_matrices import highest_eigenvalue, times
+from percuss.mesh.banded_matrices import highest_eigenvalue, times
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats
@@ -29,9 +29,9 @@ class AxialMatrix(NamedTuple):
     diagonal : (n,) array
         Diagonal of the stiffness.
     off : (n - 1,) array or (k, n) array
-        What stands beside it, as `percuss.solver.entities.Body.axial_band` has it.
+        What stands beside it, as `percuss.mesh.body.Body.axial_band` has it.
     coupled : (2, b, n) array
-        Bands of M^-1 and of ``M^-1 K M^-1`` where the mass couples nodes (`percuss.solver.banded_matrices`), in the
+        Bands of M^-1 and of ``M^-1 K M^-1`` where the mass couples nodes (`percuss.mesh.banded_matrices`), in the
         place of `mass`; (2, 0, n) where it is diagonal.
     """
 

@@ -32,17 +32,17 @@ import numpy as np
 
 from percuss.certificate.following_loads import directions
 from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
+from percuss.contact.equation import NEVER, WITH_MASS
 from percuss.errors import PercussError
 from percuss.heartbeat import beat
+from percuss.march.march import March
 from percuss.methods.blame import described
-from percuss.solver.compiled.contact_equation import NEVER, WITH_MASS
-from percuss.solver.march import March
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
-    from percuss.solver.model import Model
 
 # Overlap and closing of the base state, relative to a unit perturbation, so that no perturbation opens a contact. The
 # unit is the length of the shortest element: what is said of a law with a length of its own depends on no system of

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from percuss.solver.stop import NOT_STARTED, Stop
+from percuss.march.stop import NOT_STARTED, Stop
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
 UNSOLVED = "one of these contacts joins masses too unlike: drop one of them, or refine the heavier side"
 

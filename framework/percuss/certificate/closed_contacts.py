@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.certificate.following_loads import why_beyond_pencil
-from percuss.solver.bound_law import OF_END_FORCE
-from percuss.solver.end_forces import end_forces, sees_end_force
-from percuss.solver.integrator_check import kernel_of, unchecked_scheme, uses_internal
+from percuss.contact.bound_law import OF_END_FORCE
+from percuss.step.end_force_rows import end_forces, sees_end_force
+from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.march.model import Model
     from percuss.methods.interfaces import ContactState, Floats, LinearLaw, Stages
-    from percuss.solver.bound_law import BoundLaw
-    from percuss.solver.model import Model
 
 
 NEVER_GROWS, BETWEEN = "never grows", "conserved between switchings"

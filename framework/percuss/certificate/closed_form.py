@@ -10,7 +10,7 @@ from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.pencil import Pencil, largest_step_below
 
 if TYPE_CHECKING:
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
 
 class NoClosedFormError(Exception):

@@ -33,8 +33,8 @@ from percuss.methods.kernel_trial import changes_with_time
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from percuss.march.model import Model, Stretch
     from percuss.methods.interfaces import Floats
-    from percuss.solver.model import Model, Stretch
 
 UNALIKE = (
     "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
@@ -132,7 +132,7 @@ class PencilCriterion:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.solver.model.Model.stretches`.
+        A stretch of a run, `percuss.march.model.Model.stretches`.
     closed
         The closed contacts of the stretch at its step, if they are known.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from percuss.certificate.criteria import PencilCriterion, RunCriterion
 
 if TYPE_CHECKING:
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
 # Relative tolerance of the option that is named as a cure, far below the digits that are printed.
 CURE_TOLERANCE = 1e-10

@@ -24,12 +24,12 @@ import numpy as np
 from percuss.certificate.criteria import StepAssessment
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.certificate.pencil import Pencil, largest_eigenvalue, largest_step_below
-from percuss.solver.end_forces import end_forces, sees_end_force
-from percuss.solver.integrator_check import unchecked_scheme
+from percuss.step.end_force_rows import end_forces, sees_end_force
+from percuss.step.integrator_check import unchecked_scheme
 
 if TYPE_CHECKING:
+    from percuss.march.model import Model
     from percuss.methods.interfaces import Floats, LinearLaw
-    from percuss.solver.model import Model
 
 SAME = 1e-12  # relative difference of two numbers of a law that count as equal
 LIMIT = 4.0  # of (omega dt)^2 with central difference
@@ -101,7 +101,7 @@ class DecoupledGapsCriterion:
     Parameters
     ----------
     model
-        A stretch of a run, `percuss.solver.model.Model.stretches`.
+        A stretch of a run, `percuss.march.model.Model.stretches`.
     """
 
     by: ClassVar[str] = "decoupled-gaps"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from percuss.solver.entities import Follower
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
+    from percuss.mesh.loads import Follower
 
 MOTIONS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 3.0), (2e-6, -5e-3), (-4e3, -7e4), (1e-9, 2e3))  # displacement, velocity
 SHARES_OF_THE_RUN = (0.0, 0.13, 0.31, 0.77, 1.0)

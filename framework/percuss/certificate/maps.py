@@ -23,7 +23,7 @@ from percuss.certificate.criteria import BlackBoxCriterion, Criterion, PencilCri
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
-from percuss.solver.model import Model
+from percuss.march.model import Model
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

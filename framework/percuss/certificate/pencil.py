@@ -23,11 +23,11 @@ from percuss.blas import one_blas_thread
 from percuss.certificate.axial_matrix import AxialMatrix
 from percuss.certificate.following_loads import end_stiffness
 from percuss.certificate.tied_bodies import parts_of
-from percuss.solver.banded_matrices import pencil_bands, with_ends_held
+from percuss.mesh.banded_matrices import pencil_bands, with_ends_held
 
 if TYPE_CHECKING:
+    from percuss.march.model import Model
     from percuss.methods.interfaces import Floats, Integers
-    from percuss.solver.model import Model
 
 # Relative distance from the limit within which a step is marginal.
 MARGINAL_DISTANCE = 1e-9
@@ -46,7 +46,7 @@ class Pencil:
     Parameters
     ----------
     model
-        A stretch of a run (`percuss.solver.model.Model.stretches`); of a whole run, a drive that is off at any time
+        A stretch of a run (`percuss.march.model.Model.stretches`); of a whole run, a drive that is off at any time
         counts as absent.
     """
 

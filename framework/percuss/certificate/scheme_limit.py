@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import Integrator, Stages
-from percuss.solver.integrator_check import plain_step
+from percuss.step.integrator_check import plain_step
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from percuss.certificate.axial_matrix import AxialMatrix
-from percuss.solver.banded_matrices import times
+from percuss.mesh.banded_matrices import times
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers

@@ -23,8 +23,8 @@ from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.pencil import MARGINAL_DISTANCE
 from percuss.errors import InputError, refuse_if_any
-from percuss.solver.bodies import tangent_as_declared
-from percuss.solver.model import Model
+from percuss.march.model import Model
+from percuss.mesh.stresses import tangent_as_declared
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -367,7 +367,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     out = _unknown_certificate(
         laws, model, f"{model.why_not_linear}, and its highest frequency changes with the strain"
     )
-    if laws.unknown or not tangent_as_declared(model):
+    if laws.unknown or not tangent_as_declared(model.bodies.values()):
         return out
     criterion = criterion_of(model)
     assessment = criterion.assess_step(model.dt)

@@ -19,8 +19,8 @@ from percuss.certificate.closed_form import unlike_plain_bars
 from percuss.errors import InputError, PercussError, Problem, suggestion
 
 if TYPE_CHECKING:
+    from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
-    from percuss.solver.model import Model
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 Arrays are handed over read-only. An answer of the wrong shape, or one that is not finite, is refused with the place of
 the method. The first calls of each method of a component are made twice: an answer that depends on earlier calls, on
 chance or on the clock differs, unless it does so too seldom to be seen in so few calls. Kernels are tried elsewhere
-(`percuss.methods.kernel_trial`, `percuss.solver.bulk_trial`).
+(`percuss.methods.kernel_trial`, `percuss.mesh.kernel_trial`).
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ STREAMS = ("stdin", "stdout", "stderr")
 STANDSTILL = 10.0  # seconds without a completed step after which the line of the plug-in is named
 
 # Nothing in this folder prints: text that appears to come from here comes from a compiled kernel.
-KERNELS_RUN_IN = str(PACKAGE / "solver")
+KERNELS_RUN_IN = str(PACKAGE / "step")
 COMPILED = "a compiled kernel (NUMBA_DISABLE_JIT=1 shows its line)"
 
 
@@ -271,8 +271,8 @@ def where_is(thread: int) -> str:
     frame = sys._current_frames().get(thread)
     if frame is None:
         return ""
-    in_solver = Path(frame.f_code.co_filename).is_relative_to(KERNELS_RUN_IN)
-    return running_line(frame) or (COMPILED if in_solver else "")
+    in_step = Path(frame.f_code.co_filename).is_relative_to(KERNELS_RUN_IN)
+    return running_line(frame) or (COMPILED if in_step else "")
 
 
 def tell_standstill() -> None:

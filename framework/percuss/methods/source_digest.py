@@ -4,7 +4,7 @@ The digest of a method, on which stored runs depend, covers the file that define
 this file imports from outside installed distributions: those of its own package, of packages installed as editable and
 of the import path, with the data files that they name. Installed distributions count by their version, as do Python and
 the packages that compute. The digest of a function, on which machine code depends, covers the file of its module and
-its own code; functions and values that it reads have digests of their own (`percuss.solver.compiler.fingerprint`).
+its own code; functions and values that it reads have digests of their own (`percuss.compiler.fingerprint`).
 """
 
 from __future__ import annotations

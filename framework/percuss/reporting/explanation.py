@@ -11,23 +11,24 @@ import numpy as np
 from percuss.case.options import options_of
 from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
+from percuss.contact.bound_law import OF_END_FORCE
+from percuss.contact.contact_problem import contact_problem
+from percuss.contact.contact_rows import law_records
+from percuss.march.recording import recordable
+from percuss.mesh.cells import cells_of
 from percuss.methods.interfaces import Component
 from percuss.reporting.component import Explanation, docs
 from percuss.reporting.verdict import check_verdict
 from percuss.results.encounters import expected_meetings
 from percuss.results.exact import engine_for
-from percuss.solver.bound_law import OF_END_FORCE
-from percuss.solver.cells import cells_of
-from percuss.solver.contact_problem import contact_problem
-from percuss.solver.contact_rows import law_records
-from percuss.solver.recording import recordable
 
 if TYPE_CHECKING:
     from percuss.case.specs import LoadSpec
     from percuss.certificate.criteria import RunCriterion
     from percuss.certificate.verdict import Certificate
-    from percuss.solver.entities import Body, ContactPair
-    from percuss.solver.model import Model
+    from percuss.contact.contact_pairs import ContactPair
+    from percuss.march.model import Model
+    from percuss.mesh.body import Body
 
 MOST_LETTERS = 60  # The value of an option, such as a table, is cut after this many letters.
 

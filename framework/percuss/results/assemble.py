@@ -11,17 +11,17 @@ from percuss.case.quantities import percent
 from percuss.certificate import cause
 from percuss.compiling import Stopwatch
 from percuss.jsonable import plain
+from percuss.march.implicit import NOT_COMPILED
+from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
+from percuss.march.model import Model
+from percuss.march.recording import field_nodes, recorded_elements
+from percuss.march.stop import Stop
+from percuss.mesh.stresses import stress_field
 from percuss.results import energy_growth, ledger, true_error
 from percuss.results.encounters import encounters
 from percuss.results.exact import exact_solution, impulse_at, sampled
 from percuss.results.provenance import components_used, provenance_of, resolved_methods
 from percuss.results.result import Result
-from percuss.solver.bodies import stress_field
-from percuss.solver.implicit import NOT_COMPILED
-from percuss.solver.march import CONTACT_WORK_GROWTH, March, Outcome
-from percuss.solver.model import Model
-from percuss.solver.recording import field_nodes, recorded_elements
-from percuss.solver.stop import Stop
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate

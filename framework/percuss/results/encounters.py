@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.solver.contact_pairs import TOUCHING
+from percuss.contact.contact_pairs import TOUCHING
 
 if TYPE_CHECKING:
+    from percuss.march.march import March, Outcome
+    from percuss.march.model import Model
+    from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
-    from percuss.solver.entities import Body
-    from percuss.solver.march import March, Outcome
-    from percuss.solver.model import Model
 
 NOT_DECLARED = "no contact is declared between them"
 

@@ -2,7 +2,7 @@
 
 By the energy identity (see `percuss.results.ledger`) kinetic plus elastic energy less external work changes by the
 contact work alone. The loop adds the energy stored in closed contacts (see
-`percuss.solver.compiled.contact_equation.stored_energy`) and follows the sum over every step. For a contact point whose
+`percuss.contact.equation.stored_energy`) and follows the sum over every step. For a contact point whose
 force follows from the gap at the end of the step, ``lambda = kappa <-g_{n+1}>``, the sum changes in a step by
 ``-kappa/4 (<-g_{n+1}> - <-g_{n-1}>)^2`` if the gap was closed before, and by less if it was open: it never grows. Where
 lambda follows from the current gap, the sum is constant while the contact stays closed.
@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import percent
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
-from percuss.solver.compiled.contact_equation import BY_CURRENT, BY_END, BY_END_FORCE, ROUNDING
+from percuss.contact.equation import BY_CURRENT, BY_END, BY_END_FORCE, ROUNDING
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
+    from percuss.march.march import March, Outcome
     from percuss.results.summary import GrowthSummary
-    from percuss.solver.march import March, Outcome
 
 ALLOWED = 1e-12  # allowed growth over the largest energy or work, beside round-off
 # Error of a step in rounding units. A gap is the sum of two displacements and a distance, each rounded to half a unit,

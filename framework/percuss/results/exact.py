@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blas import one_blas_thread
+from percuss.contact.contact_problem import contact_problem
 from percuss.heartbeat import progress
 from percuss.methods.plugin_calls import answer
 from percuss.results import kept_solutions
-from percuss.solver.contact_problem import contact_problem
 
 if TYPE_CHECKING:
+    from percuss.march.model import Model
     from percuss.methods.interfaces import ContactProblem, Exact, Floats, Solution
-    from percuss.solver.model import Model
 
 ROUND_OFF = 1e-12  # relative tolerance of times; a force below this fraction of the peak counts as zero
 

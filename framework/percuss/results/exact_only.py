@@ -14,12 +14,12 @@ from percuss.blas import one_blas_thread
 from percuss.errors import InputError, Problem
 from percuss.heartbeat import progress
 from percuss.jsonable import plain
+from percuss.march.model import Model
+from percuss.march.recording import refuse_large
 from percuss.results.exact import exact_solution
 from percuss.results.exact_result import ExactSolutionResult
 from percuss.results.provenance import components_used, provenance_of
 from percuss.results.true_error import summary_entries
-from percuss.solver.model import Model
-from percuss.solver.recording import refuse_large
 
 if TYPE_CHECKING:
     from percuss.case.case import Case

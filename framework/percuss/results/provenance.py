@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from percuss.case.case import Case
+    from percuss.march.model import Model
     from percuss.methods.provenance import Provenance
     from percuss.methods.single_file import SingleFile
-    from percuss.solver.model import Model
 
 
 def versions() -> dict[str, str]:

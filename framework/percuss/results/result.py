@@ -30,9 +30,9 @@ class Result(CaseResult):
         errors, partial_errors = self.summary["exact"], self.summary.get("exact_covered")
         until = errors["reached"] if errors else partial_errors["until"] if partial_errors else None
         if self.solution is None and until is not None:
+            from percuss.march.model import Model
             from percuss.results.case_inside import case_inside
             from percuss.results.exact import exact_solution
-            from percuss.solver.model import Model
 
             self.solution = exact_solution(Model(case_inside(self.provenance)), until)[0]
         return self.solution

@@ -16,20 +16,20 @@ from percuss.compiling import Stopwatch
 from percuss.errors import RunError
 from percuss.heartbeat import heard_by
 from percuss.interrupt import interruptible
+from percuss.march.march import March, Outcome, Progress
+from percuss.march.recording import recordable
+from percuss.march.stop import NOT_STARTED
 from percuss.methods.process_guard import process_as_before
 from percuss.results import nudged_twin
 from percuss.results.assemble import result_of
 from percuss.results.result import Result
-from percuss.solver.march import March, Outcome, Progress
-from percuss.solver.recording import recordable
-from percuss.solver.stop import NOT_STARTED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from percuss.case.case import Case
+    from percuss.march.model import Model
     from percuss.results.summary import StopSummary
-    from percuss.solver.model import Model
 
 
 REPEATS, REPEAT_SECONDS = 5, 0.3  # most marches of a timed run, and seconds after which no other begins

@@ -12,9 +12,9 @@ from percuss.results.summary import ContactErrors, CoveredErrors
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from percuss.march.model import Model
     from percuss.methods.interfaces import Exact, ExactContact, Floats
     from percuss.results.summary import ExactEntries, ExactErrors
-    from percuss.solver.model import Model
 
 NEGLIGIBLE = 1e-18
 

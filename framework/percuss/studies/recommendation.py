@@ -27,10 +27,10 @@ from percuss.case.case import Case, load
 from percuss.case.quantities import METRICS
 from percuss.errors import InputError, PercussError, PluginError, Problem, RefusedPair, shortened, suggestion
 from percuss.files import expect_no_input, expect_writable
+from percuss.march.model import Model
 from percuss.methods.blame import plugin_faults
 from percuss.methods.interfaces import ContactLaw, Implicit
 from percuss.methods.registry import Registry
-from percuss.solver.model import Model
 from percuss.studies.candidates import (
     Candidate,
     defaults,

@@ -18,7 +18,7 @@ import numpy as np
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
 from percuss.methods.kernel_trial import fault_of_nan, kernel_of
 from percuss.methods.plugin_calls import read_only
-from percuss.solver.integrator_check import plain_step
+from percuss.step.integrator_check import plain_step
 from percuss.testing.subject import CheckFailed, NotApplicable
 
 if TYPE_CHECKING:

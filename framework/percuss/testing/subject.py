@@ -31,7 +31,7 @@ class NotApplicable(Exception):
 
 def was_not_started(stopped: RunError) -> bool:
     """Return whether a run was refused before its first step because of its certificate, not stopped during it."""
-    from percuss.solver.stop import NOT_STARTED
+    from percuss.march.stop import NOT_STARTED
 
     return bool(stopped.result.summary["stop"]["what"] == NOT_STARTED)
 

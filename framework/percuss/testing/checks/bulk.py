@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from percuss.compiler.specialise import Specialiser
 from percuss.errors import RunError
-from percuss.methods.interfaces import BodyMesh, Lumping, Mass, Mesh, Region
-from percuss.methods.plugin_calls import read_only
-from percuss.solver.banded_matrices import reversed_band, times
-from percuss.solver.bodies import ElementProbe
-from percuss.solver.cells import (
+from percuss.mesh.banded_matrices import reversed_band, times
+from percuss.mesh.block import Group
+from percuss.mesh.cell_kernels import elastic_cells, force_cells
+from percuss.mesh.cells import (
     PROBING_STRAIN,
     cell_arrays,
     cells_of,
@@ -23,11 +23,11 @@ from percuss.solver.cells import (
     mesh_of_element,
     volumes_of,
 )
-from percuss.solver.compiled.bulk import Group
-from percuss.solver.compiled.cells import elastic_cells, force_cells
-from percuss.solver.compiled.materials import material_slots
-from percuss.solver.compiler.specialise import Specialiser
-from percuss.solver.material_points import points_at_rest
+from percuss.mesh.material_points import points_at_rest
+from percuss.mesh.materials import material_slots
+from percuss.mesh.stresses import ElementProbe
+from percuss.methods.interfaces import BodyMesh, Lumping, Mass, Mesh, Region
+from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 

@@ -142,7 +142,7 @@ def check_inputs_untouched(subject: Subject) -> None:
     Points, bound arrays and trial keep their values in `bind` and `multipliers`. The rest of the run shares these
     arrays. Plain NumPy refuses to write to them; compiled code does not.
     """
-    from percuss.solver.compiler.specialise import Specialiser, compile_error
+    from percuss.compiler.specialise import Specialiser, compile_error
 
     points, dt = sample_points(3), 1e-3
     for options in subject.examples:
@@ -228,7 +228,7 @@ def _nudged(subject: Subject, case: Mapping[str, Any], options: Mapping[str, Any
     """Yield pairs of options that differ by little in one number, for each number that the law uses in a case."""
     from percuss.case.options import options_of
     from percuss.case.type_words import branches
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     used = Model(subject.load(case)).parameters()["ab"]
     for key, option in options_of(subject.component).items():

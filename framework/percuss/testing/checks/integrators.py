@@ -10,7 +10,7 @@ import numpy as np
 
 from percuss.errors import RunError, suggestion
 from percuss.methods.interfaces import Integrator, Stages
-from percuss.solver.integrator_check import no_internal_forces, plain_step
+from percuss.step.integrator_check import no_internal_forces, plain_step
 from percuss.testing.checks.pairs import below_limit
 from percuss.testing.draws import bar, chain, per_cent
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check

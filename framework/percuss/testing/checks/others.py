@@ -23,8 +23,8 @@ def _solved(subject: Subject, case: dict[str, Any]) -> tuple[Any, float]:
     CheckFailed
         If it gives no reason for not covering the case, or for ending early.
     """
-    from percuss.solver.contact_problem import contact_problem
-    from percuss.solver.model import Model
+    from percuss.contact.contact_problem import contact_problem
+    from percuss.march.model import Model
 
     model = Model(subject.load(case))
     problem = contact_problem(model)

@@ -106,7 +106,7 @@ def check_exact_impact(subject: Subject, partner: str) -> None:
 def _run_at_stable_step(subject: Subject, case: dict[str, Any], partner: str) -> Any:
     """Return the result of a run, with a step at which the pair can be expected to run if that of the case is above."""
     from percuss.certificate import verdict
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     wanted = case["time"]["courant"]
     try:
@@ -153,7 +153,7 @@ def below_limit(subject: Subject, case: Mapping[str, Any], courant: float) -> fl
     if subject.family != "integrators":
         return courant
     from percuss.certificate import verdict
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     limit = subject.component.critical_courant  # type: ignore[attr-defined]
     if limit is None:
@@ -215,7 +215,7 @@ def energy_growth(subject: Subject, case: Mapping[str, Any], result: Any) -> flo
     NotApplicable
         If a law ties meshes.
     """
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     model = Model(subject.load(case))
     laws = [bound_law.linear for bound_law in model.laws]
@@ -321,7 +321,7 @@ def check_no_contact(subject: Subject, case: Any) -> None:
     Bodies without contacts, or with contacts that never close, move as if there were no contact law. This detects a
     contact force at a distance, and a method that needs at least one contact.
     """
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     open_case = copy.deepcopy({**case, "loads": {}})
     for index, body in enumerate(open_case["bodies"].values()):
@@ -357,7 +357,7 @@ def check_certificate(subject: Subject, case: Any) -> None:
     """
     from percuss.certificate.closed_contacts import closed_contacts
     from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
-    from percuss.solver.model import Model
+    from percuss.march.model import Model
 
     model = Model(subject.load(subject.placed(case)))
     if model.implicit:

@@ -1,0 +1,139 @@
+"""Compile a function for compiled callers alone, or for Python, and store what is compiled on disk.
+
+Numba optimises every function and makes machine code of it, and then links its intermediate code into each caller,
+where both are done again. Nothing ever runs the machine code of a function that only compiled functions call, and it
+stays in memory as long as the process. A *callee* here is therefore translated to intermediate code and no further; the
+*entry*, the function that Python calls, is optimised once with all its callees inside.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import pickle
+import types
+from collections.abc import Callable
+from typing import Any
+
+from percuss.cache import cache_folder, keep, kept
+from percuss.compiler.machine_code import jit_disabled, key_of
+from percuss.filelock import in_turn
+
+Kernel = Callable[..., Any]
+
+LONGEST_WAIT = 120.0  # seconds that a process waits for another to compile, before it compiles by itself
+
+
+def compile_function(function: types.FunctionType, *, entry: bool, key: str = "", **options: Any) -> Kernel:
+    """Compile a function for compiled callers alone, or one that Python calls, with the code of its callees inside.
+
+    Parameters
+    ----------
+    function
+        The function.
+    entry
+        Whether Python calls it; a call from Python of any other would crash the process.
+    key
+        Name under which what is compiled is stored on disk, another one for any other code; empty not to store it.
+    **options
+        Options of `numba.njit`.
+    """
+    import numba
+
+    options |= {"no_cfunc_wrapper": True} | ({} if entry else {"no_cpython_wrapper": True})
+    stored, compilers = StoredFunction(key), pipelines()
+    if compilers is not None:
+        stored.restore = compilers.restored_entry if entry else compilers.restored_callee
+        entry_compiler = type("Compiler", (compilers.EntryCompiler,), {"cache": stored})
+        options["pipeline_class"] = entry_compiler if entry else compilers.CalleeCompiler
+    signatures = options.pop("signature_or_function", ())
+    kernel: Any = numba.njit(**options)(function)
+    if not jit_disabled():
+        kernel._cache = stored
+        for signature in signatures:  # numba compiles for these at once, and for no others
+            kernel.compile(signature)
+        if signatures:
+            kernel.disable_compile()
+    return kernel  # type: ignore[no-any-return]
+
+
+@functools.cache
+def pipelines() -> types.ModuleType | None:
+    """Return the module of compilers for callees and entries, or None if this version of numba is built otherwise.
+
+    Without them every function is compiled as numba does it: slower, with the same result.
+    """
+    try:
+        from percuss.compiler import numba_pipelines
+    except (ImportError, AttributeError):
+        return None
+    return numba_pipelines
+
+
+def _restored(target_context: Any, payload: tuple[Any, ...]) -> Any:
+    """Return the compiled function from what `CompileResult._reduce` returned, as numba does it."""
+    from numba.core.compiler import CompileResult
+
+    return CompileResult._rebuild(target_context, *payload)
+
+
+class StoredFunction:
+    """What is compiled of one function, stored on disk for each signature, in the place of numba's own cache.
+
+    Parameters
+    ----------
+    key
+        Name of the function, another one for any other code; empty if nothing is stored.
+
+    Attributes
+    ----------
+    restore
+        Returns what is compiled from what is stored of it.
+    stored
+        What an entry has compiled or loaded last.
+    cache_path
+        What numba shows in its statistics: no folder belongs to this function alone.
+    """
+
+    cache_path = None
+    stored: Any = None
+
+    def __init__(self, key: str) -> None:
+        self.key = key
+        self.restore: Callable[[Any, tuple[Any, ...]], Any] = _restored
+
+    def in_turn(self) -> contextlib.AbstractContextManager[None]:
+        """Return a context in which no other process compiles this function."""
+        folder = cache_folder() if self.key else None
+        return contextlib.nullcontext() if folder is None else in_turn(folder / f"{self.key}.lock", LONGEST_WAIT)
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Store the function compiled for a signature, unless it was stored already or refers to addresses."""
+        if self.key and compiled is not self.stored and not compiled.library.has_dynamic_globals:
+            from numba.core.serialize import dumps
+
+            keep(self._name_of(signature), dumps((signature, compiled._reduce())))
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Return the function compiled for a signature, or None.
+
+        Numba takes union types for equal if their names are, so that in a process that has loaded a single-file plug-in
+        before and after an edit, what it stores for the new version also refers to the module of the old one. Another
+        process does not have that module.
+        """
+        target_context.refresh()
+        content = kept(self._name_of(signature)) if self.key else None
+        if content is None:
+            return None
+        try:
+            of, payload = pickle.loads(content)  # noqa: S301 - its digest was checked
+            return self.restore(target_context, payload) if of == signature else None
+        except (ImportError, AttributeError):
+            return None
+
+    def flush(self) -> None:
+        """Leave what is stored as it is: numba asks for this where a function is to be compiled again."""
+
+    def _name_of(self, signature: Any) -> str:
+        # Types are told apart by more than their names, as tuples of two classes of one name are: see above.
+        return f"{key_of(self.key, repr(signature))}.compiled"

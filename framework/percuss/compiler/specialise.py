@@ -1,0 +1,393 @@
+"""Bind kernels into templates, compile them, and store the machine code in the user's cache folder.
+
+A template is a function of the loop that calls slots, functions without a body. It is copied with kernels in the place
+of the slots; the name of the copy contains a tag, a digest of everything its code can reach: the function itself with
+its source (`percuss.methods.source_digest`), the tags of its helpers, the values that it reads
+(`percuss.compiler.fingerprint`), and the versions of Python, numba, NumPy and percuss. Machine code is therefore
+never used for an edited kernel, helper or constant. Code without a source, and code that reads objects without
+identifiable content, is compiled again by every process that needs it.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import sys
+import types
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from percuss.compiler.compile_function import compile_function
+from percuss.compiler.fingerprint import (
+    Fingerprint,
+    contents,
+    is_foreign,
+    is_overloaded,
+    named_in,
+    plain_function,
+    refresh_overloads,
+)
+from percuss.compiler.machine_code import jit_disabled
+from percuss.compiler.readings import Readings
+from percuss.compiling import compiler, listen
+from percuss.methods import slots as slot_functions
+from percuss.methods.source_digest import content_digest, function_digest
+from percuss.version import __version__, installed_version
+
+Kernel = Callable[..., Any]
+AnyKernel = TypeVar("AnyKernel", bound=Kernel)
+
+_COMPILED: dict[str, Kernel] = {}  # kernels that this process has compiled or loaded, by tag
+
+CALLS = "percuss.step.calls"
+# Modules of the loop itself: they contain no kernel of a plug-in, and no function in them allocates.
+ROOMS_OF_THE_LOOP = ("mesh", "contact", "step")
+OWN_MODULES = (*(f"percuss.{room}." for room in ROOMS_OF_THE_LOOP), slot_functions.__name__)
+
+
+class Specialiser:
+    """Binds and compiles the kernels of one run, or binds them as plain Python.
+
+    Parameters
+    ----------
+    slots
+        Map from each slot to its kernel, plain or already bound.
+    jit
+        Whether to compile.
+    counting
+        Whether kernels of plug-ins may allocate arrays, which needs reference counts.
+    about
+        A text for everything else the machine code depends on: the layout of the tuples that the kernels receive.
+    inline
+        Whether functions are copied into their callers. A call that is not inlined passes every array as several
+        numbers; code that is inlined takes longer to compile.
+    digested_alone
+        Whether to bind and digest as for the compiler, without handing anything to it.
+
+    Attributes
+    ----------
+    readings
+        What this specialiser, and those made by its `with_slots`, have read.
+    """
+
+    def __init__(
+        self,
+        slots: Mapping[Kernel, Kernel] | None = None,
+        *,
+        jit: bool = True,
+        counting: bool = False,
+        about: str = "",
+        inline: bool = True,
+        digested_alone: bool = False,
+    ) -> None:
+        self.slots = dict(slots or {})
+        self.jit = jit
+        self.counting = counting
+        self.about = about
+        self.inline = inline
+        self.digested_alone = digested_alone
+        self.checked = False  # whether kernels of plug-ins check array indices against the size of the array
+        self.tags: dict[int, str] = {}
+        self._unkept: set[str] = set()  # tags of code without a source, or that reaches an object without a digest
+        self._slotted: set[str] = set()  # tags of code that reaches a slot or belongs to a plug-in
+        self._bound: dict[int, Kernel] = {}
+        self._in_progress: set[int] = set()
+        self._modules: set[int] = set()  # ids of the modules that are being copied
+        self._keep: list[object] = []  # keeps objects alive, as ids are only unique among living objects
+        self.readings = Readings()
+
+    def with_slots(self, slots: Mapping[Kernel, Kernel], about: str = "") -> Specialiser:
+        """Return a specialiser with `slots` added to those of this one; kernels already bound remain usable."""
+        specialiser = copy.copy(self)
+        specialiser.slots, specialiser.about = {**self.slots, **slots}, about
+        specialiser._bound, specialiser._in_progress, specialiser._modules = {}, set(), set()
+        return specialiser
+
+    def chain(self, function: Kernel, slot: Kernel, remaining: Kernel, kernels: Sequence[Any]) -> dict[Kernel, Kernel]:
+        """Return what fills the slot `remaining`: `function` with the first kernel, which calls that with the next.
+
+        Parameters
+        ----------
+        function
+            Template whose `slot` takes a kernel and whose slot `remaining` takes the template bound to the next one.
+        slot, remaining
+            These slots.
+        kernels
+            Each kernel with the layout of what it reads.
+        """
+        rest: dict[Kernel, Kernel] = {}
+        for kernel, about in reversed(kernels):
+            specialiser = self.with_slots({slot: kernel, **rest}, about)
+            specialiser.checked = True
+            rest = {remaining: specialiser.bind(function)}
+        return rest
+
+    def tag_of(self, kernel: Kernel) -> str:
+        """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""
+        tag = self.tags[id(kernel)]
+        return "" if tag in self._unkept else tag
+
+    def reached(self, kernel: Kernel) -> bool:
+        """Return whether the code that this specialiser has bound reaches `kernel`."""
+        return id(kernel) in self._bound
+
+    def bind(self, function: Kernel, *, entry: bool = False, linked: bool = False) -> Kernel:
+        """Return `function` with its slots and helpers bound, and compiled if this specialiser compiles.
+
+        Parameters
+        ----------
+        function
+            Template or kernel.
+        entry
+            Whether Python calls it. A call from Python of any other function would crash the process.
+        linked
+            Whether compiled functions call it by its address (`percuss.step.linking`).
+        """
+        with compiler():
+            if self.jit:
+                refresh_overloads()
+            return self._bind(function, entry=entry, linked=linked)
+
+    def _bind(self, function: Kernel, *, entry: bool = False, linked: bool = False, reduction: bool = False) -> Kernel:
+        """Bind a function as `bind` does; the terms of a `reduction` may be added in any order."""
+        if id(function) in self.tags:
+            return function
+        definition = getattr(function, "__wrapped__", None)
+        if definition is not None and function.__module__ == CALLS:  # an instruction for the compiler, not a function
+            self.tags[id(function)] = function_digest(definition)[0]
+            return function
+        cached = self._bound.get(id(function))
+        if cached is not None:
+            return cached
+        source = plain_function(function)
+        if source is None:
+            raise TypeError(f"{function!r} is not a Python function")
+        if id(function) in self._in_progress:
+            return function  # a recursive call keeps the original function, plain or compiled by its author
+        self._in_progress.add(id(function))
+        names = named_in(source.__code__)
+        self.readings.function(source)
+        bound = {}
+        for name in sorted(names & set(source.__globals__)):
+            self.readings.variable(source.__globals__, name)
+            replacement = self._replacement(source.__globals__[name], names)
+            if replacement is not None:
+                bound[name] = replacement
+        closure = tuple(
+            types.CellType(self._replacement(contents(cell), names) or contents(cell))
+            for cell in source.__closure__ or ()
+        )
+        entry = entry or linked
+        called = entry or getattr(function, "called", False)
+        options = self._options(function, called=called, reduction=reduction)
+        if self.checked and not _is_part_of_loop(source):
+            options.setdefault("boundscheck", True)
+        # Entry or callee is part of the tag: what is stored of a callee cannot be called from Python.
+        tag = self._tag(source, names, bound, closure, {**options, "entry": entry, "linked": linked})
+        if linked:
+            options["no_cpython_wrapper"] = True
+        kernel: Kernel = _copy(source, bound, closure, tag)
+        if self.jit and not self.digested_alone:
+            kernel = self._compiled(kernel, options, tag, entry)
+        self._in_progress.discard(id(function))
+        self._bound[id(function)] = kernel
+        self.tags[id(kernel)] = tag
+        self._keep += [function, kernel]
+        return kernel
+
+    def _compiled(self, function: Any, options: dict[str, Any], tag: str, entry: bool) -> Kernel:
+        kernel = _COMPILED.get(tag) or _compile(function, options, entry=entry, key="" if tag in self._unkept else tag)
+        _COMPILED[tag] = kernel
+        return kernel
+
+    def _replacement(self, value: Any, names: frozenset[str]) -> Any:
+        """Return the replacement for a global variable of a kernel, or None to keep the original.
+
+        The replacement is the bound kernel for a slot, a bound copy for a helper function, and for a module a copy
+        with bound helpers.
+        """
+        try:
+            slot = self.slots.get(value)
+        except TypeError:  # a constant that is not hashable is no slot
+            return None
+        if slot is not None:
+            return self._bind(slot, reduction=getattr(value, "reduction", False))
+        if isinstance(value, types.ModuleType):
+            return self._module(value, names)
+        if plain_function(value) is None:
+            return None
+        if self.jit:
+            overloaded = is_overloaded(value)
+            self.readings.overload(value, overloaded=overloaded)
+            if overloaded:
+                return None
+        return self._bind(value)
+
+    def _module(self, module: types.ModuleType, names: frozenset[str]) -> types.ModuleType | None:
+        """Return a copy of a module in which its functions among `names` are bound, None if there is none to bind."""
+        if is_foreign(module.__name__) or id(module) in self._modules:
+            return None
+        self._modules.add(id(module))  # prevents endless recursion where modules import each other
+        bound = {}
+        for name in sorted(names):
+            self.readings.attribute(module, name)
+            replacement = self._replacement(getattr(module, name, None), names)
+            if replacement is not None:
+                bound[name] = replacement
+        self._modules.discard(id(module))
+        if not bound:
+            return None
+        changed = types.ModuleType(module.__name__)
+        vars(changed).update({**vars(module), **bound})
+        fingerprint = Fingerprint(f"module {module.__name__};")
+        originals = {name: getattr(module, name) for name in names if hasattr(module, name)}
+        self.tags[id(changed)] = self._finish(
+            fingerprint, names, [(name, bound.get(name), originals[name]) for name in sorted(originals)]
+        )
+        self._keep.append(changed)
+        return changed
+
+    def _finish(self, fingerprint: Fingerprint, names: frozenset[str], parts: Sequence[tuple[str, Any, Any]]) -> str:
+        """Return the tag of code that reads `parts`, each with name, replacement in bound code, and original."""
+        for name, replacement, original in parts:
+            fingerprint.text(name)
+            if id(replacement) in self.tags:
+                fingerprint.text(self.tags[id(replacement)])
+                fingerprint.whole = fingerprint.whole and self.tags[id(replacement)] not in self._unkept
+            else:
+                fingerprint.value(original, names)
+                self.readings.value(original, names)
+        if not fingerprint.whole:
+            self._unkept.add(fingerprint.tag)
+        return fingerprint.tag
+
+    def _options(self, function: Any, *, called: bool, reduction: bool) -> dict[str, Any]:
+        """Return the compiler options: for a jitted function those of its author, without the cache."""
+        if not isinstance(function, types.FunctionType):
+            author_options = {key: value for key, value in function.targetoptions.items() if key != "nopython"}
+            if function.nopython_signatures and not function._can_compile:
+                author_options["signature_or_function"] = tuple(function.nopython_signatures)
+            return author_options
+        options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+        # Copies of whole stages would double the compile time. The option of the calling function applies where none is
+        # set.
+        if self.inline and not called:
+            options["forceinline"] = True
+        if reduction or getattr(function, "reduction", False):
+            options["fastmath"] = ("nsz", "reassoc")
+        elif getattr(function, "fused", False):
+            options["fastmath"] = ("contract",)
+        # Always set, because otherwise the option of the calling function applies.
+        options["_nrt"] = self.counting and not _is_part_of_loop(function)
+        return options
+
+    def _tag(
+        self,
+        source: types.FunctionType,
+        names: frozenset[str],
+        bound: Mapping[str, Any],
+        closure: tuple[types.CellType, ...],
+        options: Mapping[str, Any],
+    ) -> str:
+        reaches_slot = not _is_part_of_loop(source) or any(
+            value in self.slots or self.tags.get(id(bound.get(name))) in self._slotted
+            for name, value in source.__globals__.items()
+            if name in bound
+        )
+        # The module name is included because machine code on disk imports the modules of its kernels, and an edited
+        # plug-in file becomes a module of another name.
+        about = f"{_versions()};{source.__module__};{sorted(options.items(), key=repr)};{self.jit};"
+        if reaches_slot:  # only functions behind slots read the tuples of plug-ins
+            about += self.about
+        digest, has_source = function_digest(source)
+        fingerprint = Fingerprint(about + digest)
+        fingerprint.whole = has_source
+        fingerprint.value(source.__defaults__, frozenset())
+        fingerprint.value(source.__kwdefaults__, frozenset())
+        parts = [(name, bound.get(name), source.__globals__[name]) for name in sorted(names & set(source.__globals__))]
+        cells = zip(closure, source.__closure__ or (), strict=True)
+        parts += [("", cell.cell_contents, contents(original)) for cell, original in cells]
+        tag = self._finish(fingerprint, names, parts)
+        if reaches_slot:
+            self._slotted.add(tag)
+        return tag
+
+
+def compiled_function(function: AnyKernel) -> AnyKernel:
+    """Return a function compiled together with all functions that it calls, or as it is where numba may not compile.
+
+    The machine code is stored in the user's cache folder and is never used after an edit of any of these functions, or
+    of a constant that they read.
+
+    Parameters
+    ----------
+    function
+        A function that numba can compile, of arrays, numbers and tuples of them.
+
+    Returns
+    -------
+    callable
+        The same function. It is compiled when it is first called.
+    """
+    if jit_disabled():
+        return function
+    return cast("AnyKernel", Specialiser(counting=True, inline=False).bind(function, entry=True))
+
+
+@functools.cache
+def _versions() -> str:
+    # Machine code names the tuples of the loop and reads their fields by position.
+    rooms = (Path(__file__).parents[1] / room for room in ROOMS_OF_THE_LOOP)
+    files = sorted(file for room in rooms for file in room.rglob("*.py"))
+    loop = content_digest(b"".join(file.read_bytes() for file in files))
+    packages = ";".join(installed_version(name) for name in ("numba", "scipy", "numpy"))
+    return f"{sys.version};{packages};{__version__};{loop}"
+
+
+def compile_error() -> tuple[type[Exception], ...]:
+    """Return the types of error that numba raises for code that it cannot compile."""
+    from numba.core import errors
+
+    # The second is no subclass of NumbaError, and several of numba's passes raise the third.
+    return errors.NumbaError, errors.UnsupportedBytecodeError, NotImplementedError
+
+
+def _is_part_of_loop(function: types.FunctionType) -> bool:
+    """Return whether a function belongs to the loop, and not to a plug-in."""
+    return function.__module__.startswith(OWN_MODULES)
+
+
+def _copy(
+    source: types.FunctionType, bound: Mapping[str, Any], closure: tuple[types.CellType, ...], tag: str
+) -> types.FunctionType:
+    """Return a copy of a function with other globals and closure cells, and with the tag in its name."""
+    name = f"{source.__name__}_{tag}"
+    bound_copy = types.FunctionType(
+        source.__code__, {**source.__globals__, **bound}, name, source.__defaults__, closure or None
+    )
+    bound_copy.__module__, bound_copy.__kwdefaults__ = source.__module__, source.__kwdefaults__
+    bound_copy.__qualname__, bound_copy.__doc__ = name, source.__doc__
+    return bound_copy
+
+
+def _compile(function: types.FunctionType, options: Mapping[str, Any], *, entry: bool, key: str) -> Kernel:
+    options = dict(options)
+    if isinstance(options.get("fastmath"), tuple):
+        options["fastmath"] = set(options["fastmath"])
+    if not _counting_can_be_left_out():
+        options.pop("_nrt", None)
+    listen()  # the clock has to listen before the first call, which compiles
+    return compile_function(function, entry=entry, key=key, **options)
+
+
+@functools.cache
+def _counting_can_be_left_out() -> bool:
+    """Return whether this version of numba can compile a function without reference counts on array slices.
+
+    The loop allocates nothing, and on small models the counts, two locked additions for each slice, cost half of the
+    run time. Kernels of plug-ins do without them too, unless one of them allocates: then all of them count references.
+    """
+    from numba.core.cpu import CPUTargetOptions
+
+    return hasattr(CPUTargetOptions, "_nrt")

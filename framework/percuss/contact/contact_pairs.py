@@ -1,0 +1,131 @@
+"""Contact pairs of a model: two ends that face each other, or an end and a rigid wall."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from percuss.mesh.loads import ROUND_OFF
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from percuss.case.case import Case
+    from percuss.case.specs import ContactSpec
+    from percuss.errors import Problem
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import ContactLaw, Floats
+
+TOUCHING = 1e-9  # fraction of an element length; a smaller initial gap or overlap is set to zero
+
+
+@dataclass(frozen=True)
+class ContactPair:
+    """A contact pair, which is one contact point: its nodes, unit normal and initial gap, its law and scales.
+
+    The normal points from the first side to the second. Stiffness EA/h, frequency 2c/h and mass rho A h / 2 are those
+    of the end elements, as `percuss.methods.interfaces.ContactPoints` defines them.
+    """
+
+    name: str
+    nodes: tuple[int, ...]
+    normal: Floats  # (dim,)
+    gap: float
+    law: ContactLaw
+    stiffness: float
+    frequency: float
+    mass: float
+    equal_sides: bool
+
+    def gap_gradient(self) -> list[tuple[int, Floats]]:
+        """Return the derivative of the gap by the displacement of each side: (node, minus or plus the normal)."""
+        return [(node, sign * self.normal) for node, sign in zip(self.nodes, (-1.0, 1.0), strict=False)]
+
+
+def contact_pair_of(
+    case: Case, spec: ContactSpec, bodies: Mapping[str, Body], problems: list[Problem]
+) -> ContactPair | None:
+    """Return the contact pair of a contact of a case; None if its geometry is wrong, with the reason in `problems`."""
+    path = ("contacts", spec.name)
+
+    def add_problem(at: tuple[str, ...], message: str, advice: str) -> None:
+        problems.append(case.problem(at, message, advice))
+
+    sides = [bodies[side.body] for side in spec.sides]
+    normal = sides[0].mesh.regions[spec.sides[0].region].outward
+    nodes = tuple(body.node(side.region) for body, side in zip(sides, spec.sides, strict=True))
+    positions = [body.mesh.nodes[node - body.start] for body, node in zip(sides, nodes, strict=True)]
+    position = positions[0]
+    if len(nodes) == 1:
+        gap = _wall_gap(spec, position, normal, sides[0].mesh.direction)
+    else:
+        opposite = sides[1].mesh.regions[spec.sides[1].region].outward
+        if float(normal @ opposite) > -1.0 + 1e-9:
+            angle = math.degrees(math.acos(max(-1.0, min(1.0, -float(normal @ opposite)))))
+            add_problem(
+                (*path, "between"),
+                f"expected two ends that face each other, found {spec.sides[0]} and {spec.sides[1]} "
+                f"turned by {angle:.6g} degrees",
+                "Contact is between bars along one line: a right end meets a left end.",
+            )
+            return None
+        gap = float(normal @ (positions[1] - position))
+        offset = float(np.linalg.norm(positions[1] - position - gap * normal))
+        if offset > 1e-6 * min(float(body.mesh.lengths.sum()) for body in sides):
+            add_problem(
+                (*path, "between"),
+                f"expected two ends on one line, found {spec.sides[1]} {offset:.6g} beside {spec.sides[0].body}",
+                "Move one of the bodies (`at`) or turn it (`direction`).",
+            )
+            return None
+    elements = [body.end_element(node) for body, node in zip(sides, nodes, strict=True)]
+    size = min(float(body.mesh.lengths[element]) for body, element in zip(sides, elements, strict=True))
+    if gap < -TOUCHING * size:
+        advice = f"Move them apart by {-gap:.12g}, or drop the contact."
+        facing = _facing_ends(sides, spec)
+        message = f"expected bodies apart or touching, found an overlap of {-gap:.6g}"
+        add_problem(path, message, f"Did you mean the ends [{', '.join(facing)}]?" if facing else advice)
+        return None
+    stiffness = [body.end_stiffness(node) for body, node in zip(sides, nodes, strict=True)]
+    frequency = [float(body.frequency[element]) for body, element in zip(sides, elements, strict=True)]
+    softest = min(stiffness)
+    alike = [k for k, value in enumerate(stiffness) if value <= softest * (1.0 + ROUND_OFF)]
+    return ContactPair(
+        name=spec.name,
+        nodes=nodes,
+        normal=normal,
+        gap=0.0 if gap <= TOUCHING * size else gap,
+        law=spec.law,
+        stiffness=softest,
+        frequency=min(frequency),
+        # rho A h / 2 = 2 (EA/h) / omega^2; of two sides of the same stiffness that of the lighter one
+        mass=min(2.0 * stiffness[k] / frequency[k] ** 2 for k in alike),
+        equal_sides=len(alike) == len(sides) and bool(np.ptp(frequency) <= ROUND_OFF * max(frequency)),
+    )
+
+
+def _facing_ends(sides: Sequence[Body], spec: ContactSpec) -> list[str]:
+    """Return the other ends of two bars that overlap, if these are apart or touch, else nothing."""
+    ends = [
+        (f"{side.body}.{name}", body.mesh.nodes[region.nodes[0]], region.outward)
+        for body, side in zip(sides, spec.sides, strict=True)
+        for name, region in body.mesh.regions.items()
+        if name != side.region
+    ]
+    if len(ends) != 2:
+        return []
+    (first, start, outward), (second, end, _) = ends
+    return [first, second] if float(outward @ (end - start)) >= -TOUCHING * float(np.abs(end).max()) else []
+
+
+def _wall_gap(spec: ContactSpec, position: Floats, normal: Floats, direction: Floats) -> float:
+    wall = np.asarray(spec.wall, dtype=float)
+    if wall.ndim == 1:
+        return float(normal @ (wall - position))
+    # A wall given as a number is a coordinate along the bar; for a bar on the x axis it is x, whichever way the bar
+    # points.
+    axis = np.abs(direction) if abs(direction[0]) == 1.0 else direction
+    return float((wall - position @ axis) * (axis @ normal))

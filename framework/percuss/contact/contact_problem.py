@@ -1,0 +1,83 @@
+"""The contact problem that a model discretises, as exact solutions receive it."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from percuss.methods.interfaces import BodyEnd, ContactProblem, ProblemBody, ProblemContact, ProblemLoad
+from percuss.methods.plugin_calls import read_only
+
+if TYPE_CHECKING:
+    from percuss.case.specs import LoadSpec
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats
+
+
+def contact_problem(model: ModelArrays) -> ContactProblem:
+    """Return the mechanical problem of a case: the model without its mesh, its time step and its methods."""
+    bodies = list(model.bodies.values())
+    loads = []
+    for nodal_force in model.nodal_forces:
+        vector = nodal_force.force
+        if nodal_force.load.acts_as == "acceleration":  # the force contains the mass of the node, a part of the mesh
+            vector = vector / model.mass[nodal_force.node]
+        loads.append(_load(nodal_force.load, vector, _end_of(model, nodal_force.node)))
+    loads += [
+        _load(constraint.load, constraint.direction, _end_of(model, constraint.node))
+        for constraint in model.constraints
+        if constraint.load is not None
+    ]
+    loads += [
+        _load(body_force.load, body_force.acceleration, bodies[body_force.body].name)
+        for body_force in model.body_forces
+    ]
+    loads += [_load(follower.load, follower.direction, _end_of(model, follower.node)) for follower in model.followers]
+    fixed = [_end_of(model, constraint.node) for constraint in model.constraints if constraint.load is None]
+    order = {name: number for number, name in enumerate(model.case.loads)}
+    return ContactProblem(
+        bodies=MappingProxyType({body.name: _body(body) for body in bodies}),
+        contacts=tuple(
+            ProblemContact(
+                contact_pair.name,
+                tuple(_end_of(model, node) for node in contact_pair.nodes),
+                read_only(contact_pair.normal),
+                contact_pair.gap,
+            )
+            for contact_pair in model.contact_pairs
+        ),
+        fixed=tuple(dict.fromkeys(fixed)),
+        loads=tuple(sorted(loads, key=lambda load: order[load.name])),
+    )
+
+
+def _body(body: Body) -> ProblemBody:
+    return ProblemBody(
+        name=body.name,
+        shape=body.spec.shape,
+        material=body.spec.material,
+        area=body.spec.area,
+        length=float(body.mesh.lengths.sum()),
+        direction=read_only(body.mesh.direction),
+        velocity=read_only(body.velocity),
+    )
+
+
+def _load(spec: LoadSpec, vector: Floats, place: BodyEnd | str) -> ProblemLoad:
+    end = place if isinstance(place, BodyEnd) else None
+    return ProblemLoad(
+        name=spec.name,
+        load=spec.load,
+        body=place if isinstance(place, str) else place.body,
+        end=end,
+        acts_as="acceleration" if end is None else spec.acts_as,
+        vector=read_only(vector),
+        start=spec.start,
+        stop=spec.stop,
+    )
+
+
+def _end_of(model: ModelArrays, node: int) -> BodyEnd:
+    body = model.body_of(node)
+    return BodyEnd(body.name, node == body.start)

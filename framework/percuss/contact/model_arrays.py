@@ -1,0 +1,229 @@
+"""The arrays of a model, and what follows from them alone: all that its checks and its rows need."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.contact.contact_rows import Side, delassus_rows
+from percuss.methods.interfaces import Floats, Implicit, LeapFrog, Stages
+from percuss.methods.plugin_calls import answer
+
+if TYPE_CHECKING:
+    from percuss.case.case import Case
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.contact.contact_pairs import ContactPair
+    from percuss.mesh.body import Body
+    from percuss.mesh.loads import BodyForce, Constraint, Follower, NodalForce
+
+# Relative round-off of the ratio of two frequencies: equal bodies in other units have the same step.
+OWN_STEP_TOLERANCE = 1e-9
+
+
+class ContactRows(NamedTuple):
+    """The rows of N and S of all contact points.
+
+    Attributes
+    ----------
+    sides
+        The sides of each contact point, one at a wall.
+    diagonal : (P,) array
+        Diagonal of S [1/mass].
+    others
+        The other entries of each row of S, as `percuss.contact.contact_rows.delassus_rows` returns them.
+    """
+
+    sides: list[list[Side]]
+    diagonal: Floats
+    others: list[dict[int, float]]
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class ModelArrays:
+    """The arrays of a model, without how they are made.
+
+    Attributes
+    ----------
+    dt, steps
+        Time step and number of steps; Courant number 1 where the case gives no step.
+    bodies
+        The bodies by name, in the order of the case.
+    mass, nodes
+        Masses and positions of all nodes, (nodes,) and (nodes, dim).
+    omega
+        Largest frequency of an element [1/time].
+    contact_pairs
+        The contact points, in the order of the case.
+    constraints, nodal_forces, followers, body_forces
+        Supports, drives and loads.
+    stages
+        Stages of a multi-stage scheme; None for a leap-frog scheme.
+    tables
+        The states at which contact laws are evaluated, one table for each stage, or one for a leap-frog scheme.
+    laws
+        The bound laws, linear laws before laws with a kernel. The loop solves linear laws with the contact equation;
+        the other laws fill their part of the multipliers last in this order, by kernels of their own.
+    """
+
+    case: Case
+    dt: float
+    steps: int
+    bodies: Mapping[str, Body]
+    mass: Floats
+    nodes: Floats
+    omega: float
+    contact_pairs: tuple[ContactPair, ...]
+    constraints: tuple[Constraint, ...]
+    nodal_forces: tuple[NodalForce, ...]
+    followers: tuple[Follower, ...]
+    body_forces: tuple[BodyForce, ...]
+    stages: Stages | None
+    tables: tuple[LeapFrog, ...]
+    laws: tuple[BoundLaw, ...]
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return self.case.dimension
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return self.mass.size
+
+    @property
+    def multistage(self) -> bool:
+        """Whether the integrator is a multi-stage scheme; if not, it is a leap-frog scheme."""
+        return self.stages is not None
+
+    @property
+    def viscosity(self) -> float:
+        """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
+        return 0.0 if self.multistage else self.tables[0].viscosity
+
+    @cached_property
+    def implicit(self) -> Implicit | None:
+        """The scheme of an implicit integrator; None for an explicit one."""
+        definition = answer(self.case.method.integrator, "bind", self.dt)
+        return definition if isinstance(definition, Implicit) else None
+
+    @cached_property
+    def own_steps(self) -> tuple[int, ...]:
+        """The number of steps from one action of the internal forces of each body to the next, `LeapFrog.own_steps`.
+
+        It is empty where internal forces act in every step in all bodies.
+        """
+        if self.multistage or not self.tables[0].own_steps:
+            return ()
+        ratios = [self.omega / float(body.frequency.max()) for body in self.bodies.values()]
+        numbers = tuple(max(1, int(ratio * (1.0 + OWN_STEP_TOLERANCE))) for ratio in ratios)
+        return numbers if max(numbers) > 1 else ()
+
+    @property
+    def shifts(self) -> bool:
+        """Whether a contact law shifts the ends of its contacts."""
+        return any(bound_law.law.shifts for bound_law in self.laws)
+
+    @property
+    def period(self) -> int:
+        """The number of steps after which the internal forces of all bodies act in the same step again."""
+        return math.lcm(*self.own_steps)
+
+    @property
+    def why_not_linear(self) -> str:
+        """The reason why internal forces are not proportional to displacements; empty where all bodies are linear."""
+        return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
+
+    @property
+    def acted_nodes(self) -> list[int]:
+        """Nodes on which a support, a drive or a load acts, each as often as that is so."""
+        return [
+            *(constraint.node for constraint in self.constraints),
+            *(nodal_force.node for nodal_force in self.nodal_forces),
+            *(follower.node for follower in self.followers),
+        ]
+
+    def body_of(self, node: int) -> Body:
+        """Return the body that contains a node."""
+        bodies, starts = self._places
+        return bodies[bisect.bisect_right(starts, node) - 1]
+
+    @cached_property
+    def _places(self) -> tuple[list[Body], list[int]]:
+        """The bodies, and the first node of each."""
+        bodies = list(self.bodies.values())
+        return bodies, [body.start for body in bodies]
+
+    def contact_rows(self, midpoint: float) -> ContactRows:
+        """Return N and S = N^T M^-1 N for the supports and drives active at `midpoint`."""
+        active = tuple(k for k, constraint in enumerate(self.constraints) if constraint.active(midpoint))
+        rows = self._known_contact_rows.get(active)
+        if rows is None:
+            sides = self._sides([self.constraints[k] for k in active])
+            rows = self._known_contact_rows[active] = ContactRows(sides, *delassus_rows(sides))
+        return rows
+
+    @cached_property
+    def _known_contact_rows(self) -> dict[tuple[int, ...], ContactRows]:
+        """The rows of N and S for each set of active supports and drives that was met."""
+        return {}
+
+    def _sides(self, active: Sequence[Constraint]) -> list[list[Side]]:
+        directions: dict[int, list[Floats]] = {}
+        for constraint in active:
+            directions.setdefault(constraint.node, []).append(constraint.direction)
+        sides = []
+        for contact_pair in self.contact_pairs:
+            pair_sides = []
+            for node, normal in contact_pair.gap_gradient():
+                free = normal.copy()
+                for direction in directions.get(node, ()):
+                    free -= (direction @ free) * direction
+                pair_sides += self._sides_of(node, normal, free)
+            sides.append(pair_sides)
+        return sides
+
+    def _sides_of(self, node: int, normal: Floats, free: Floats) -> list[Side]:
+        """Return a side of a contact point, with `free` the part of its normal along which no constraint holds it.
+
+        Where the mass couples nodes, those that a force on the side moves too follow, with no normal of their own.
+        """
+        body = self.body_of(node)
+        if self.mass[node] > 0.0 and body.inverse.size:
+            return [
+                Side(moved, normal if moved == node else np.zeros_like(normal), free * response)
+                for moved, response in body.response(node).items()
+            ]
+        if self.mass[node] > 0.0:
+            return [Side(node, normal, free / self.mass[node])]
+        stiffness = float(body.stiffness[body.end_element(node)])
+        return [Side(node, normal, free / (stiffness * self.dt**2), body.ends_without_mass[node])]
+
+    def normals(self) -> Floats:
+        """Return N of all contact points, (nodes * dim, P)."""
+        normals = np.zeros((self.n_nodes, self.dim, len(self.contact_pairs)))
+        for p, contact_pair in enumerate(self.contact_pairs):
+            for node, normal in contact_pair.gap_gradient():
+                normals[node, :, p] += normal
+        return normals.reshape(self.n_nodes * self.dim, -1)
+
+    @cached_property
+    def couples_nodes(self) -> bool:
+        """Whether the mass of a body couples its nodes, so that M^-1 is banded."""
+        return any(body.inverse.size for body in self.bodies.values())
+
+    def mobility(self, node: int) -> float:
+        """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
+        return self.body_of(node).response(node)[node]
+
+    @cached_property
+    def points_without_mass(self) -> Any:
+        """Whether each contact point has a side without mass, (P,)."""
+        massless = [self.mass[list(contact_pair.nodes)].min() == 0.0 for contact_pair in self.contact_pairs]
+        return np.array(massless, dtype=bool)

@@ -1,0 +1,161 @@
+"""Diagnosis of a kernel of a plug-in that failed during a run: its step is repeated in plain Python.
+
+Compiled code reports an error without its place, and a multiplier left unset only as a motion that is no longer finite.
+The same step in plain Python, started from the state before it, gives law, contact, file and line.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import traceback
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from percuss.errors import PercussError, PluginError
+from percuss.methods.blame import described, line_in_plugin
+from percuss.methods.kernel_trial import describe_state, fault_of_nan, kernel_of
+from percuss.step.build import Kernels, LoopParts, bind
+
+if TYPE_CHECKING:
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats, Trial
+
+
+class Marching(Protocol):
+    """The attributes of a run (`percuss.march.march.March`) that are needed to repeat one of its steps."""
+
+    model: Model
+    kernel_laws: Sequence[BoundLaw]
+    parts: LoopParts
+    kernels: Kernels
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the arrays that a step changes."""
+
+    def advance(self, amplitudes: Any, first: int, count: int) -> int:
+        """Make `count` steps from step `first`."""
+
+
+class NoMultiplier(Exception):
+    """Error of a law whose kernel left a contact without a multiplier.
+
+    Attributes
+    ----------
+    contact
+        Name of the contact.
+    description
+        The fault of the kernel, in words.
+    cause
+        The cause of the fault and its remedy, in words.
+    """
+
+    def __init__(self, contact: str, description: str, cause: str) -> None:
+        super().__init__(contact, description, cause)
+        self.contact, self.description, self.cause = contact, description, cause
+
+
+def probing_kernel(kernel: Callable[..., None], law: str, contacts: tuple[str, ...]) -> Callable[..., None]:
+    """Return a plain Python kernel that calls `kernel` and raises `NoMultiplier` if it leaves a contact without one."""
+
+    def probe(bound: Any, trial: Trial, multiplier: Floats) -> None:
+        kernel(bound, trial, multiplier)
+        state = np.concatenate([trial.gap, trial.predicted_gap, trial.rate, trial.predicted_rate])
+        if np.isnan(multiplier).any() and np.isfinite(state).all():
+            point = int(np.isnan(multiplier).argmax())
+            did, remedy = fault_of_nan(kernel, bound, trial, point)
+            contact = contacts[point]
+            fault = did.format(f"contact '{contact}'")
+            cause = f"the kernel was called with {describe_state(trial, point)}: {remedy}"
+            raise NoMultiplier(contact, f"law {law} {fault}", cause)
+
+    return probe
+
+
+def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseException | None:
+    """Repeat one step of a run in plain Python from its present state; return the error of a kernel, or None.
+
+    The state is restored afterwards.
+
+    Parameters
+    ----------
+    march
+        The run, in its state before the step.
+    amplitudes
+        Amplitudes of the loads in this step.
+    step
+        Number of the step.
+    """
+    laws = [
+        dataclasses.replace(
+            bound_law,
+            kernel=probing_kernel(kernel_of(bound_law.law), bound_law.law.name, bound_law.points.names),
+        )
+        for bound_law in march.kernel_laws
+    ]
+    saved = [array.copy() for array in march.changing_arrays()]
+    compiled = march.kernels
+    march.kernels = bind(dataclasses.replace(march.parts, laws=laws), compiled=False)
+    try:
+        with np.errstate(all="ignore"):
+            march.advance(amplitudes, step, 1)
+    except Exception as error:  # noqa: BLE001  a kernel may raise anything
+        return error
+    finally:
+        march.kernels = compiled
+        for array, value in zip(march.changing_arrays(), saved, strict=True):
+            array[:] = value
+    return None
+
+
+def missing_multiplier(march: Marching, amplitudes: Any, step: int) -> NoMultiplier | None:
+    """Return the error of a kernel that leaves a contact without a multiplier in the repeated step, or None."""
+    if not march.kernel_laws:
+        return None
+    error = repeat_in_python(march, amplitudes, step)
+    return error if isinstance(error, NoMultiplier) else None
+
+
+def refuse_array_writing(error: Exception) -> None:
+    """Raise an error if compilation failed because a kernel writes to a read-only array.
+
+    Raises
+    ------
+    PluginError
+        With file and line of the first such statement.
+    """
+    _, marker, after = str(error).partition("Cannot modify readonly array")
+    if not marker:
+        return
+    location = re.search(r"typing of [\w ]+ at (.+?) \((\d+)\)", after)
+    prefix = f"{location[1]}:{location[2]}: " if location else ""
+    raise PluginError(
+        f"{prefix}a kernel changes what it was handed to read (bound arrays, the trial): a kernel of a contact law may "
+        "write to the multiplier, `trial.after` and `trial.shift` alone, and keeps nothing between calls"
+    )
+
+
+def kernel_failure(march: Marching, amplitudes: Any, step: int, raised: BaseException) -> PercussError:
+    """Return the error for a kernel that raised an exception: its law, file and line, the step and the time."""
+    error = repeat_in_python(march, amplitudes, step) or raised
+    if isinstance(error, NoMultiplier):
+        error = raised
+    description = described(error)
+    if isinstance(error, ValueError) and "read-only" in str(error):
+        description = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
+    step_and_time = f"in step {step}, at time {step * march.model.dt:.9g}"
+    return PluginError(f"{_kernel_of_error(march, error)}: {description} ({step_and_time})", line_in_plugin(error))
+
+
+def _kernel_of_error(march: Marching, error: BaseException) -> str:
+    """Return in words the kernel in which an error was raised, also in a function that it calls."""
+    called = {frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)}
+    kernels: list[tuple[Any, str]] = [
+        *((kernel_of(bound.law), f"contact law {bound.law.name}: multipliers") for bound in march.kernel_laws),
+        *((follower.kernel, f"load {follower.load.load.name}: follow") for follower in march.parts.followers),
+    ]
+    of_plug_in = (words for kernel, words in kernels if getattr(kernel, "py_func", kernel).__code__ in called)
+    return next(of_plug_in, "a kernel")

@@ -1,0 +1,523 @@
+"""The arrays that describe a checked case: nodes, masses, elements, contact points, supports, loads, time step."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.contact.bound_law import BoundLaw, bind_law, joined
+from percuss.contact.contact_pairs import contact_pair_of
+from percuss.contact.contact_rows import Side, law_records
+from percuss.contact.equation import LAW, NOTHING
+from percuss.contact.model_arrays import ModelArrays
+from percuss.contact.stiffness_limits import stiffness_limits
+from percuss.errors import InputError, Problem, RefusedPair, refuse_if_any
+from percuss.march.implicit_check import refuse_in_implicit
+from percuss.mesh import size_limits
+from percuss.mesh.body import Body
+from percuss.mesh.cells import volumes_of
+from percuss.mesh.coupled_masses import inverse_mass
+from percuss.mesh.ends_without_mass import ends_at_contacts, nodal_masses
+from percuss.mesh.kernel_trial import try_kernels
+from percuss.mesh.loads import Constraint, acts_at, latest, supports_and_loads
+from percuss.methods.blame import said_by
+from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
+from percuss.methods.plugin_calls import answer
+from percuss.methods.process_guard import process_as_before
+from percuss.step.end_force_rows import EndForce, end_forces, refuse_end_forces, trace_stiffness
+from percuss.step.integrator_check import refuse_laws, scheme
+from percuss.step.parts.coupled_masses import refuse_coupled_ends
+from percuss.step.parts.ends_without_mass import refuse_without_mass
+
+if TYPE_CHECKING:
+    from percuss.case.case import Case
+    from percuss.case.specs import Address
+
+
+class Stretch(NamedTuple):
+    """A part of a run during which the set of active supports and drives and the set of active laws do not change.
+
+    Attributes
+    ----------
+    start, stop
+        Times between which it lasts.
+    constraints
+        Numbers of the active supports and drives.
+    inactive
+        Numbers of the contact points whose law is not active.
+    model
+        The same model without loads, its supports and drives at rest.
+    """
+
+    start: float
+    stop: float
+    constraints: tuple[int, ...]
+    inactive: tuple[int, ...]
+    model: Model
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Model(ModelArrays):
+    """The arrays of a case; a model never changes, and models derived from it share its arrays.
+
+    Parameters
+    ----------
+    case
+        A checked case.
+
+    Raises
+    ------
+    InputError
+        If the geometry, the contacts or the loads do not fit together.
+    RefusedPair
+        If the integrator and a contact law do not work together.
+    """
+
+    _never_active: tuple[int, ...]  # contact points whose law is not active at any time
+    _whole: Model | None  # the model of the whole run, in the model of a stretch
+
+    @np.errstate(all="ignore")  # numbers that are not finite are refused with their place
+    @process_as_before()
+    def __init__(self, case: Case) -> None:
+        bodies = _bodies_of(case)
+        size_limits.check_bodies(case, bodies)
+        mass = np.concatenate([body.mass for body in bodies.values()])
+        nodes = np.concatenate([body.mesh.nodes for body in bodies.values()])
+        mass.flags.writeable = nodes.flags.writeable = False
+        self._set(case=case, bodies=bodies, mass=mass, nodes=nodes, _never_active=(), _whole=None)
+        self._set(omega=max(float(body.frequency.max()) for body in bodies.values()))
+        courant = 1.0 if case.time.courant is None or case.time.courant == "auto" else case.time.courant
+        self._set_step(case.time.step if case.time.step is not None else courant * 2.0 / self.omega)
+        problems: list[Problem] = []
+        pairs = [contact_pair_of(case, spec, bodies, problems) for spec in case.contacts.values()]
+        loads = supports_and_loads(case, bodies, problems)
+        refuse_if_any(problems)
+        self._set(contact_pairs=tuple(pair for pair in pairs if pair is not None), **loads._asdict())
+        refuse_coupled_ends(self)
+        self._bind()
+
+    # -- construction and derived models -----------------------------------------------------------------
+
+    def _set(self, **values: Any) -> None:
+        """Set attributes of a model that is still under construction."""
+        vars(self).update(values)
+
+    def _derived(self, **changes: Any) -> Model:
+        """Return a copy with some attributes replaced; nothing that was computed from them is carried over."""
+        model = object.__new__(Model)
+        model._set(**{field.name: getattr(self, field.name) for field in dataclasses.fields(self)} | changes)
+        return model
+
+    def _set_step(self, dt: float) -> None:
+        size_limits.check_step(self.case, dt)
+        steps = self.case.time.steps
+        self._set(dt=dt, steps=steps if steps is not None else size_limits.step_count(self.case, dt))
+
+    def _bind(self) -> None:
+        """Bind the integrator and the laws for the step; name the places of two that refuse each other."""
+        try:
+            self._bind_methods()
+        except RefusedPair as refused:
+            contact = next((pair.name for pair in self.contact_pairs if pair.law.name == refused.contact), "")
+            own, origin = ("contacts", contact, "method"), self.case.origin
+            paths = (("method", "integrator"), own if origin.get(own) is not None else ("method", "contact"))
+            messages = (refused.sentence, f"{refused.contact}, the contact law of that pair")
+            problems = [
+                self.case.problem((*path, "name") if origin.get((*path, "name")) is not None else path, message)
+                for path, message in zip(paths, messages, strict=True)
+            ]
+            raise RefusedPair(refused.integrator, refused.contact, refused.reason, refused.said_by, problems) from None
+
+    def _bind_methods(self) -> None:
+        """Bind the integrator and the laws for the step, and refuse methods that do not work together."""
+        integrator = self.case.method.integrator
+        # Before anything else asks the integrator, so that the first of its answers are those that are watched.
+        stages, tables = scheme(integrator, self.dt)
+        self._set(stages=stages, tables=tables)
+        self._refuse_pairs()
+        if self.viscosity and self.why_not_linear:
+            message = f"expected linear bodies with the viscous {integrator.name}, found that {self.why_not_linear}"
+            advice = "Its viscosity is that of a stiffness, which these bodies do not have: take central-difference."
+            raise InputError([self.case.problem(("method", "integrator"), message, advice)])
+        if self.couples_nodes and (self.implicit or self.own_steps):
+            mass = self.case.method.mass.name
+            what = "an implicit scheme" if self.implicit else "bodies with steps of their own"
+            message = f"expected a diagonal mass with {integrator.name}, found {mass}, which couples nodes"
+            advice = f"Masses that couple nodes are not built for {what}: take lumped, or central-difference."
+            raise InputError([self.case.problem(("method", "mass"), message, advice)])
+        self._check_movable()
+        self._set(laws=self._bound_laws(self.dt))
+        refuse_without_mass(self)
+        refuse_end_forces(self)
+        refuse_laws(self)
+        if self.implicit:
+            refuse_in_implicit(self)
+
+    def with_step(self, dt: float) -> Model:
+        """Return the model of the whole run with another time step."""
+        model = self._derived()
+        model._set_step(dt)
+        model._bind()
+        return model
+
+    def with_laws(self, replaced: Mapping[ContactLaw, ContactLaw]) -> Model:
+        """Return the model of the whole run with other contact laws.
+
+        Parameters
+        ----------
+        replaced
+            The new law for each law that is replaced.
+        """
+        model = self._derived(
+            contact_pairs=tuple(
+                dataclasses.replace(contact_pair, law=replaced.get(contact_pair.law, contact_pair.law))
+                for contact_pair in self.contact_pairs
+            )
+        )
+        model._bind()
+        return model
+
+    def without_loads(self, dt: float, constraints: Sequence[Constraint], inactive: Sequence[int] = ()) -> Model:
+        """Return the model of one stretch, with laws bound again for the time step `dt`.
+
+        It has no loads but those that follow the motion of an end, and `constraints` as given.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+        constraints
+            The supports and drives of the stretch.
+        inactive
+            Contact points whose law is never active; all other laws are always active.
+        """
+        stages, tables = scheme(self.case.method.integrator, dt)
+        return self._derived(
+            dt=dt,
+            steps=1,
+            constraints=tuple(constraints),
+            nodal_forces=(),
+            body_forces=(),
+            stages=stages,
+            tables=tables,
+            laws=tuple(dataclasses.replace(bound_law, during=None) for bound_law in self.laws_at(dt)),
+            _never_active=tuple(inactive),
+            _whole=self.whole,
+        )
+
+    def stretches(self) -> list[Stretch]:
+        """Return the stretches of the run that differ in their active supports and drives, or in their active laws.
+
+        A stretch with the same constraints and laws as an earlier one is not listed again.
+        """
+        listed: dict[Any, Stretch] = {}
+        for first, last in self.segments():
+            midpoint = (first + 0.5) * self.dt
+            constraints = tuple(
+                index for index, constraint in enumerate(self.constraints) if constraint.active(midpoint)
+            )
+            inactive = self.inactive_points(midpoint)
+            if (constraints, inactive) not in listed:
+                at_rest = [dataclasses.replace(self.constraints[index], load=None, column=0) for index in constraints]
+                model = self.without_loads(self.dt, at_rest, inactive)
+                start, stop = first * self.dt, min(last, self.steps) * self.dt
+                listed[constraints, inactive] = Stretch(start, max(stop, start), constraints, inactive, model)
+        return list(listed.values())
+
+    # -- bodies and time ---------------------------------------------------------------------------------
+
+    @property
+    def whole(self) -> Model:
+        """The model of the whole run, also for the model of a stretch."""
+        return self._whole or self
+
+    @property
+    def sums_internal_work(self) -> bool:
+        """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
+
+        In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
+        step. Of a multi-stage scheme the work has no such form.
+        """
+        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
+
+    @property
+    def courant(self) -> float:
+        """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
+        return 0.5 * self.dt * self.omega
+
+    def node(self, address: Address) -> int:
+        """Return the node at an end of a body."""
+        return self.bodies[address.body].node(address.region)
+
+    def segments(self, *, laws: bool = True) -> list[tuple[int, int]]:
+        """Return intervals of steps (first, one past last) within which no support, drive or law starts or ends.
+
+        The trial step after the last step is included. Without `laws`, the intervals of time in which laws are active
+        do not split the run.
+        """
+        total = self.steps + 1
+        instants = [
+            instant
+            for constraint in self.constraints
+            if constraint.load is not None
+            for instant in (constraint.load.start, constraint.load.stop)
+        ]
+        if laws:
+            instants += [
+                instant
+                for bound_law in self.laws
+                if bound_law.during is not None
+                for instant in bound_law.during.ravel()
+            ]
+        cuts = {0, total}
+        for instant in instants:
+            if math.isfinite(instant):
+                # The change takes effect in the first step whose midpoint lies after the instant, as in `acts_at`.
+                step = math.floor(latest(instant) / self.dt + 0.5)
+                cuts.add(min(max(step, 0), total))
+        edges = sorted(cuts)
+        return list(itertools.pairwise(edges))
+
+    def inactive_points(self, midpoint: float) -> tuple[int, ...]:
+        """Return the contact points whose law is not active in the step around `midpoint`."""
+        inactive = set(self._never_active)
+        for bound_law in self.laws:
+            during = bound_law.during
+            if during is not None and not acts_at(midpoint, during[:, 0], during[:, 1]).any():
+                inactive.update(bound_law.where)
+        return tuple(sorted(inactive))
+
+    # -- contacts ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def tied_points(self) -> tuple[int, ...]:
+        """The contact points of masses that are tied in every step of the run or stretch, in ascending order."""
+        tied = {p for bound_law in self.laws if bound_law.ties and bound_law.during is None for p in bound_law.where}
+        return tuple(sorted(p for p in tied.difference(self._never_active) if not self.points_without_mass[p]))
+
+    def points(self, where: Sequence[int], dt: float) -> ContactPoints:
+        """Return the properties of the contact points `where` that a law receives for a time step `dt`."""
+
+        def column(values: Any, dtype: type = float) -> Any:
+            array: Any = np.array(values, dtype=dtype)
+            array.flags.writeable = False
+            return array
+
+        contact_pairs = [self.contact_pairs[p] for p in where]
+        delassus, coupling, _ = self.whole._largest_delassus
+        return ContactPoints(
+            names=tuple(contact_pair.name for contact_pair in contact_pairs),
+            stiffness=column([contact_pair.stiffness for contact_pair in contact_pairs]),
+            frequency=column([contact_pair.frequency for contact_pair in contact_pairs]),
+            mass=column([contact_pair.mass for contact_pair in contact_pairs]),
+            equal_sides=column([contact_pair.equal_sides for contact_pair in contact_pairs], bool),
+            delassus=column(delassus[list(where)]),
+            coupling=column(coupling[list(where)]),
+            weight=column([1.0] * len(contact_pairs)),
+            limits=lambda: column(self.whole._stiffness_limits(dt)[list(where)]),
+            traces=lambda: column(self.whole._trace_stiffness[list(where)]),
+        )
+
+    @cached_property
+    def _largest_delassus(self) -> tuple[Floats, Floats, list[set[int]]]:
+        """The largest diagonal entry s of S over the run, and the largest absolute row sum of S over s, (P,) each.
+
+        The last are the contact points that are coupled with each at some time of the run.
+        """
+        largest, sums = np.zeros(len(self.contact_pairs)), np.zeros(len(self.contact_pairs))
+        neighbours: list[set[int]] = [set() for _ in self.contact_pairs]
+        for start, _ in self.segments(laws=False):
+            _, diagonal, others = self.contact_rows((start + 0.5) * self.dt)
+            largest = np.maximum(largest, diagonal)
+            sums = np.maximum(sums, diagonal + np.array([sum(map(abs, row.values())) for row in others]))
+            neighbours = [near.union(row) for near, row in zip(neighbours, others, strict=True)]
+        return largest, sums / largest, neighbours
+
+    @cached_property
+    def _trace_stiffness(self) -> Floats:
+        """The largest `ContactPoints.trace_stiffness` of each contact point over the run, (P,)."""
+        largest = np.zeros(len(self.contact_pairs))
+        for start, _ in self.segments(laws=False):
+            largest = np.maximum(largest, trace_stiffness(self, (start + 0.5) * self.dt))
+        return largest
+
+    def end_forces(self, midpoint: float) -> dict[int, EndForce]:
+        """Return what the law of each contact point sees and pushes, at points where that is not the gap alone."""
+        return end_forces(self, midpoint)
+
+    def _stiffness_limits(self, dt: float) -> Floats:
+        return stiffness_limits(self.bodies.values(), self.contact_pairs, self._moved_nodes, dt)
+
+    @cached_property
+    def _moved_nodes(self) -> list[list[int]]:
+        """Nodes of each contact point that its force moves at some time of the run: not always fixed or driven."""
+        moved: list[set[int]] = [set() for _ in self.contact_pairs]
+        for start, _ in self.segments(laws=False):
+            for nodes, sides in zip(moved, self.contact_rows((start + 0.5) * self.dt).sides, strict=True):
+                nodes.update(side.node for side in sides if _moves(side, self.mass))
+        return [sorted(nodes) for nodes in moved]
+
+    def _check_movable(self) -> None:
+        problems: list[Problem] = []
+        for start, stop in self.segments(laws=False):
+            diagonal = self.contact_rows((start + 0.5) * self.dt).diagonal
+            for contact_pair, delassus in zip(self.contact_pairs, diagonal, strict=True):
+                lightest = min(self.mass[node] for node in contact_pair.nodes)
+                if lightest > 0.0 and delassus * lightest < 1e-12:
+                    message = "expected a contact that can move, found every side fixed or driven"
+                    advice = "Free one of the ends, or drop the contact."
+                    if start > 0 or stop < self.steps:
+                        message += f" from {start * self.dt:.6g} to {min(stop, self.steps) * self.dt:.6g}"
+                        advice = "Drive one of its ends at a time: without a free end its force is unknown."
+                    problems.append(self.case.problem(("contacts", contact_pair.name), message, advice))
+            refuse_if_any(problems)
+
+    def _refuse_pairs(self) -> None:
+        integrator = self.case.method.integrator
+        for contact_pair in self.contact_pairs:
+            for reason, refusing in (
+                (integrator.refuses(contact_pair.law), integrator.name),
+                (contact_pair.law.refuses(integrator), contact_pair.law.name),
+            ):
+                if reason:
+                    raise RefusedPair(integrator.name, contact_pair.law.name, reason, refusing)
+
+    def laws_at(self, dt: float) -> tuple[BoundLaw, ...]:
+        """Return the laws bound for a time step `dt`, in the order of `laws`."""
+        return self.whole.laws if dt == self.whole.dt else self._bound_laws(dt)
+
+    def _bound_laws(self, dt: float) -> tuple[BoundLaw, ...]:
+        groups: dict[ContactLaw, list[int]] = {}
+        for p, contact_pair in enumerate(self.contact_pairs):
+            groups.setdefault(contact_pair.law, []).append(p)
+        problems: list[Problem] = []
+        laws = []
+        for law, where in groups.items():
+            try:
+                laws.append(bind_law(law, tuple(where), self.points(where, dt), dt))
+            except ValueError as error:
+                problems.append(self.case.problem(("method", "contact"), said_by(error)))
+        refuse_if_any(problems)
+        coupled = [bound_law for bound_law in laws if bound_law.linear is None and bound_law.law.uses_coupling]
+        for kind in dict.fromkeys(type(bound_law.law) for bound_law in coupled):
+            alike = [bound_law for bound_law in coupled if type(bound_law.law) is kind]
+            one = joined(alike, self.points, dt)
+            if one is not None:
+                laws = [*(bound_law for bound_law in laws if bound_law not in alike), one]
+            else:
+                self._refuse_shared_ends(alike)
+        return tuple(sorted(laws, key=lambda bound_law: (bound_law.linear is None, bound_law.where)))
+
+    def _refuse_shared_ends(self, laws: Sequence[BoundLaw]) -> None:
+        """Refuse laws of one class between coupled contacts, which their kernel is to solve together, and cannot."""
+        neighbours = self.whole._largest_delassus[2]
+        advice = "Give both the same options, or let its `bind` return arrays of one number for each point."
+
+        def problem(p: int, q: int) -> Problem:
+            first, second = self.contact_pairs[p].name, self.contact_pairs[q].name
+            message = (
+                f"expected the coupled contacts '{first}' and '{second}' to be solved together by the kernel of "
+                f"{laws[0].law.name}; found options that it cannot tell apart"
+            )
+            return self.case.problem(("contacts", second), message, advice, any_inside=True)
+
+        pairs = [(p, other) for one, other in itertools.combinations(laws, 2) for p in one.where]
+        refuse_if_any([problem(p, q) for p, other in pairs for q in neighbours[p] if q in other.where])
+
+    def law_records(self, table: LeapFrog | None = None) -> tuple[list[int], Any]:
+        """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
+        table, delassus = table or self.tables[-1], self.contact_rows(0.5 * self.dt).diagonal
+        order = [point for bound_law in self.laws for point in bound_law.where]
+        massless = self.points_without_mass
+        parts = [
+            law_records(bound_law, table, delassus[list(bound_law.where)], massless[list(bound_law.where)], self.dt)
+            for bound_law in self.laws
+        ]
+        records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
+        if self.stages is not None or self.implicit:
+            records["stores"] = NOTHING
+        if self.implicit:
+            records["end_stiffness"] = np.nan  # every law is solved for at the end of the step
+        return order, records
+
+    def ignored_couplings(self) -> list[str]:
+        """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""
+        at_node: dict[int, list[int]] = {}
+        for p, contact_pair in enumerate(self.contact_pairs):
+            for node in contact_pair.nodes:
+                at_node.setdefault(node, []).append(p)
+        coupled = {tuple(contacts): "share an end" for contacts in at_node.values() if len(contacts) > 1}
+        for p, near in enumerate(self.whole._largest_delassus[2]):
+            apart = (q for q in near if p < q and not {*self.contact_pairs[p].nodes} & {*self.contact_pairs[q].nodes})
+            coupled |= dict.fromkeys(((p, q) for q in apart), "are coupled by the mass of a body")
+        sentences = []
+        for bound_law in self.laws:
+            law = bound_law.law
+            if bound_law.linear is not None or law.uses_coupling:
+                continue
+            for contacts, how in coupled.items():
+                if set(bound_law.where).isdisjoint(contacts):
+                    continue
+                names = ", ".join(f"'{self.contact_pairs[p].name}'" for p in contacts)
+                where = "at that end " if how == "share an end" else ""
+                sentences.append(
+                    f"contacts {names} {how}, and the kernel of law {law.name} sees each of its contacts by itself: it "
+                    f"ignores what the others {where}press in the same step (it does not declare `uses_coupling`)"
+                )
+        return sentences
+
+    def parameters(self) -> dict[str, dict[str, float]]:
+        """Return, for each contact, the name of its law and its resolved parameters."""
+        parameters: dict[str, dict[str, Any]] = {
+            contact_pair.name: {"law": contact_pair.law.name} for contact_pair in self.contact_pairs
+        }
+        for bound_law in self.laws:
+            for where, resolved in bound_law.resolved:
+                for name, value in resolved.items():
+                    numbers = np.broadcast_to(value, (len(where),))
+                    for point, number in zip(where, numbers, strict=True):
+                        parameters[self.contact_pairs[point].name][name] = float(number)
+        return parameters
+
+
+def _moves(side: Side, mass: Floats) -> bool:
+    """Return whether a contact force moves a side of its point."""
+    # Round-off may be left of the direction of a drive that is oblique to the axes.
+    return side.beside is not None or bool(side.normal @ side.response * mass[side.node] > 1e-12)
+
+
+def _bodies_of(case: Case) -> dict[str, Body]:
+    bodies: dict[str, Body] = {}
+    start = 0
+    in_contact = ends_at_contacts(case)
+    for number, (name, spec) in enumerate(case.bodies.items()):
+        mesh = size_limits.mesh_of_body(case, spec)
+        view = BodyMesh(mesh, spec.area)
+        velocity = np.asarray(spec.velocity, dtype=float)
+        try_kernels(spec.element, spec.material, view)
+        mass, may_lack_mass = nodal_masses(case, spec, mesh, in_contact.get(name, frozenset()))
+        bodies[name] = Body(
+            name=name,
+            number=number,
+            spec=spec,
+            mesh=mesh,
+            start=start,
+            mass=mass,
+            stiffness=answer(spec.element, "axial_stiffness", view, spec.material.modulus),
+            frequency=answer(
+                spec.element, "highest_frequency", view, math.sqrt(spec.material.modulus / spec.material.rho)
+            ),
+            volumes=volumes_of(spec.element, view),
+            velocity=velocity * mesh.direction if velocity.ndim == 0 else velocity,
+            may_lack_mass=may_lack_mass,
+            inverse=inverse_mass(case, spec, mesh, mass),
+        )
+        start = bodies[name].stop
+    return bodies

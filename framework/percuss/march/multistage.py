@@ -1,0 +1,172 @@
+"""The stepper of multi-stage schemes: displacement and velocity at t_n, loads at the times of the stages.
+
+The arrays of its state are longer than those of the nodes; `percuss.step.stages` explains why.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.compiler.record_arrays import record_array
+from percuss.march.starting_state import initial_velocity
+from percuss.mesh.loads import amplitude
+from percuss.step.integrator_check import ends_of, table_of_stage, velocities_of
+from percuss.step.stages import BODY_FORCE, StageAmplitudes, System
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats, LeapFrog, Stages
+    from percuss.step.build import Kernels
+    from percuss.step.loop import Loop, Record
+
+
+def _aside(groups: Any) -> Any:
+    """Return nested groups whose state variables, where they have any, are written to arrays that nobody reads."""
+    if hasattr(groups, "after"):
+        return groups._replace(after=np.zeros_like(groups.after)) if groups.after.size else groups
+    first, rest = groups
+    aside = _aside(first), _aside(rest)
+    return groups if aside[0] is first and aside[1] is rest else aside
+
+
+class State(NamedTuple):
+    """Displacement, velocity and the arrays kept between steps; the degrees of freedom of the nodes come first."""
+
+    u: Floats  # (size,)
+    v: Floats  # (size,)
+    kept: Floats  # (kept, size)
+
+
+class MultistageStepper:
+    """The stepper of a multi-stage scheme, an implementation of `percuss.march.stepper.Stepper`.
+
+    Parameters
+    ----------
+    model
+        The model to integrate in time.
+    stages
+        The stages as the integrator of the model defines them.
+    """
+
+    energy_at = 1.0
+    force_at = 0.5
+    # An acceleration kept from the step before may contain the reaction of a support or drive that is no longer active:
+    # its impulse still has to be counted.
+    keeps_constraints = True
+
+    def __init__(self, model: Model, stages: Stages) -> None:
+        self.model, self.stages = model, stages
+        self.nodal = model.n_nodes * model.dim
+        self.columns = len(model.case.loads) + 1
+        size = self.nodal + len(model.contact_pairs) + len(model.constraints) + self.columns
+        kept = model.case.method.integrator.kept
+        self.levels = 2 + kept
+        self.state = State(np.zeros(size), np.zeros(size), np.zeros((kept, size)))
+        self.u: Floats = self.state.u[: self.nodal]
+        self.v: Floats = self.state.v[: self.nodal]
+        self.v[:] = initial_velocity(model).ravel()
+        self.amplitude_sums = np.zeros(self.columns)
+        self.ends = ends_of(stages, model.dt)
+        self.responses = self._responses(model.tables)
+        loads = list(model.case.loads.values())
+        bodies, rows = list(model.bodies.values()), []
+        for k, body_force in enumerate(model.body_forces):
+            body, column = bodies[body_force.body], loads.index(body_force.load) + 1
+            rows.append((body.start, body.stop, k * model.dim, column, 0.0))
+        self.body_forces = record_array(rows, BODY_FORCE)
+        self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
+        self.system: System
+
+    def _zeros(self, count: int) -> StageAmplitudes:
+        return StageAmplitudes(
+            np.zeros((count, len(self.stages.times), self.columns)), np.zeros((count, 2, self.columns))
+        )
+
+    def _responses(self, tables: Sequence[LeapFrog]) -> Floats:
+        """Return w of each contact point in the states of each table, (tables, points)."""
+        responses = [self.model.law_records(table)[1]["response"] for table in tables]
+        return np.array(responses, dtype=float).reshape(len(tables), len(self.model.contact_pairs))
+
+    def changing_arrays(self) -> list[Any]:
+        """Return displacement, velocity, the arrays kept between steps, and the sums of the load amplitudes."""
+        return [*self.state, self.amplitude_sums]
+
+    def set_loop(self, loop: Loop) -> None:
+        """Use the arrays of the next stretch of the run."""
+        stages, columns = self.stages, self.columns
+        self.system = System(
+            loop.groups, _aside(loop.groups), loop.masses, loop.boundary, loop.laws, loop.loads,
+            self.body_forces, self.axes,
+            np.array([constraint.active(loop.midpoint) for constraint in self.model.constraints], dtype=np.int64),
+            self.responses, self.ends, velocities_of(stages), np.array(stages.times, dtype=float), self.model.dim,
+            np.zeros((len(stages.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.amplitude_sums,
+            np.array([0.0, self.model.dt, 1.0]),
+        )  # fmt: skip
+
+    def amplitudes(self, first: int, count: int) -> StageAmplitudes:
+        """Return forces at the times of the stages, and prescribed velocities at both ends of each step."""
+        model = self.model
+        t = np.asarray((first + np.arange(count)) * model.dt, dtype=np.float64)
+        amplitudes = self._zeros(count)
+        for column, spec in enumerate(model.case.loads.values(), start=1):
+            if spec.acts_as == "velocity":
+                for k in range(2):
+                    amplitudes.speed[:, k, column] = amplitude(spec, t + k * model.dt, model.dt, average=False)
+            else:
+                for k, fraction in enumerate(self.stages.times):
+                    amplitudes.force[:, k, column] = amplitude(spec, t + fraction * model.dt, model.dt, average=True)
+        return amplitudes
+
+    def start(self, kernels: Kernels) -> None:
+        """Fill the arrays kept between steps with the acceleration at t = 0."""
+        system, model = self.system, self.model
+        for column, spec in enumerate(model.case.loads.values(), start=1):
+            if spec.acts_as != "velocity":
+                system.amplitude[-1, column] = amplitude(spec, np.zeros(1), model.dt, average=True)[0]
+        system.speed[:] = self.amplitudes(0, 1).speed[0]
+        # The last stage is evaluated, and its time has to be t = 0.
+        system.clock[0] = -system.times[-1] * model.dt
+        last = system.ends[-1].copy(), system.responses[-1].copy()
+        if self.stages.start:
+            system.ends[-1] = self.stages.start
+            system.responses[-1] = self._responses([table_of_stage(*self.stages.start)])
+        kernels.loop.begin(system, system.times.size - 1, *self.state)
+        system.ends[-1], system.responses[-1] = last
+
+    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
+        """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
+        numbers, dt = self.stages.numbers, self.model.dt
+        done: int = kernels.loop.advance(self.system, numbers, amplitudes, record, *self.state, dt, first, count)
+        return done
+
+    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+        """Return the nodal state after one step without loads given in time, (levels, nodes * dim)."""
+        for array in self.state:
+            array.fill(0.0)
+        kept = self.state.kept[:, : self.nodal]
+        self.u[:], self.v[:], kept[:] = state[0], state[1], state[2:]
+        self.advance(kernels, self._no_loads, record, 1, 1)
+        return np.concatenate([self.u[None], self.v[None], kept])
+
+    @cached_property
+    def _no_loads(self) -> StageAmplitudes:
+        amplitudes = self._zeros(1)
+        amplitudes.force[..., [follower.column for follower in self.model.followers]] = 1.0
+        return amplitudes
+
+    def load_impulse(self, amplitudes: Any) -> Floats:  # noqa: ARG002  the loop sums them step by step
+        """Return the impulse of the loads on all bodies so far, (dim,)."""
+        model, total = self.model, np.zeros(self.model.dim)
+        for nodal_force in model.nodal_forces:
+            total += self.amplitude_sums[nodal_force.column] * nodal_force.force
+        for follower in model.followers:
+            total += self.amplitude_sums[follower.column] * follower.direction
+        bodies = list(model.bodies.values())
+        for body_force, record in zip(model.body_forces, self.body_forces, strict=True):
+            total += self.amplitude_sums[record.column] * bodies[body_force.body].mass.sum() * body_force.acceleration
+        return model.dt * total

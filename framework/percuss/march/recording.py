@@ -1,0 +1,182 @@
+"""The record arrays of a run: their shapes, and whether they fit into memory."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from percuss.errors import Problem, TooLargeError
+from percuss.mesh import size_limits
+from percuss.step import loop as leapfrog_loop
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from percuss.case.case import Case
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats, Integers
+
+TIMES = 3  # columns of the time axis: the step, and the times of motion and of energy
+# Copies of each record array while a result is made: in the order of the loop, in the order of the case, and one for
+# the exact values and the differences from them.
+COPIES = 3
+
+
+class Shapes(NamedTuple):
+    """Shapes of the record arrays of a run.
+
+    Attributes
+    ----------
+    rows
+        Number of records, one in each row of every history.
+    columns
+        Number of columns of each history, by name.
+    field_every
+        Number of steps between two snapshots of the stress; 0 if none are taken.
+    field
+        Number of snapshots, and of degrees of freedom in each.
+    """
+
+    rows: int
+    columns: dict[str, int]
+    field_every: int
+    field: tuple[int, int]
+
+
+def probe_nodes(model: Model) -> list[int]:
+    """Return the nodes whose displacement and velocity are recorded."""
+    return [model.node(address) for address in model.case.recorded_ends]
+
+
+def record_shapes(model: Model) -> Shapes:
+    """Return the shapes of the record arrays of a run."""
+    record, steps = model.case.record, model.steps
+    rows = steps // record.every + 1 + (steps % record.every > 0)  # the last step is recorded in any case
+    motion = len(probe_nodes(model)) * model.dim
+    columns = {
+        **dict.fromkeys(("multiplier", "gap", "end_force"), len(model.contact_pairs)),
+        "contact_state": sum(contact_pair.law.state for contact_pair in model.contact_pairs),
+        **dict.fromkeys(("displacement", "velocity"), motion),
+        "energy": 7,
+    }
+    if not record.fields:
+        return Shapes(rows, columns, 0, (0, 0))
+    field_every = max(1, steps // record.fields)
+    states = sum(
+        numbers.size * model.bodies[name].volumes.shape[1] * model.bodies[name].spec.material.state
+        for name, numbers in recorded_elements(model).items()
+    )
+    columns_of_field = sum(nodes.size for nodes in field_nodes(model)) * model.dim + states
+    return Shapes(rows, columns, field_every, (steps // field_every + 1, columns_of_field))
+
+
+def empty_record(
+    model: Model, probes: Sequence[int], place: Mapping[int, int], field_variable: Integers
+) -> tuple[leapfrog_loop.Record, Floats]:
+    """Return the record arrays of a run, filled with nan, and the time of each of their rows.
+
+    Parameters
+    ----------
+    model
+        The model of the run.
+    probes
+        The `probe_nodes` of the model.
+    place
+        Map from each boundary node to the index of its first boundary degree of freedom.
+    field_variable
+        Indices of the state variables of the recorded elements.
+    """
+    dim, every, steps = model.dim, model.case.record.every, model.steps
+    n = np.arange(0, steps + 1, every)
+    if steps % every:
+        n = np.append(n, steps)
+    shapes = record_shapes(model)
+    of_bodies = field_nodes(model) if shapes.field_every else []
+    ends = np.concatenate([np.zeros(0, dtype=np.int64), *(nodes.ravel() for nodes in of_bodies)])
+    snapshots = shapes.field[0]
+    variables = field_variable if shapes.field_every else np.zeros(0, dtype=np.int64)
+    record = leapfrog_loop.Record(
+        every=every,
+        last=steps,
+        **{name: np.full((shapes.rows, columns), np.nan) for name, columns in shapes.columns.items()},
+        probe=np.array([place[p] + d for p in probes for d in range(dim)], dtype=np.int64),
+        field_every=shapes.field_every,
+        field=np.full((snapshots, ends.size * dim), np.nan),
+        field_dof=(ends[:, None] * dim + np.arange(dim)).ravel(),
+        field_own_step=np.repeat(_steps_at_a_time(model, ends, place), dim),
+        field_state=np.full((snapshots, variables.size), np.nan),
+        field_variable=variables,
+    )
+    return record, np.asarray(n * model.dt, dtype=np.float64)
+
+
+def _steps_at_a_time(model: Model, nodes: Integers, place: Mapping[int, int]) -> Integers:
+    """Return the number of steps by which each of some nodes is advanced at a time; boundary nodes are by one."""
+    own_steps = model.own_steps or (1,) * len(model.bodies)
+    numbers = [1 if node in place else own_steps[model.body_of(node).number] for node in nodes.tolist()]
+    return np.array(numbers, dtype=np.int64)
+
+
+def recorded_elements(model: Model) -> dict[str, Integers]:
+    """Return the numbers, within each body, of the elements whose stress is recorded for the space-time picture.
+
+    At most 400 elements of each body are taken, evenly spaced.
+    """
+    return {
+        name: np.unique(np.linspace(0, body.stiffness.size - 1, min(body.stiffness.size, 400)).round()).astype(np.int64)
+        for name, body in model.bodies.items()
+    }
+
+
+def field_nodes(model: Model) -> list[Integers]:
+    """Return the nodes of the elements whose stress is recorded, (elements, nodes of an element) for each body."""
+    return [model.bodies[name].element_nodes(numbers) for name, numbers in recorded_elements(model).items()]
+
+
+def recordable(model: Model) -> Model:
+    """Return the model unchanged, or refuse it if its records or snapshots do not fit into memory.
+
+    Raises
+    ------
+    InputError
+        With the memory that they would take, and how to reduce it.
+    """
+    case = model.case
+    problems: list[Problem] = []
+    shapes = record_shapes(model)
+    size_bytes = 8.0 * COPIES * shapes.rows * (sum(shapes.columns.values()) + TIMES)
+    if not size_limits.fits_in_memory(size_bytes):
+        every = case.record.every * 10 ** math.ceil(
+            math.log10(size_bytes / (size_limits.MEMORY_SHARE * (size_limits.memory() or 1)))
+        )
+        message = (
+            f"expected records that fit into memory, found {model.steps:.4g} steps, whose records take "
+            f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"
+        )
+        advice = f"Keep one of many, as `record: {{every: {every}}}`, or shorten the run."
+        problems.append(
+            case.problem(("record", "every") if case.record.every > 1 else ("time",), message, advice, any_inside=True)
+        )
+    refuse_large(case, *shapes.field, problems)
+    return model
+
+
+def refuse_large(case: Case, snapshots: int, columns: int, problems: Sequence[Problem] = ()) -> None:
+    """Refuse snapshots that do not fit into memory, together with other problems.
+
+    Raises
+    ------
+    InputError
+        With all problems.
+    """
+    size_bytes = 8.0 * COPIES * snapshots * columns
+    if not size_limits.fits_in_memory(size_bytes):
+        message = (
+            f"expected snapshots that fit into memory, found {snapshots:.4g}, which take "
+            f"{size_limits.bytes_in_words(size_bytes)}, {size_limits.memory_in_words()}"
+        )
+        problems = [*problems, case.problem(("record", "fields"), message, "A picture needs some hundreds.")]
+    if problems:
+        raise TooLargeError(problems)

@@ -1,0 +1,59 @@
+"""The interface between the driver of a run and its time integration scheme, leap-frog or multi-stage."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats
+    from percuss.step.build import Kernels
+    from percuss.step.loop import Loop, Record
+
+
+class Stepper(Protocol):
+    """The state of a run and the methods that advance it by time steps.
+
+    Attributes
+    ----------
+    energy_at
+        Time of the energies recorded in a step, as a fraction of the step after t_n.
+    force_at
+        Middle of the time over which the contact force recorded in a step acts, as a fraction of the step after t_n.
+    u, v : (nodes * dim,)
+        Displacement and velocity of the nodes, changed in place.
+    levels
+        Number of nodal arrays in the state: displacement, velocity, and the arrays kept between steps.
+    keeps_constraints
+        Whether a support or drive that is not active stays in the list of constraints of the loop.
+    """
+
+    energy_at: float
+    force_at: float
+    u: Floats
+    v: Floats
+    levels: int
+    keeps_constraints: bool
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the arrays that a step changes, except those of the boundary."""
+
+    def set_loop(self, loop: Loop) -> None:
+        """Use the arrays of the next stretch of the run."""
+
+    def start(self, kernels: Kernels) -> None:
+        """Prepare the first step."""
+
+    def amplitudes(self, first: int, count: int) -> Any:
+        """Return the amplitudes of the loads for `count` steps from step `first`."""
+
+    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
+        """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
+
+    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+        """Return the nodal state after one step from `state` without loads given in time, (levels, nodes * dim).
+
+        The state of the run is overwritten: of many steps each would take longer with arrays of its own.
+        """
+
+    def load_impulse(self, amplitudes: Any) -> Floats:
+        """Return the impulse of the loads on all bodies up to and including the steps of `amplitudes`, (dim,)."""

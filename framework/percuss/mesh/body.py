@@ -1,0 +1,127 @@
+"""A body of a model: its mesh, its masses and the properties of its elements."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.mesh.banded_matrices import column
+from percuss.mesh.cells import axial_matrices, cells_of, lumping_of
+from percuss.methods.interfaces import BodyMesh, Floats, Integers, LoadedEnd, Mesh
+
+if TYPE_CHECKING:
+    from percuss.case.specs import BodySpec
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body: its mesh, masses and element properties, and its range of nodes in the model."""
+
+    name: str
+    number: int
+    spec: BodySpec
+    mesh: Mesh
+    start: int  # its first node
+    mass: Floats  # (nodes,), 0 at an end in contact that the mass method leaves without mass
+    stiffness: Floats  # (n,) EA/h
+    frequency: Floats  # (n,) highest of the element, 2c/h of a two-node bar
+    volumes: Floats  # (n, points) of the quadrature points, one of a two-node element
+    velocity: Floats  # (dim,)
+    may_lack_mass: Any  # (n + 1,), whether a node is an end in contact at which nothing else acts
+    inverse: Floats  # (k + 1, nodes) bands of M^-1 where the mass couples nodes, (0, nodes) where it is diagonal
+
+    @property
+    def why_not_linear(self) -> str:
+        """The reason why internal forces are not proportional to displacements; empty for a linear body."""
+        parts = (("material", self.spec.material), ("element", self.spec.element))
+        nonlinear = [f"{kind} {part.name}" for kind, part in parts if not part.linear]
+        if not nonlinear:
+            return ""
+        verb = "does" if len(nonlinear) == 1 else "do"
+        return f"body '{self.name}' is not linear: its {' and its '.join(nonlinear)} {verb} not declare `linear = True`"
+
+    @property
+    def stop(self) -> int:
+        """The number after the body's last node."""
+        return self.start + self.mass.size
+
+    @property
+    def ends_without_mass(self) -> dict[int, int]:
+        """The node beside each end without mass."""
+        ends = ((self.start, self.start + 1), (self.stop - 1, self.stop - 2))
+        return {node: beside for node, beside in ends if self.mass[node - self.start] == 0.0}
+
+    def response(self, node: int) -> dict[int, float]:
+        """Return the accelerations by a unit force on a node with mass, by node, that of the node itself first."""
+        if self.inverse.size == 0:
+            return {node: 1.0 / float(self.mass[node - self.start])}
+        entries = column(self.inverse, node - self.start)
+        return {self.start + row: value for row, value in entries.items()}
+
+    def node(self, region: str) -> int:
+        """Return the node of the model at an end of the body."""
+        return self.start + self.mesh.regions[region].nodes[0]
+
+    def loaded_end(self, node: int) -> LoadedEnd:
+        """Return the properties of the end at a node."""
+        i = self.end_element(node)
+        stiffness = self.end_stiffness(node)
+        impedance = 2.0 * stiffness / float(self.frequency[i])
+        if self.mesh.cells:  # their highest frequency is not 2c/h
+            material = self.spec.material
+            impedance = self.spec.area * math.sqrt(material.modulus * material.rho)
+        return LoadedEnd(float(self.mass[node - self.start]), stiffness, impedance)
+
+    def end_element(self, node: int) -> int:
+        """Return the number within the body of the element at an end node."""
+        return 0 if node == self.start else self.stiffness.size - 1
+
+    def end_stiffness(self, node: int) -> float:
+        """Return the stiffness of the element at an end node by which contact stiffness is measured, EA/h of a bar.
+
+        Of an element of more than two nodes it is ``m omega^2 / 2``, with m its mass at the end node and omega its
+        highest frequency: for two-node bars this is EA/h, and theta, the ratio of bipenalty and the other numbers that
+        laws are made of mean the same for both.
+        """
+        i = self.end_element(node)
+        if not self.mesh.cells:
+            return float(self.stiffness[i])
+        lumping = lumping_of(self.spec.element, self.mesh)
+        place = int(np.flatnonzero(lumping.cells[i] == node - self.start)[0])
+        mass = lumping.shares[place] * self.spec.material.rho * self.spec.area * self.mesh.lengths[i]
+        return 0.5 * float(mass) * float(self.frequency[i]) ** 2
+
+    def element_nodes(self, elements: Integers) -> Integers:
+        """Return the nodes of the model that elements of the body have, (elements, nodes of an element)."""
+        return self.start + cells_of(self.mesh)[elements]
+
+    @cached_property
+    def axial_band(self) -> tuple[Floats, Floats]:
+        """The stiffness along the body with a linear material: its diagonal, and what stands beside it.
+
+        Of two-node elements the latter is the (nodes - 1,) entries of the first off-diagonal. Of others it is an array
+        (k, nodes) of k off-diagonals, the entry of column j in place j.
+        """
+        diagonal = np.zeros(self.mass.size)
+        if not self.mesh.cells:
+            diagonal[:-1] += self.stiffness
+            diagonal[1:] += self.stiffness
+            return diagonal, -self.stiffness
+        element: Any = self.spec.element
+        matrices, shape, scale = axial_matrices(
+            element, BodyMesh(self.mesh, self.spec.area), self.spec.material.modulus
+        )
+        cells = cells_of(self.mesh)
+        count = cells.shape[1]
+        off = np.zeros((count - 1, self.mass.size))
+        for a in range(count):
+            np.add.at(diagonal, cells[:, a], scale * matrices[shape, a, a])
+            for b in range(count):
+                below = cells[:, b] - cells[:, a]  # rows below the diagonal, of cell nodes in any order
+                rows = np.flatnonzero(below > 0)
+                np.add.at(off, (below[rows] - 1, cells[rows, a]), scale[rows] * matrices[shape[rows], b, a])
+        return diagonal, off

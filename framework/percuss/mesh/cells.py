@@ -1,0 +1,208 @@
+"""Meshes and kernels of elements of more than two nodes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.compiler.specialise import Specialiser
+from percuss.mesh import cell_kernels as compiled_cells
+from percuss.mesh.cell_kernels import Cells
+from percuss.methods import slots
+from percuss.methods.blame import breach
+from percuss.methods.interfaces import BodyMesh, CellElement, Lumping, Mesh
+from percuss.methods.plugin_calls import answer, read_only
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from percuss.methods.interfaces import Element, Floats, Integers, Region
+
+PROBING_STRAIN = 1e-7  # far below any strain at which the stiffness of a material or an element changes
+SAME_SCALED = 1e-9  # largest relative difference of stiffness times length of cells that differ in their length alone
+SAME_SHAPE = 11  # decimal digits of the coordinates of a cell, over its length, by which cells are told apart
+
+
+def has_cells(element: Element | type[Element]) -> bool:
+    """Return whether an element, or its class, sees one cell at a time (`CellElement`)."""
+    return issubclass(element if isinstance(element, type) else type(element), CellElement)
+
+
+def mesh_of_element(element: Element, mesh: Mesh) -> Mesh:
+    """Return the mesh of a body: that of its shape, with the nodes that its element has between its ends.
+
+    Parameters
+    ----------
+    element
+        The element of the body.
+    mesh
+        A line of two-node cells.
+    """
+    if not isinstance(element, CellElement):
+        return mesh
+    places = np.asarray(answer(element, "reference_nodes"), dtype=float)
+    if element.cell != kind_of(places.size):
+        message = f"has {places.size} nodes, and its `cell` says {element.cell!r}, expected {kind_of(places.size)!r}"
+        raise breach(element, "reference_nodes", message)
+    order, count = places.size - 1, mesh.lengths.size
+    along = np.argsort(places)  # the nodes of a cell in the order in which they stand along the line
+    nodes = np.empty((count, order, mesh.nodes.shape[1]))
+    for k, place in enumerate(places[along[:-1]]):
+        nodes[:, k] = (1.0 - place) * mesh.nodes[:-1] + place * mesh.nodes[1:]
+    cells = np.empty((count, order + 1), dtype=np.int64)
+    cells[:, along] = order * np.arange(count)[:, None] + np.arange(order + 1)
+    return mesh._replace(
+        nodes=np.concatenate([nodes.reshape(-1, mesh.nodes.shape[1]), mesh.nodes[-1:]]),
+        regions={name: _moved(region, order) for name, region in mesh.regions.items()},
+        cells={element.cell: cells},
+    )
+
+
+def kind_of(nodes: int) -> str:
+    """Return the kind of a line cell of `nodes` nodes, named as VTK and meshio name it."""
+    return "line" if nodes == 2 else f"line{nodes}"
+
+
+def _moved(region: Region, order: int) -> Region:
+    return region._replace(
+        nodes=tuple(order * node for node in region.nodes),
+        facets={kind: order * np.asarray(nodes) for kind, nodes in region.facets.items()},
+    )
+
+
+def cells_of(mesh: Mesh) -> Integers:
+    """Return the nodes of each element, (elements, nodes of a cell)."""
+    if mesh.cells:
+        return next(iter(mesh.cells.values()))
+    return Lumping.of_line(mesh.lengths.size).cells
+
+
+def lumping_of(element: Element, mesh: Mesh) -> Lumping:
+    """Return how the elements of a body share their mass among their nodes."""
+    if not isinstance(element, CellElement):
+        return Lumping.of_line(mesh.lengths.size)
+    shares, cells = np.asarray(answer(element, "mass_shares"), dtype=float), cells_of(mesh)
+    if shares.shape != cells.shape[1:]:
+        raise breach(element, "mass_shares", f"mass_shares returned {shares.size} shares of {cells.shape[1]} nodes")
+    return Lumping(shares, cells, mesh.nodes.shape[0])
+
+
+def volumes_of(element: Element, body: BodyMesh) -> Floats:
+    """Return the volume of each quadrature point of each element, (elements, points) [length^3]; one of a bar."""
+    if not isinstance(element, CellElement):
+        return (body.area * body.mesh.lengths)[:, None]
+    return np.asarray(answer(element, "volumes", body), dtype=float)
+
+
+def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
+    """Return the cells of bodies of one element for the loop."""
+    cells = [cells_of(body.mesh) for body in bodies]
+    volumes = [volumes_of(element, body) for body in bodies]
+    nodes_of_cell, dim = cells[0].shape[1], bodies[0].mesh.nodes.shape[1]
+    shared = Cells(
+        rule=answer(element, "rule"),
+        cells=np.concatenate(cells),
+        coordinates=np.concatenate([body.mesh.nodes[of_body] for body, of_body in zip(bodies, cells, strict=True)]),
+        section=np.concatenate([np.full(len(of_body), body.area) for body, of_body in zip(bodies, cells, strict=True)]),
+        volumes=np.concatenate(volumes),
+        edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),
+        body_force=np.zeros(0),
+        displacement=np.zeros((0, 0)),
+        force=np.zeros((0, 0)),
+        strains=np.zeros((0, 0)),
+    )
+    locked: Cells = read_only(shared)
+    return locked._replace(
+        body_force=np.zeros(max(body.mesh.nodes.size for body in bodies)),
+        displacement=np.zeros((nodes_of_cell, dim)),
+        force=np.zeros((nodes_of_cell, dim)),
+        strains=np.zeros((2, volumes[0].shape[1])),
+    )
+
+
+def element_slots(element: Any) -> dict[Any, Any]:
+    """Return the slots of the bulk update that an element, or its class, fills with its kernels."""
+    if has_cells(element):
+        return {slots.cell_force: element.force}
+    return {slots.internal_force: element.internal_force, slots.energy: element.energy}
+
+
+def energy_slots(specialiser: Specialiser, element: Any) -> dict[Any, Any]:
+    """Return the further slot of the strain energy of cells: their strains, by the kernel of the force."""
+    if not has_cells(element):
+        return {}
+    strains = specialiser.with_slots({slots.stress: compiled_cells.record_strain})
+    return {compiled_cells.cell_strain: strains.bind(element.force)}
+
+
+def axial_matrices(element: CellElement, body: BodyMesh, modulus: float) -> tuple[Floats, Integers, Floats]:
+    """Return the stiffness of the cells along the body with a linear material, from the kernel of the element.
+
+    Cells of one shape are asked once where the stiffness of the shortest and of the longest of them are as one over
+    their lengths, and each by itself where not.
+
+    Parameters
+    ----------
+    element, body
+        Element and body.
+    modulus
+        Young's modulus.
+
+    Returns
+    -------
+    matrices : (shapes, nodes of a cell, nodes of a cell) array
+        Stiffness of a cell of each shape that there is [force/length].
+    shape : (elements,) array
+        Shape of each cell.
+    scale : (elements,) array
+        Stiffness of each cell over that of its shape.
+    """
+    cells, lengths = cells_of(body.mesh), body.mesh.lengths
+    coordinates = body.mesh.nodes[cells]
+    stiffness_of = _axial_stiffness(element, body, modulus)
+    relative = (coordinates - coordinates[:, :1]) @ body.mesh.direction / lengths[:, None]
+    shape = np.unique(np.round(relative, SAME_SHAPE), axis=0, return_inverse=True)[1].ravel()
+    matrices: list[Floats] = []
+    of_cell, scale = np.empty(lengths.size, dtype=np.int64), np.ones(lengths.size)
+    for number in range(int(shape.max()) + 1):
+        alike = np.flatnonzero(shape == number)
+        shortest, longest = int(alike[np.argmin(lengths[alike])]), int(alike[np.argmax(lengths[alike])])
+        short, long = stiffness_of(shortest), stiffness_of(longest)
+        if np.allclose(
+            lengths[longest] * long,
+            lengths[shortest] * short,
+            rtol=0.0,
+            atol=SAME_SCALED * np.abs(short).max() * lengths[shortest],
+        ):
+            of_cell[alike], scale[alike] = len(matrices), lengths[shortest] / lengths[alike]
+            matrices.append(short)
+        else:
+            of_cell[alike] = len(matrices) + np.arange(alike.size)
+            matrices += [stiffness_of(int(cell)) for cell in alike]
+    return np.array(matrices), of_cell, scale
+
+
+def _axial_stiffness(element: CellElement, body: BodyMesh, modulus: float) -> Callable[[int], Floats]:
+    """Return the stiffness of a cell along the body with a linear material as a function of its number."""
+
+    def linear_stress(material: float, point: int, strain: float) -> float:  # noqa: ARG001 - the slot `stress`
+        return material * strain
+
+    force = Specialiser({slots.stress: linear_stress}, jit=False).bind(element.force)
+    cells, direction, rule = cells_of(body.mesh), body.mesh.direction, answer(element, "rule")
+
+    def stiffness_of(cell: int) -> Floats:
+        coordinates, size = body.mesh.nodes[cells[cell]], PROBING_STRAIN * float(body.mesh.lengths[cell])
+        coordinates = coordinates - coordinates[0]
+        matrix = np.empty((cells.shape[1], cells.shape[1]))
+        for a in range(cells.shape[1]):
+            ends = np.zeros((2, *coordinates.shape))
+            for sign, end in zip((-1.0, 1.0), ends, strict=True):
+                displacement = np.zeros_like(coordinates)
+                displacement[a] = sign * size * direction
+                force(rule, modulus, 0, body.area, coordinates, displacement, end)
+            matrix[:, a] = (ends[0] - ends[1]) @ direction / (2.0 * size)
+        return 0.5 * (matrix + matrix.T)
+
+    return stiffness_of

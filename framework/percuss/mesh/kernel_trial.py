@@ -1,0 +1,124 @@
+"""Trial calls of the kernels of third-party elements and materials in plain Python, made before the run.
+
+Compiled code can write to arrays that are meant to be read only, and its numbers look like any others.
+"""
+
+from __future__ import annotations
+
+import weakref
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.compiler.specialise import Specialiser
+from percuss.mesh.cells import cells_of, volumes_of
+from percuss.mesh.material_points import plain_slots, points_at_rest
+from percuss.methods import slots
+from percuss.methods.blame import breach, is_third_party
+from percuss.methods.interfaces import CellElement
+from percuss.methods.plugin_calls import answer, as_numbers, called_twice, read_only
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from percuss.mesh.materials import MaterialPoints
+    from percuss.methods.interfaces import BodyMesh, Element, Floats, Material
+
+FORCE, CELL_FORCE = "internal_force", "force"
+# The kernels that have been tried, by the class of the first third-party component among element and material.
+_TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
+
+
+def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
+    """Call the kernels of a third-party element and material in plain Python, and a second time in each state.
+
+    The first element of the body is at rest, stretched, compressed and displaced as a whole. What the kernels are
+    handed to read is read-only.
+
+    Raises
+    ------
+    PluginError
+        If a kernel raises an error, changes what it was handed, gives a value that is not finite, or another one the
+        second time.
+    """
+    foreign = [part for part in (element, material) if is_third_party(type(part).__module__)]
+    key = repr(element), repr(material), mesh.mesh.direction.size
+    if not foreign or key in _TRIED.setdefault(type(foreign[0]), set()):
+        return
+    points = points_at_rest(material, volumes_of(element, mesh).size)
+    size = 1e-6 * float(mesh.mesh.lengths[0]) * mesh.mesh.direction
+    rest = 0.0 * size
+    # displacement of both nodes, and their velocity
+    states = [
+        read_only((np.concatenate(displacement), np.concatenate(velocity)))
+        for displacement in ((rest, rest), (rest, size), (size, rest), (size, size), (rest, 1e3 * size))
+        for velocity in ((rest, rest), (size, 2.0 * size))
+    ]
+    maker = Specialiser(plain_slots(material), jit=False)
+    stress, energy_density = (maker.bind(maker.slots[slot]) for slot in (slots.stress, slots.energy_density))
+
+    def stress_of(u: Floats, _: Floats) -> Any:
+        return stress(points, 0, float(u[-1] - u[0]))
+
+    def density_of(u: Floats, v: Floats) -> Any:
+        return energy_density(points, 0, float(u[-1] - u[0]), float(v[-1] - v[0]))
+
+    kernels: list[tuple[Any, str, Callable[[Any, Any], Any]]] = [
+        (material, "stress", stress_of),
+        (material, "energy_density", density_of),
+    ]
+    if isinstance(element, CellElement):
+        kernels.append((element, CELL_FORCE, _force_of_first_cell(maker, element, points, mesh)))
+    else:
+        kernels += _line_kernels(maker, element, points, mesh)
+    for component, name, call in kernels:
+        if component in foreign:
+            _try_twice(component, name, call, states)
+    _TRIED[type(foreign[0])].add(key)
+
+
+def _line_kernels(
+    maker: Specialiser, element: Element, points: MaterialPoints, mesh: BodyMesh
+) -> list[tuple[Any, str, Callable[[Any, Any], Any]]]:
+    """Return the kernels of a two-node element as functions of displacement and velocity of its first element."""
+    arrays, dim = read_only(answer(element, "bind", mesh)), mesh.mesh.direction.size
+    force, energy = maker.bind(element.internal_force), maker.bind(element.energy)
+
+    def force_of(u: Floats, _: Floats) -> Floats:
+        result = np.full(u.size, np.nan)
+        force(arrays, points, 0, dim, u, result)
+        return result
+
+    def energy_of(u: Floats, v: Floats) -> Any:
+        return energy(arrays, points, 0, dim, u, v, 1e-3)
+
+    return [(element, FORCE, force_of), (element, "energy", energy_of)]
+
+
+def _force_of_first_cell(
+    maker: Specialiser, element: CellElement, points: MaterialPoints, mesh: BodyMesh
+) -> Callable[[Any, Any], Any]:
+    """Return the force of the first cell as a function of the displacement of its ends, linear between them."""
+    cell = cells_of(mesh.mesh)[0]
+    places, rule = np.asarray(answer(element, "reference_nodes")), read_only(answer(element, "rule"))
+    coordinates, force = read_only(mesh.mesh.nodes[cell]), maker.bind(element.force)
+
+    def force_of(u: Floats, _: Floats) -> Floats:
+        first, last = u.reshape(2, -1)
+        displacement = read_only((1.0 - places[:, None]) * first + places[:, None] * last)
+        result = np.full(displacement.shape, np.nan)
+        force(rule, points, 0, mesh.area, coordinates, displacement, result)
+        return result.ravel()
+
+    return force_of
+
+
+def _try_twice(component: Any, name: str, call: Callable[[Any, Any], Any], states: list[Any]) -> None:
+    """Call a kernel in all states, twice; raise PluginError if it fails or its results differ or are no numbers."""
+    for value in called_twice(component, name, call, states):
+        # the nodal forces are the array that the kernel was handed; the other kernels return a number
+        numbers = as_numbers(value)
+        if numbers is None or numbers.ndim != (1 if name in (FORCE, CELL_FORCE) else 0):
+            raise breach(component, name, f"{name} returned {value}, expected one number")
+        if not np.isfinite(numbers).all():
+            raise breach(component, name, f"{name} gave {value}, expected finite numbers")

@@ -1,0 +1,220 @@
+"""Supports, drives and loads of a model, and the amplitudes of its loads at the times of its steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.methods.blame import breach
+from percuss.methods.interfaces import FollowingLoad
+from percuss.methods.plugin_calls import answer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from percuss.case.case import Case
+    from percuss.case.specs import LoadSpec
+    from percuss.errors import Problem
+    from percuss.mesh.body import Body
+    from percuss.methods.interfaces import Floats
+
+
+# Relative difference of two numbers that are equal but for round-off. A number changes its last digits with the units:
+# the factor is rounded, and so is each of the operations that made the number, some 2e-16 each.
+ROUND_OFF = 1e-12
+
+
+def latest(instant: Any) -> Any:
+    """Return the last number that is the same instant but for round-off, of one instant or an array of them."""
+    return instant * (1.0 + ROUND_OFF)
+
+
+def acts_at(midpoint: float, start: Any, stop: Any) -> Any:
+    """Return whether what acts from `start` to `stop` acts in the step around `midpoint`.
+
+    What starts or stops at the midpoint of a step, but for round-off, does so after that step.
+    """
+    return (latest(start) < midpoint) & (midpoint <= latest(stop))
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A direction in which the velocity of a node is prescribed, always (support) or during an interval (drive)."""
+
+    node: int
+    direction: Floats
+    load: LoadSpec | None
+    column: int
+
+    def active(self, midpoint: float) -> bool:
+        """Return whether the constraint is active in the step around `midpoint`."""
+        return self.load is None or bool(acts_at(midpoint, self.load.start, self.load.stop))
+
+
+@dataclass(frozen=True)
+class NodalForce:
+    """A force on one node: its vector at amplitude 1, and the load whose amplitude it follows."""
+
+    node: int
+    force: Floats
+    load: LoadSpec
+    column: int
+
+
+@dataclass(frozen=True)
+class Follower:
+    """A force on one node that follows its motion: its unit direction, its load, its kernel and what this reads."""
+
+    node: int
+    direction: Floats
+    load: LoadSpec
+    column: int
+    kernel: Callable[..., float]
+    numbers: tuple[float, ...]
+
+    @property
+    def switched_on(self) -> float:
+        """The time from which the load counts its own."""
+        return self.load.start if math.isfinite(self.load.start) else 0.0
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """An acceleration of a whole body: its vector at amplitude 1, and the load whose amplitude it follows."""
+
+    body: int
+    acceleration: Floats
+    load: LoadSpec
+
+
+class SupportsAndLoads(NamedTuple):
+    """The supports and loads of a case as they act on nodes and bodies."""
+
+    constraints: tuple[Constraint, ...]
+    nodal_forces: tuple[NodalForce, ...]
+    followers: tuple[Follower, ...]
+    body_forces: tuple[BodyForce, ...]
+
+
+def supports_and_loads(case: Case, bodies: Mapping[str, Body], problems: list[Problem]) -> SupportsAndLoads:
+    """Return the supports and loads of a case; those that do not fit together are added to `problems`."""
+    constraints: list[Constraint] = []
+    nodal_forces: list[NodalForce] = []
+    body_forces: list[BodyForce] = []
+    for body in bodies.values():
+        for region in body.spec.fixed:
+            constraints += [Constraint(body.node(region), axis, None, 0) for axis in np.eye(case.dimension)]
+    for column, spec in enumerate(case.loads.values(), start=1):
+        for body, region in _targets(spec, bodies):
+            direction = _direction(spec, body)
+            if spec.acts_as == "velocity":
+                drive = Constraint(body.node(region), direction, spec, column)
+                obstacle = _obstacle_to(drive, constraints)
+                if not obstacle:
+                    constraints.append(drive)
+                    continue
+                message = f"expected an end free along the direction of the drive, found {obstacle} there"
+                advice = "An end is fixed or driven, once at a time and along perpendicular directions."
+                problems.append(case.problem(("loads", spec.name), message, advice))
+            elif isinstance(spec.load, FollowingLoad):
+                continue
+            elif region:
+                node = body.node(region)
+                share = body.mass[node - body.start] if spec.acts_as == "acceleration" else 1.0
+                nodal_forces.append(NodalForce(node, share * direction, spec, column))
+            else:
+                share = 1.0 if spec.acts_as == "acceleration" else 1.0 / float(body.mass.sum())
+                body_forces.append(BodyForce(body.number, share * direction, spec))
+    return SupportsAndLoads(
+        tuple(constraints),
+        tuple(nodal_forces),
+        tuple(_followers(case, bodies, constraints, problems)),
+        tuple(body_forces),
+    )
+
+
+def _followers(
+    case: Case, bodies: Mapping[str, Body], constraints: Sequence[Constraint], problems: list[Problem]
+) -> Iterator[Follower]:
+    """Return the loads that follow the motion of an end; those that cannot are added to `problems`."""
+    owners: dict[int, str] = {}
+    for column, spec in enumerate(case.loads.values(), start=1):
+        if not isinstance(spec.load, FollowingLoad):
+            continue
+        targets = _targets(spec, bodies)
+        if spec.acts_as != "force":
+            message = f"expected a force, as {spec.load.name} follows the motion of an end, found as: {spec.acts_as}"
+            problems.append(case.problem(("loads", spec.name), message, "Leave out `as`."))
+        elif len(targets) != 1 or not targets[0][1]:
+            found = "none" if not spec.on else ", ".join(map(str, spec.on))
+            message = f"expected one end to act on, as {spec.load.name} follows its motion, found {found}"
+            advice = f"Give one end, as `on: {targets[0][0].name}.left`, and each further end a load of its own."
+            problems.append(case.problem(("loads", spec.name), message, advice))
+        else:
+            (body, region), direction = targets[0], _direction(spec, targets[0][0])
+            node = body.node(region)
+            held = Constraint(node, direction, spec, column)
+            obstacle = _obstacle_to(held, constraints) or (f"the load '{owners[node]}'" if node in owners else "")
+            if obstacle:
+                message = f"expected an end that can follow, found {obstacle} there"
+                advice = "An end that follows is free along the load, and has one such load; add their forces in one."
+                problems.append(case.problem(("loads", spec.name), message, advice))
+            owners.setdefault(node, spec.name)
+            numbers = answer(spec.load, "numbers", body.loaded_end(node))
+            for motion in ((0.0, 0.0, 0.0), (1e-3, 1e-6, -1e-3)):
+                answer(spec.load, "follow", numbers, *motion)
+            yield Follower(node, direction, spec, column, type(spec.load).follow, tuple(map(float, numbers)))
+
+
+def _targets(spec: LoadSpec, bodies: Mapping[str, Body]) -> list[tuple[Body, str]]:
+    """Return the bodies on which a load acts, each with the end at which it acts, empty for the whole body."""
+    if not spec.on:
+        return [(body, "") for body in bodies.values()]
+    return [(bodies[address.body], address.region) for address in spec.on]
+
+
+def _direction(spec: LoadSpec, body: Body) -> Floats:
+    """Return the unit vector along which a load acts on a body."""
+    vector = spec.direction if spec.direction is not None else spec.load.vector()
+    if vector is None:
+        return body.mesh.direction
+    direction = np.zeros(body.mesh.direction.size)
+    direction[: len(vector)] = vector
+    return direction / np.linalg.norm(direction)
+
+
+def _obstacle_to(drive: Constraint, constraints: Sequence[Constraint]) -> str:
+    """Return the support or drive that already prescribes the motion of a drive, in words; empty if there is none."""
+    for existing in constraints:
+        if existing.node != drive.node or drive.load is None:
+            continue
+        apart = existing.load is not None and (
+            existing.load.stop <= drive.load.start or drive.load.stop <= existing.load.start
+        )
+        if not apart and abs(float(existing.direction @ drive.direction)) >= 1e-12:
+            return "a fixed end" if existing.load is None else f"the load '{existing.load.name}'"
+    return ""
+
+
+def amplitude(spec: LoadSpec, time: Floats, dt: float, *, average: bool) -> Floats:
+    """Return a load's amplitude at the times of consecutive steps of length `dt`.
+
+    With `average`, the amplitude is multiplied by the fraction of the step around each time during which the load
+    is on, so that a load that is switched on or off between two times, or within round-off of one, has its exact
+    impulse.
+    """
+    start = -math.inf if average and spec.start <= 0 else spec.start
+    clock = np.clip(time, spec.start, spec.stop) - (spec.start if math.isfinite(spec.start) else 0.0)
+    values = np.asarray(answer(spec.load, "amplitude", clock), dtype=float)
+    if values.shape != time.shape:
+        message = f"amplitude returned numbers of shape {values.shape}, expected {time.shape}"
+        raise breach(spec.load, "amplitude", message)
+    if not average:
+        return values
+    half = 0.5 * dt
+    share = np.minimum(time + half, spec.stop) - np.maximum(time - half, start)
+    return values * np.clip(share / dt, 0.0, 1.0)

@@ -1,1 +1,0 @@
-"""The solver: arrays of a checked case, and time steps on them."""

@@ -1,0 +1,156 @@
+"""Calls of compiled kernels by their addresses, as numba compiles them.
+
+This module imports numba. `percuss.step.linking` does without it, so that a run whose machine code is stored
+does not import the compiler.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.errors import TypingError
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic
+
+from percuss.compiler import machine_code
+from percuss.compiler.compile_function import pipelines
+from percuss.compiler.machine_code import CannotLink
+from percuss.step.linked import EXAMPLES
+
+Kernel = Callable[..., Any]
+_FORMATS = {
+    ("double", 8): "d",
+    ("float", 4): "f",
+    ("i8", 1): "b",
+    ("i16", 2): "h",
+    ("i32", 4): "i",
+    ("i64", 8): "q",
+}
+
+
+@functools.cache
+def signatures() -> Mapping[str, tuple[Any, Any]]:
+    """Return the type of the result and that of the tuple of arguments, for each kind of kernel."""
+    return {
+        kind: (types.none if result is None else numba.typeof(result), numba.typeof(arguments))
+        for kind, (result, arguments) in EXAMPLES.items()
+    }
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def call(_typing: Any, kind: Any, kernel: Any, data: Any, arguments: Any) -> Any:
+    """Call a kernel, in compiled code.
+
+    Parameters
+    ----------
+    kind
+        Kind of the kernel, a constant text: a key of `signatures`.
+    kernel
+        Its address.
+    data
+        Address of its data.
+    arguments
+        The tuple of its arguments.
+    """
+    if not isinstance(kind, types.misc.Literal):
+        return None  # numba asks again without the constant after an error, and reports the first one
+    result, expected = signatures()[kind.literal_value]
+    found = types.containers.Tuple([types.misc.unliteral(argument) for argument in arguments])
+    # A call with other arguments than the kernel was compiled for would read them from the wrong places.
+    if (kernel, data, found) != (types.int64, types.int64, expected):
+        raise TypingError(f"{kind.literal_value}: the arguments are {found}, expected {expected}")
+    passed = types.voidptr, expected
+
+    def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        convention = context.call_conv
+        function = builder.inttoptr(values[1], ir.PointerType(convention.get_function_type(result, passed)))
+        place = builder.inttoptr(values[2], context.get_value_type(types.voidptr))
+        status, returned = convention.call_function(builder, function, result, passed, [place, values[3]])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return returned
+
+    return result(kind, kernel, data, expected), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def at(_typing: Any, data: Any) -> Any:
+    """Return the value at the address `data`, in compiled code."""
+
+    def generate(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
+        return context.unpack_value(builder, data.dtype, values[0])
+
+    return data.dtype(data), generate
+
+
+def compiled(entrances: Sequence[tuple[Kernel, str, str]], data: Any, of: str) -> tuple[str, list[int]]:
+    """Return the form of a block of data, and the addresses of compiled functions that read it; store their code.
+
+    Parameters
+    ----------
+    entrances
+        The entrance of each function, its kind, a key of `signatures`, and the key under which its machine code is
+        stored, empty where it is not.
+    data
+        The value that a block will hold.
+    of
+        What the data belong to, for the text of an error.
+    """
+    try:
+        data_type = numba.typeof(data)
+    except ValueError as error:  # as for an array of objects
+        raise CannotLink(f"{of} cannot be compiled: {error}") from None
+    form = form_of(data_type)
+    return form, [_address_of(kernel, kind, data_type, key, form) for kernel, kind, key in entrances]
+
+
+def _address_of(kernel: Kernel, kind: str, data_type: Any, key: str, form: str) -> int:
+    """Return the address of the machine code of a function, and store that code."""
+    result, arguments = signatures()[kind]
+    passed = types.misc.CPointer(data_type), arguments
+    dispatcher: Any = kernel
+    if passed not in dispatcher.overloads:
+        dispatcher.compile(result(*passed))
+    compiled = dispatcher.overloads[passed]
+    if compiled.signature.return_type != result:
+        raise TypingError(f"{kind}: the kernel returns {compiled.signature.return_type}, expected {result}")
+    symbol = compiled.fndesc.llvm_func_name
+    address = int(compiled.library.get_pointer_to_function(symbol))
+    if address == 0:  # the loop would take it for a kernel that is not there
+        raise CannotLink(f"{kind} cannot be compiled: its machine code has no address")
+    compilers = pipelines()
+    if key and compilers is not None:
+        object_code, outside = compilers.object_code(compiled.library)
+        if object_code and machine_code.refers_to_c_alone(outside):
+            machine_code.store(key, machine_code.MachineCode(symbol, form, object_code))
+    return address
+
+
+@functools.cache
+def form_of(kind: Any) -> str:
+    """Return the places of the numbers of a type in compiled code, as a format of the module `struct`."""
+    form, end = "=", 0
+    for offset, layout in _places(cpu_target.target_context.get_data_type(kind), 0):
+        size = layout.get_abi_size(cpu_target.target_context.target_data)
+        form += "x" * (offset - end) + _FORMATS[str(layout), size]
+        end = offset + size
+    return form
+
+
+def _places(layout: Any, offset: int) -> Iterator[tuple[int, Any]]:
+    """Return the offset and the type of every number in a layout of compiled code; an address is an integer."""
+    target_data = cpu_target.target_context.target_data
+    if isinstance(layout, ir.ArrayType):
+        step = layout.element.get_abi_size(target_data)
+        for index in range(layout.count):
+            yield from _places(layout.element, offset + index * step)
+    elif isinstance(layout, ir.BaseStructType):
+        for index, element in enumerate(layout.elements):
+            yield from _places(element, offset + layout.get_element_offset(target_data, index))
+    else:
+        yield offset, ir.IntType(64) if layout.is_pointer else layout

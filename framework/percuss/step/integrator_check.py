@@ -1,0 +1,254 @@
+"""Checks of the definition of an integrator: a leap-frog scheme, or a multi-stage scheme with a kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.compiler.specialise import Specialiser
+from percuss.errors import PluginError, RefusedPair
+from percuss.methods import slots
+from percuss.methods.blame import breach, described, line_in_plugin
+from percuss.methods.interfaces import ContactLaw, ContactState, Implicit, Integrator, LeapFrog, Stages
+from percuss.methods.plugin_calls import answer, called_twice
+
+if TYPE_CHECKING:
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.methods.interfaces import Floats
+
+# Explicit laws in a stage use the current gap, its rate and its bulk acceleration; a multiplier changes the last only.
+STATE_IN_STAGE = ContactState("current", "current", "bulk", (0.0, 0.0, 1.0))
+ROUND_OFF_TOLERANCE = 1e-9
+NO_END = "its stages do not say (`end`) at which state a law evaluated at the end of the step is to be evaluated"
+
+
+def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
+    """Return the stages of an integrator, None for a leap-frog scheme, and the states that its contact laws use.
+
+    There is one table of states for a leap-frog or an implicit scheme, and one for each stage of a multi-stage scheme.
+
+    Raises
+    ------
+    PluginError
+        If `bind` returned anything else, or the stages and the kernel `step` do not fit together.
+    """
+    stages, tables = unchecked_scheme(integrator, dt)
+    if stages is not None:
+        _check_one_step(integrator, stages, dt)
+        _check_repeated_steps(integrator, stages, dt)
+    return stages, tables
+
+
+def unchecked_scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[LeapFrog, ...]]:
+    """Return stages and states as `scheme` does, for an integrator that has passed the trial steps at another step."""
+    definition = answer(integrator, "bind", dt)
+    if isinstance(definition, LeapFrog):
+        viscosity, other = definition.viscosity, answer(integrator, "bind", 0.5 * dt).viscosity
+        if not (0.0 <= viscosity < np.inf and abs(viscosity - other) <= ROUND_OFF_TOLERANCE * viscosity):
+            raise _plugin_error(
+                integrator,
+                "LeapFrog.viscosity needs a finite number of at least 0, the same at every step: it is the time of the "
+                f"viscosity over the step; found {viscosity!r}, and {other!r} at half the step",
+            )
+        if definition.own_steps and viscosity:
+            raise _plugin_error(
+                integrator,
+                "LeapFrog.own_steps and LeapFrog.viscosity exclude each other: the strain rate of half a step before "
+                "is not known of a body whose forces do not act in every step",
+            )
+        return None, (definition,)
+    if isinstance(definition, Implicit):
+        if not (np.isfinite(definition).all() and definition.beta > 0.0 and -1.0 <= definition.alpha <= 0.0):
+            message = "Implicit needs finite numbers, beta greater than 0 and alpha from -1 to 0"
+            raise _plugin_error(integrator, f"{message}; found {tuple(definition)}")
+        response = (definition.beta * dt * dt, definition.gamma * dt, 1.0)  # of the mass alone, as dt vanishes
+        state = ContactState("predicted", "predicted", "none", response)
+        return None, (LeapFrog(state, state),)
+    if not isinstance(definition, Stages):
+        expected = "LeapFrog, Stages or Implicit"
+        raise _plugin_error(integrator, f"bind returned {type(definition).__name__}, expected {expected}")
+    ends = ends_of(definition, dt)
+    velocities = velocities_of(definition)
+    start = np.array(definition.start, dtype=float)
+    numbers = np.array([*definition.times, *definition.numbers, *ends.ravel(), *velocities, *start], dtype=float)
+    if not definition.times or not np.isfinite(numbers).all():
+        raise _plugin_error(integrator, "Stages need one stage or more, and finite numbers throughout")
+    if ends.shape != (len(definition.times), 3) or (ends <= 0).any():
+        raise _plugin_error(
+            integrator, "Stages.end needs three numbers greater than 0 for each stage, or nothing at all"
+        )
+    if start.size and (start.shape != (3,) or (start <= 0).any()):
+        raise _plugin_error(integrator, "Stages.start needs three numbers greater than 0, or nothing at all")
+    if velocities.shape != (len(definition.times),) or (velocities < 0).any():
+        raise _plugin_error(
+            integrator, "Stages.velocity needs a number of at least 0 for each stage, or nothing at all"
+        )
+    return definition, tuple(table_of_stage(*end) for end in ends.tolist())
+
+
+def table_of_stage(r_v: float, r_a: float, s_a: float) -> LeapFrog:
+    """Return the states in which a stage evaluates contact laws."""
+    return LeapFrog(STATE_IN_STAGE, ContactState("predicted", "predicted", "bulk", (r_a, s_a, 1.0)))
+
+
+def ends_of(stages: Stages, dt: float) -> Floats:
+    """Return r_v, r_a, s_a of each stage, (stages, 3); where a scheme gives none, those of a leap-frog step."""
+    return np.array(stages.end or [(dt, dt * dt, dt)] * len(stages.times), dtype=float)
+
+
+def velocities_of(stages: Stages) -> Floats:
+    """Return the coefficient c of each stage, (stages,); where a scheme gives none, zero."""
+    return np.array(stages.velocity or [0.0] * len(stages.times), dtype=float)
+
+
+def refuse_laws(model: ModelArrays) -> None:
+    """Refuse laws that do not work with the scheme of an integrator.
+
+    These are, with a multi-stage scheme, laws at the end of the step if the scheme does not define that state, and laws
+    that shift the ends of their contacts; with any scheme, linear laws with a weight on the gap acceleration where the
+    integrator does not provide it. Otherwise that weight would have no effect, and no message would say so. A law may
+    declare that it needs the acceleration only as far as its own multiplier changes it; then the integrator has to
+    provide this response.
+
+    Raises
+    ------
+    RefusedPair
+        For the first such law.
+    """
+    name, stages = model.case.method.integrator.name, model.stages
+    for bound_law in model.laws:
+        law, linear = bound_law.law, bound_law.linear
+        if linear is not None and linear.at == "end" and stages is not None and not stages.end:
+            raise RefusedPair(name, law.name, NO_END, name)
+        if law.shifts and stages is not None:
+            reason = (
+                f"{law.name} shifts the displacements that the forces of a step lead to, and {name} computes several "
+                "forces in a step"
+            )
+            raise RefusedPair(name, law.name, reason, law.name)
+        states = [getattr(table, linear.at) for table in model.tables] if linear and np.any(linear.acceleration) else []
+        for state in states:
+            if reason := _why_unseen(law, state):
+                reason = f"{name} shows {law.name} no acceleration of the gap{reason}"
+                raise RefusedPair(name, law.name, reason, name)
+
+
+def _why_unseen(law: ContactLaw, state: ContactState) -> str:
+    """Return what follows for a law with a weight on the gap acceleration, if the state has none; empty if it has."""
+    if state.acceleration != "none":
+        return ""
+    if "acceleration" not in law.needs_only_response_of:
+        return f", on which its linear law has a weight: without it {law.name} would be another method"
+    if not state.response[2]:
+        return ", and lets its multiplier change none, so that its weight there would do nothing"
+    return ""
+
+
+def kernel_of(integrator: Integrator) -> Callable[..., None]:
+    """Return the kernel of a multi-stage scheme.
+
+    Raises
+    ------
+    PluginError
+        If the integrator has none.
+    """
+    kernel = getattr(type(integrator), "step", None)
+    if kernel is None:
+        raise _plugin_error(
+            integrator,
+            "bind returned Stages, and the class has no static method `step(numbers, system, u, v, kept, dt)`",
+        )
+    return kernel  # type: ignore[no-any-return]
+
+
+def _plugin_error(integrator: Integrator, message: str) -> PluginError:
+    return breach(integrator, "step" if hasattr(integrator, "step") else "bind", message)
+
+
+def constant_accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set `a` to the accelerations in `system[0]`, which do not depend on the state."""
+    a[:] = system[0]
+
+
+def no_internal_forces(system: Any, stage: int, u: Floats, f: Floats) -> None:
+    """Set `f` to zero: the internal forces of points that nothing holds together."""
+    f[:] = 0.0
+
+
+def plain_step(integrator: Integrator, accelerations: Any, internal: Any) -> Callable[..., None]:
+    """Return the step of a multi-stage scheme in plain Python, with functions that fill its two slots."""
+    filled: dict[Any, Any] = {slots.accelerations: accelerations, slots.internal: internal}
+    return Specialiser(filled, jit=False).bind(kernel_of(integrator))
+
+
+def uses_internal(kernel: Callable[..., None]) -> bool:
+    """Return whether the kernel of a multi-stage scheme asks for `percuss.internal`."""
+    maker = Specialiser({slots.internal: no_internal_forces}, jit=False)
+    maker.bind(kernel)
+    return maker.reached(no_internal_forces)
+
+
+def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Check one step of two points in plain Python, one in free flight and one accelerated from rest.
+
+    Raises
+    ------
+    PluginError
+        If v does not change by dt a, or u by dt v: the kernel does not change u and v in place, or does not use all of
+        the impulse, and the sums of work and momentum would be wrong.
+    """
+    stages_used = []
+
+    def accelerations(system: Any, stage: int, u: Floats, v: Floats, a: Floats) -> None:
+        stages_used.append(stage)
+        constant_accelerations(system, stage, u, v, a)
+
+    def internal(system: Any, stage: int, u: Floats, f: Floats) -> None:
+        stages_used.append(stage)
+        no_internal_forces(system, stage, u, f)
+
+    step = plain_step(integrator, accelerations, internal)
+    constant = np.array([0.0, 1.0])
+    u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(constant, (integrator.kept, 1))
+    try:
+        step(stages.numbers, (constant,), u, v, kept, dt)
+    except Exception as error:
+        text = f"integrator {integrator.name}: step: {described(error)}"
+        if isinstance(error, IndexError) and not integrator.kept:
+            text += " (`kept` is 0: say how many rows the scheme keeps)"
+        raise PluginError(text, line_in_plugin(error)) from error
+    if set(stages_used) - set(range(len(stages.times))):
+        raise _plugin_error(
+            integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"
+        )
+    # a value that is not a number fails these comparisons
+    if not (
+        abs(u[0] - dt) <= ROUND_OFF_TOLERANCE * dt and np.abs(v - [1.0, dt]).max() <= ROUND_OFF_TOLERANCE * max(1.0, dt)
+    ):
+        raise _plugin_error(
+            integrator,
+            "step must change u and v in place (u += ..., or u[:] = ...), v by dt times an acceleration that is "
+            f"constant and u by dt times a velocity that is; found a change of v by {v[1] / dt:.9g} dt a, and of u by "
+            f"{u[0] / dt:.9g} dt v",
+        )
+
+
+def _check_repeated_steps(integrator: Integrator, stages: Stages, dt: float) -> None:
+    """Check that a second step from the same state gives the same result, for several states.
+
+    Raises
+    ------
+    PluginError
+        If the results differ.
+    """
+    step = plain_step(integrator, constant_accelerations, no_internal_forces)
+    rows = np.cos(np.arange(1.0, 5.0 * (3 + integrator.kept) + 1.0)).reshape(3 + integrator.kept, 5)
+
+    def state_after(size: float) -> list[Floats]:
+        u, v, a, kept = size * rows[0], size * rows[1], size * rows[2], size * rows[3:]
+        step(stages.numbers, (a,), u, v, kept, dt)
+        return [u, v, *kept]
+
+    called_twice(integrator, "step", state_after, [(1e-3,), (1.0,), (1e3,)])
