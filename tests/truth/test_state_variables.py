@@ -184,7 +184,7 @@ def draws(bound, trial, multiplier):
     [
         (writes_before, "changes what it was handed"),
         (leaves_nan, "state variable 0 of point 0 as nan"),
-        (draws, "gives state variable "),
+        (draws, "gives another answer when it is asked the same again"),
     ],
 )
 def test_a_kernel_that_treats_its_state_wrongly_is_named(kernel, message):

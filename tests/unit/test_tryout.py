@@ -83,22 +83,22 @@ WRONG = {
     ),
     "no such state": (LAW, "trial.predicted_gap", "trial.gapp", "mine.py:34: contact law mine: multipliers: AttributeError"),
     "an error in the kernel": (LAW, SET, f'            raise ValueError("late")\n{SET}', "multipliers: ValueError: late"),
-    "writes to its input": (LAW, SET, f"            trial.gap[p] = 0.0\n{SET}", "it changes what it was handed; it may write to"),
+    "writes to its input": (LAW, SET, f"            trial.gap[p] = 0.0\n{SET}", "multipliers changes what it was handed to read"),
     "sets nothing": (LAW, SET, "            x = max(", "multipliers leaves the multiplier of point 0 of 1 unset: every branch"),
     "beyond the end": (LAW, "trial.delassus[p]", "trial.delassus[p + 7]", "mine.py:34: contact law mine: multipliers: IndexError"),
     "not a number": (LAW, "max(-", "max(np.nan * ", "multipliers computes a multiplier of point 0 of 1 that is not a number: its kernel divides by zero"),
     "keeps a list": (LAW, SET, f"            SEEN.append(p)\n{SET}", "multipliers changes `SEEN`: a kernel keeps nothing"),
     "keeps in a class": (
         LAW, SET, f"            Memory.deepest = max(Memory.deepest, -trial.gap[p])\n{SET}Memory.deepest, ",
-        "when it is asked the same again after other calls: the kernel keeps state between calls",
+        "when it is asked the same again: it keeps state between calls",
     ),
     "keeps in a global": (
-        LAW, SET, f"            globals()['CALLS'] = CALLS + 1\n{SET}CALLS, ", "the kernel keeps state between calls",
+        LAW, SET, f"            globals()['CALLS'] = CALLS + 1\n{SET}CALLS, ", "it keeps state between calls",
     ),
-    "draws at random": (LAW, SET, f"{SET}1e-9 * np.random.rand(), ", "the kernel keeps state between calls, draws random"),
+    "draws at random": (LAW, SET, f"{SET}1e-9 * np.random.rand(), ", "it keeps state between calls, draws random"),
     "keeps in a bound array": (
         LAW.replace("Bound(0.0)", "Bound(np.zeros(1))"), SET, f"            bound.e[0] += 1.0\n{SET}",
-        "mine.py:34: contact law mine: multipliers: it changes what it was handed; it may write to",
+        "mine.py:34: contact law mine: multipliers changes what it was handed to read",
     ),
     "an index that turns negative": (
         LAW.replace("Bound(0.0)", "Bound(np.arange(1000.0))"), SET,

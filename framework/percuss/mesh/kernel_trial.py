@@ -1,11 +1,10 @@
-"""Trial calls of the kernels of third-party elements and materials in plain Python, made before the run.
+"""Trial calls of the kernels of third-party elements and materials in plain Python, before the first run of a source.
 
 Compiled code can write to arrays that are meant to be read only, and its numbers look like any others.
 """
 
 from __future__ import annotations
 
-import weakref
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,18 +14,17 @@ from percuss.mesh.cells import cells_of, volumes_of
 from percuss.mesh.material_points import plain_slots, points_at_rest
 from percuss.methods import slots
 from percuss.methods.blame import breach, is_third_party
+from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import CellElement
 from percuss.methods.plugin_calls import answer, as_numbers, called_twice, read_only
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from percuss.mesh.materials import MaterialPoints
-    from percuss.methods.interfaces import BodyMesh, Element, Floats, Material
+    from percuss.methods.interfaces import BodyMesh, Component, Element, Floats, Material
 
 FORCE, CELL_FORCE = "internal_force", "force"
-# The kernels that have been tried, by the class of the first third-party component among element and material.
-_TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
 
 def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
@@ -42,9 +40,12 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
         second time.
     """
     foreign = [part for part in (element, material) if is_third_party(type(part).__module__)]
-    key = repr(element), repr(material), mesh.mesh.direction.size
-    if not foreign or key in _TRIED.setdefault(type(foreign[0]), set()):
-        return
+    with first_asked(f"kernels {element!r} {material!r} {mesh.mesh.direction.size}", *foreign) as due:
+        if due:
+            _try_kernels(element, material, mesh, foreign)
+
+
+def _try_kernels(element: Element, material: Material, mesh: BodyMesh, foreign: Sequence[Component]) -> None:
     points = points_at_rest(material, volumes_of(element, mesh).size)
     size = 1e-6 * float(mesh.mesh.lengths[0]) * mesh.mesh.direction
     rest = 0.0 * size
@@ -74,7 +75,6 @@ def try_kernels(element: Element, material: Material, mesh: BodyMesh) -> None:
     for component, name, call in kernels:
         if component in foreign:
             _try_twice(component, name, call, states)
-    _TRIED[type(foreign[0])].add(key)
 
 
 def _line_kernels(

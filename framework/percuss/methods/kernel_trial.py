@@ -1,4 +1,4 @@
-"""Trial calls of a contact law's kernel in plain Python, made before the run.
+"""Trial calls of a contact law's kernel in plain Python, made before the first run of its source.
 
 Compiled code can write to arrays that are meant to be read only, and can leave multipliers unset that a kernel forgets;
 the resulting numbers look like any others. Trial calls in plain Python, with read-only arrays and with multipliers that
@@ -9,16 +9,15 @@ same state shows that the kernel depends on earlier calls or on chance.
 from __future__ import annotations
 
 import itertools
-import weakref
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.errors import PercussError, PluginError
-from percuss.methods.blame import breach, described, line_in_plugin
+from percuss.methods.blame import breach
+from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import Trial
-from percuss.methods.plugin_calls import mapped, read_only
+from percuss.methods.plugin_calls import called_twice, kernel_faults, mapped, read_only
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, ContactPoints, Floats
@@ -31,11 +30,10 @@ COUPLED = -0.3  # off-diagonal entry of S of neighbours over the root of the pro
 MOST_POINTS = 32
 SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
 LOWEST_INDEX = -2  # A lower index of a bound array counts as a mistake; -1 and -2 are used on purpose.
-_TRIED: weakref.WeakKeyDictionary[type, set[Any]] = weakref.WeakKeyDictionary()
 
 
 def try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
-    """Call the kernel of a law in many states, and a second time in each of them, unless that was done before.
+    """Call the kernel of a third-party law in many states, twice, before the first run of its source.
 
     Raises
     ------
@@ -44,59 +42,48 @@ def try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) ->
         `LOWEST_INDEX`, or gives other multipliers the second time.
     """
     count = len(points.names)
-    key = (count, repr(law)) if count <= MOST_POINTS else count
-    if key in _TRIED.setdefault(type(law), set()):
-        return
-    kernel: Any = kernel_of(law)
-    kernel = getattr(kernel, "py_func", kernel)
+    tried = f"{count} {law!r}" if count <= MOST_POINTS else str(count)
+    with first_asked(f"multipliers {tried}", law) as due:
+        if due:
+            _try_twice(law, bound, points, dt)
+
+
+def _try_twice(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
+    kernel = plain_kernel(law)
     globals_before = _mutable_globals(kernel)
-    # The state variables that the kernel leaves are those that it finds in the next state.
-    tried: list[tuple[Trial, Floats]] = []
-    for state in _trial_states(count, dt):
-        trial = trial_of(points, dt, state, law, tried[-1][0].after if tried else None)
-        tried.append((trial, _multipliers_of(law, kernel, bound, trial)))
+    low_indices: list[int] = []
+    bound = _with_watched_arrays(bound, low_indices)
+
+    def call_in_all_states() -> list[tuple[Floats, ...]]:
+        results: list[tuple[Floats, ...]] = []
+        for state in _trial_states(len(points.names), dt):
+            # The state variables that the kernel leaves are those that it finds in the next state.
+            trial = trial_of(points, dt, state, law, results[-1][1] if results else None)
+            results.append((_multipliers_of(law, kernel, bound, trial), trial.after, trial.shift))
+            if low_indices:
+                raise breach(
+                    law,
+                    "multipliers",
+                    f"multipliers reads a bound array at index {low_indices[0]}, which counts from its end, in the "
+                    f"state with {describe_state(trial, 0)}: check the index, or write `array.size - n` where the end "
+                    "is meant",
+                )
+        return results
+
+    called_twice(law, "multipliers", call_in_all_states, [()])
     for name, value in _mutable_globals(kernel).items():
         if value != globals_before[name]:
             raise breach(
                 law,
                 "multipliers",
                 f"multipliers changes `{name}`: a kernel keeps nothing between calls; what it needs is in what `bind` "
-                "returns and in the trial",
+                "returns and in the trial, and what it remembers in `trial.before` and `trial.after`",
             )
-    low_indices: list[int] = []
-    watched_bound = _with_watched_arrays(bound, low_indices)
-    for trial, multipliers in tried:
-        again = trial._replace(after=trial.before.copy(), shift=np.zeros_like(trial.shift))
-        repeated = _multipliers_of(law, kernel, watched_bound, again)
-        if low_indices:
-            raise breach(
-                law,
-                "multipliers",
-                f"multipliers reads a bound array at index {low_indices[0]}, which counts from its end, in the state "
-                f"with {describe_state(trial, 0)}: check the index, or write `array.size - n` where the end is meant",
-            )
-        for what, first, second in (
-            ("", multipliers, repeated),
-            ("state variable ", trial.after, again.after),
-            ("shift ", trial.shift, again.shift),
-        ):
-            if not np.array_equal(first, second):
-                differing = tuple(np.argwhere(first != second)[0])
-                raise breach(
-                    law,
-                    "multipliers",
-                    f"multipliers gives {what}{first[differing]:.17g} for point {differing[0]}, and "
-                    f"{second[differing]:.17g} when it is asked the same again after other calls: the kernel keeps "
-                    "state between calls, draws random numbers or reads the clock; what it needs is in what `bind` "
-                    "returns and in the trial, and what it remembers in `trial.before` and `trial.after`",
-                )
-    _TRIED[type(law)].add(key)
 
 
 def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: float, end: float) -> bool:
     """Return whether a law's kernel gives different multipliers for one state at different times up to `end`."""
-    kernel: Any = kernel_of(law)
-    kernel = getattr(kernel, "py_func", kernel)
+    kernel = plain_kernel(law)
     for state in _trial_states(len(points.names), dt):
         trial = trial_of(points, dt, state, law)
         multipliers = _multipliers_of(law, kernel, bound, trial)
@@ -187,17 +174,8 @@ def trial_of(
 def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
     """Return the multipliers that a kernel computes for a state, (points,)."""
     multiplier = np.full(trial.gap.size, np.nan)
-    try:
-        with np.errstate(all="ignore"):
-            kernel(bound, trial, multiplier)
-    except PercussError:
-        raise
-    except Exception as error:
-        text = described(error)
-        if isinstance(error, ValueError) and "read-only" in str(error):
-            text = "it changes what it was handed; it may write to multiplier, `trial.after` and `trial.shift`"
-        where = line_in_plugin(error)
-        raise PluginError(f"contact law {law.name}: multipliers: {text}", where) from error
+    with kernel_faults(law, "multipliers"):
+        kernel(bound, trial, multiplier)
     if np.isnan(multiplier).any():
         point = int(np.isnan(multiplier).argmax())
         did, remedy = fault_of_nan(kernel, bound, trial, point)
@@ -288,3 +266,9 @@ def kernel_of(law: ContactLaw) -> Callable[..., None]:
             "bind returned no LinearLaw, and the class has no static method `multipliers(bound, trial, multiplier)`",
         )
     return kernel  # type: ignore[no-any-return]
+
+
+def plain_kernel(law: ContactLaw) -> Any:
+    """Return the kernel of a contact law as plain Python, also of one that its author has compiled."""
+    kernel = kernel_of(law)
+    return getattr(kernel, "py_func", kernel)

@@ -1,28 +1,26 @@
 """Calls of the methods of components from Python, and checks of what those of third-party plug-ins answer.
 
 Arrays are handed over read-only. An answer of the wrong shape, or one that is not finite, is refused with the place of
-the method. The first calls of each method of a component are made twice: an answer that depends on earlier calls, on
-chance or on the clock differs, unless it does so too seldom to be seen in so few calls. Kernels are tried elsewhere
-(`percuss.methods.kernel_trial`, `percuss.mesh.kernel_trial`).
+the method. Before the first run of a changed source each method is called twice (`percuss.methods.first_run`): an
+answer that depends on earlier calls, on chance or on the clock differs, unless it does so too seldom to be seen in so
+few calls. Kernels are tried elsewhere (`percuss.methods.kernel_trial`, `percuss.mesh.kernel_trial`).
 """
 
 from __future__ import annotations
 
 import dataclasses
-import weakref
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from percuss.errors import PercussError
 from percuss.methods.blame import breach, described, is_third_party, line_in_plugin
+from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Mesh
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
-# How many calls of each method have been repeated, by the class and the options of the component.
-_REPEATED: weakref.WeakKeyDictionary[type, Counter[tuple[str, str]]] = weakref.WeakKeyDictionary()
 DEEPEST = 6  # levels of attributes up to which two answers are compared
 
 
@@ -32,41 +30,63 @@ def answer(component: Component, method: str, *arguments: Any) -> Any:
     Raises
     ------
     PluginError
-        If the method of a third-party plug-in changes its arguments, answers with the wrong shape or with a value that
-        is not finite, or answers differently when it is asked the same again.
+        If the method of a third-party plug-in changes its arguments or answers with the wrong shape or with a value
+        that is not finite; before the first run of its source also if it answers differently when it is asked the same
+        again, or changes the component.
     """
     call = getattr(component, method)
     if not is_third_party(type(component).__module__):
         return call(*arguments)
     arguments = tuple(read_only(argument) for argument in arguments)
-    key, own_state = (method, repr(component)), repr(vars(component))
-    repeated = _REPEATED.setdefault(type(component), Counter())
-    check = CHECKS.get((component.family, method))
-    fault = ""
     try:
-        first = call(*arguments)
-        if check is not None:
-            fault = _fault_of(check, first, *arguments)
-        if not fault and repeated[key] < REPEATED_CALLS:
-            if not same(first, call(*arguments)):
+        with first_asked(f"{method} {component!r}", component, times=REPEATED_CALLS) as due:
+            own_state = repr(vars(component)) if due else ""
+            value = call(*arguments)
+            check = CHECKS.get((component.family, method))
+            if check is not None and (fault := _fault_of(check, value, *arguments)):
+                raise breach(component, method, f"{method} {fault}")
+            if due and not same(value, call(*arguments)):
                 raise breach(component, method, f"{method} {DIFFERENT}")
-            repeated[key] += 1
-        if repr(vars(component)) != own_state:
-            raise breach(component, method, f"{method} changes the component itself, which keeps nothing between calls")
+            if due and repr(vars(component)) != own_state:
+                message = f"{method} changes the component itself, which keeps nothing between calls"
+                raise breach(component, method, message)
     except ValueError as error:
         if "read-only" not in str(error) or not line_in_plugin(error):
             raise
         message = f"{method} changes an array that it was handed: copy it first"
         raise breach(component, method, message, line_in_plugin(error)) from error
-    if fault:
-        raise breach(component, method, f"{method} {fault}")
-    return first
+    return value
 
 
 DIFFERENT = (
     "gives another answer when it is asked the same again: it keeps state between calls, draws random numbers or reads "
     "the clock; its answer follows from its options and its arguments alone"
 )
+
+
+@contextmanager
+def kernel_faults(component: Component, name: str, advice: str = "") -> Iterator[None]:
+    """Turn an error that a kernel in plain Python raises inside this context into one with its line.
+
+    Parameters
+    ----------
+    component, name
+        The method and the name of its kernel.
+    advice
+        What to do about an index that is out of bounds.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except PercussError:
+        raise
+    except Exception as error:
+        text = f"{name}: {described(error)}"
+        if isinstance(error, ValueError) and "read-only" in str(error):
+            text = f"{name} changes what it was handed to read; it writes its result alone"
+        if isinstance(error, IndexError):
+            text += advice
+        raise breach(component, name, text, line_in_plugin(error)) from error
 
 
 def called_twice(
@@ -79,16 +99,8 @@ def called_twice(
     PluginError
         If the kernel raises an error, changes what it was handed, or gives another result the second time.
     """
-    try:
-        with np.errstate(all="ignore"):
-            first, second = ([call(*state) for state in states] for _ in range(2))
-    except PercussError:
-        raise
-    except Exception as error:
-        text = f"{name}: {described(error)}"
-        if isinstance(error, ValueError) and "read-only" in str(error):
-            text = f"{name} changes what it was handed to read"
-        raise breach(component, name, text, line_in_plugin(error)) from error
+    with kernel_faults(component, name):
+        first, second = ([call(*state) for state in states] for _ in range(2))
     if not same(first, second):
         raise breach(component, name, f"{name} {DIFFERENT}")
     return first

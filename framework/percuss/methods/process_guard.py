@@ -31,6 +31,7 @@ from percuss.methods.blame import (
     line_in_plugin,
     running_line,
 )
+from percuss.methods.first_run import note_answers
 
 MOST_FILES = 256  # numbers of open files that are looked at
 MISSING = object()  # instead of a name that has been removed
@@ -205,6 +206,8 @@ def process_as_before() -> Iterator[None]:
             setattr(owner, name, value)
         for put, before in states:
             put(before)
+        if outermost:
+            note_answers()
         for owner, name, _, now in changed:
             if place := _culprit(name, now):  # and the cause of any error that has been raised
                 message = f"overwrites {owner.__name__}.{name}, which others use too: take a name of your own"

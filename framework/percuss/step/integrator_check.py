@@ -10,9 +10,10 @@ import numpy as np
 from percuss.compiler.specialise import Specialiser
 from percuss.errors import PluginError, RefusedPair
 from percuss.methods import slots
-from percuss.methods.blame import breach, described, line_in_plugin
+from percuss.methods.blame import breach
+from percuss.methods.first_run import first_asked
 from percuss.methods.interfaces import ContactLaw, ContactState, Implicit, Integrator, LeapFrog, Stages
-from percuss.methods.plugin_calls import answer, called_twice
+from percuss.methods.plugin_calls import answer, called_twice, kernel_faults
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
@@ -36,8 +37,10 @@ def scheme(integrator: Integrator, dt: float) -> tuple[Stages | None, tuple[Leap
     """
     stages, tables = unchecked_scheme(integrator, dt)
     if stages is not None:
-        _check_one_step(integrator, stages, dt)
-        _check_repeated_steps(integrator, stages, dt)
+        with first_asked(f"step {integrator!r}", integrator) as due:
+            if due:
+                _check_one_step(integrator, stages, dt)
+                _check_repeated_steps(integrator, stages, dt)
     return stages, tables
 
 
@@ -212,13 +215,9 @@ def _check_one_step(integrator: Integrator, stages: Stages, dt: float) -> None:
     step = plain_step(integrator, accelerations, internal)
     constant = np.array([0.0, 1.0])
     u, v, kept = np.zeros(2), np.array([1.0, 0.0]), np.tile(constant, (integrator.kept, 1))
-    try:
+    advice = "" if integrator.kept else " (`kept` is 0: say how many rows the scheme keeps)"
+    with kernel_faults(integrator, "step", advice):
         step(stages.numbers, (constant,), u, v, kept, dt)
-    except Exception as error:
-        text = f"integrator {integrator.name}: step: {described(error)}"
-        if isinstance(error, IndexError) and not integrator.kept:
-            text += " (`kept` is 0: say how many rows the scheme keeps)"
-        raise PluginError(text, line_in_plugin(error)) from error
     if set(stages_used) - set(range(len(stages.times))):
         raise _plugin_error(
             integrator, f"step asks for stage {max(stages_used)}, and Stages.times has {len(stages.times)}"

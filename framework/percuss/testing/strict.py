@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
-from percuss.methods.kernel_trial import fault_of_nan, kernel_of
+from percuss.methods.kernel_trial import fault_of_nan, plain_kernel
 from percuss.methods.plugin_calls import read_only
 from percuss.step.integrator_check import plain_step
 from percuss.testing.subject import CheckFailed, NotApplicable
@@ -282,7 +282,7 @@ class StrictSystem:
             responses[0], responses[1], *self._neighbours(), locked(self._state_before), self._state_before.copy(),
             np.zeros_like(self._shift),
         )  # fmt: skip
-        kernel: Any = getattr(kernel_of(self.law), "py_func", kernel_of(self.law))
+        kernel = plain_kernel(self.law)
         kernel(self.bound, trial, multiplier)
         expect_numbers(kernel, self.bound, trial, multiplier)
         self._state_after, self._shift = trial.after, trial.shift

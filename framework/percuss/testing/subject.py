@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from percuss.errors import PluginError, RefusedPair, RunError
+from percuss.methods.first_run import ask_again
 from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
 from percuss.methods.registry import Registry
@@ -72,6 +73,7 @@ class Subject:
         """Return the subject of a class, which need not be registered and replaces a registered class of its name."""
         if not (isinstance(component, type) and issubclass(component, Component) and "name" in vars(component)):
             raise PluginError(f"{component!r} is no finished component: pass the class of a method")
+        ask_again(component)
         registry = registry or Registry.load()
         key = component.family, component.name
         if registry.components.get(key) is not component:

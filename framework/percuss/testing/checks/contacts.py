@@ -9,7 +9,7 @@ import numpy as np
 
 from percuss.errors import InputError, RunError, suggestion
 from percuss.methods.interfaces import ContactPoints, LeapFrog, LinearLaw, Trial
-from percuss.methods.kernel_trial import COUPLED, kernel_of, trial_of
+from percuss.methods.kernel_trial import COUPLED, plain_kernel, trial_of
 from percuss.methods.plugin_calls import read_only
 from percuss.testing.draws import (
     SAFETY_FACTOR,
@@ -123,8 +123,7 @@ def _law_values(subject: Subject, bound: Any, trial: Trial) -> dict[str, Any]:
             if value.shape not in {(), (count,)}:
                 raise CheckFailed(f"LinearLaw.{name} has shape {value.shape} at {count} points, expected ({count},)")
         return {f"LinearLaw.{name}": np.broadcast_to(value, (count,)) for name, value in values.items()}
-    kernel: Any = kernel_of(subject.make(subject.examples[0]))
-    kernel, multiplier = getattr(kernel, "py_func", kernel), np.full(count, np.nan)
+    kernel, multiplier = plain_kernel(subject.make(subject.examples[0])), np.full(count, np.nan)
     try:
         kernel(bound, trial, multiplier)
     except ValueError as error:
