@@ -160,12 +160,14 @@ def test_what_a_plug_in_does_to_the_process_is_undone(deed, tmp_path):
 
 
 WORKER = """
-import multiprocessing, sys
+import contextlib, multiprocessing, sys
+from pathlib import Path
 from percuss.studies import workers
 
 workers.STANDSTILL = 0.1
-alive, leash = multiprocessing.Pipe(duplex=False)
-workers._begin(None, alive, sys.argv[1], 1000.0)
+ours, other = multiprocessing.Pipe()
+guards = contextlib.ExitStack()
+workers._Desk(other, Path(sys.argv[1])).prepare(guards, 1000.0)
 exec(compile("while True: pass", "endless.py", "exec"), {"__name__": "percuss_file_endless"})
 """
 
@@ -173,10 +175,12 @@ exec(compile("while True: pass", "endless.py", "exec"), {"__name__": "percuss_fi
 def test_a_worker_that_starts_when_the_work_has_ended_says_nothing(tmp_path):
     done = run([sys.executable, "-c", WORKER, str(tmp_path / "removed")])
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_worker_says_where_it_stands_still(tmp_path):
-    words = [sys.executable, "-c", WORKER, str(tmp_path)]
+    (tmp_path / "crash").touch()
+    words = [sys.executable, "-c", WORKER, str(tmp_path / "crash")]
     with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as worker:
         said = worker.stderr.readline()
         worker.send_signal(signal.SIGKILL)

@@ -356,19 +356,19 @@ def ended(pids, within=20.0):
 
 def test_workers_that_have_grown_large_are_replaced(whole, tmp_path, monkeypatch):
     """A process keeps the machine code of all kernels that it has met; new processes give the same rows."""
-    crews = []
+    started = []
     memory = iter([2 * local_workers.MOST_MEMORY])
 
-    class Crew(local_workers._Crew):
+    class Worker(local_workers._Worker):
         def __init__(self, *given):
-            crews.append(self)
+            started.append(self)
             super().__init__(*given)
 
     monkeypatch.setattr(local_workers, "SHORTEST_SERVICE", 0.0)
     monkeypatch.setattr(local_workers, "_memory_of", lambda process: next(memory, 0))
-    monkeypatch.setattr(local_workers, "_Crew", Crew)
+    monkeypatch.setattr(local_workers, "_Worker", Worker)
     study = percuss.study(given(**MANY), tmp_path / "a.sqlite", workers=2)
-    assert len(crews) == 2
+    assert len(started) == 3
     assert same(study.table, whole)
 
 

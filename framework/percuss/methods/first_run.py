@@ -14,14 +14,17 @@ import weakref
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from percuss import version
 from percuss.cache import keep, kept
 from percuss.errors import InputError
 from percuss.methods.blame import is_third_party
-from percuss.methods.interfaces import Component
 from percuss.methods.provenance import Provenance
 from percuss.methods.source_digest import SourceDigests, content_digest
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Component
 
 NEVER_ANSWERED = -(2**31)  # number of good answers to a question that has been answered wrongly
 MOST_NOTED = 10_000  # answers of a class, such as those of a study over as many options

@@ -1,14 +1,16 @@
-"""Runs of a study on the cores of this machine; a worker that dies costs only the runs that it was making."""
+"""Runs of a study on the cores of this machine; a worker that dies costs only the runs that it was making.
+
+Each worker has a pipe to this process, through which batches go and records come. Its end tells its death, and the
+closed pipe ends the worker: no worker outlives the process that hands out the work.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import faulthandler
-import functools
 import multiprocessing as mp
 import os
 import re
-import shutil
 import signal
 import sys
 import tempfile
@@ -16,11 +18,12 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as first_of
 from pathlib import Path
+from queue import SimpleQueue
 from types import ModuleType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from percuss.blas import ONE_THREAD
 from percuss.errors import RunError
@@ -43,18 +46,18 @@ from percuss.studies.tasks import Task
 
 SECONDS = 0.4  # intended time of a batch: short enough to lose little, long enough to cost nothing
 MOST = 500  # largest number of runs in a batch
+GIVEN = 2  # batches of a worker, so that it need not wait for the next
 STRIKES = 3  # a run that kills its worker this often is not tried again
-STALLED, CRASH = ".stalled", ".crash"  # endings of the notes of a worker that ends
-IN_VAIN = 5  # crews that may die before they make a run
-# A process keeps the machine code of every kernel that it has met. Workers of more than this memory [bytes] are
-# replaced by new ones, which load from disk what they need, but not until they have worked for some time [s].
+IN_VAIN = 5  # workers that may die one after the other before they are ready
+GRACE = 2.0  # seconds that an idle worker has to end by itself
+# A process keeps the machine code of every kernel that it has met. A worker of more than this memory [bytes] is
+# replaced by a new one, which loads from disk what it needs, but not until it has worked for some time [s].
 MOST_MEMORY = 2**30
 SHORTEST_SERVICE = 60.0
 # The variable of Python's option -P, and what it is where the user has not set it.
 SAFE_PATH, SET_HERE = "PYTHONSAFEPATH", "set by percuss"
 
 Keep = Callable[[Sequence[Record]], None]
-Made = TypeVar("Made")
 
 
 class Batches:
@@ -122,108 +125,42 @@ def run_local(local: LocalWorkers, jobs: Sequence[Job], keep: Keep, stop: thread
     RunError
         If the workers die again and again before they make any run.
     """
-    batches, in_flight, lost = Batches(jobs, local.number), _InFlight(), _Lost()
+    batches, strikes = Batches(jobs, local.number), Counter[str]()
     try:
-        while (batches.waiting or in_flight or lost.suspects) and not stop.is_set():
-            broken = not local.crew.retiring and not _submit(local.crew, batches, in_flight, lost)
-            for batch, made in in_flight.finished():
-                if made is None:
-                    broken = True
-                    lost.batches.append(batch)
-                    continue
-                lost.in_vain = 0
-                keep(made)
-                batches.put_back(batch, made)
-            if broken:
-                lost.batches += in_flight.values()
-                in_flight.clear()
-                keep(lost.sort(local.crew.ends(), batches))
-                local.renew()
-            elif local.crew.retiring and not in_flight:
-                local.renew(wait=True)
-            else:
-                local.crew.retire_if_large()
+        while (batches.waiting or local.busy) and not stop.is_set():
+            local.hand_out(batches)
+            for worker, batch, made in local.finished():
+                records = _records_of_dead(worker, batch, batches, strikes) if made is None else made
+                keep(records)
+                batches.put_back(batch, records)
     finally:
         if stop.is_set():  # finished batches are kept, those under way are not waited for
-            for _, made in in_flight.finished(0.0):
+            for _, _, made in local.finished(0.0):
                 keep(made or [])
-        local.idle = not stop.is_set() and not in_flight
 
 
-def _submit(crew: _Crew, batches: Batches, in_flight: _InFlight, lost: _Lost) -> bool:
-    """Hand out batches; return whether the crew still accepts work."""
-    while True:
-        if lost.suspects:
-            # A suspect runs alone, so that it must be the cause if a worker dies.
-            batch = [lost.suspects.popleft()] if not in_flight else []
-        else:
-            batch = batches.take() if batches.waiting and len(in_flight) < 2 * batches.workers else []
-        if not batch:
-            return True
-        try:
-            in_flight[crew.submit(_work, batch)] = batch
-        except BrokenProcessPool:
-            lost.batches.append(batch)
-            return False
+def _records_of_dead(worker: _Worker, batch: Sequence[Job], batches: Batches, strikes: Counter[str]) -> list[Record]:
+    """Return the records of the runs that are given up because they ended their worker; make the others again.
 
-
-class _InFlight(dict[Future[list[Record]], list[Job]]):
-    """Batches under way, by future."""
-
-    def finished(self, timeout: float = 0.2) -> Iterator[tuple[list[Job], list[Record] | None]]:
-        """Yield the finished batches with their records, or with None if the worker died."""
-        if not self:
-            return
-        for future in wait(list(self), timeout=timeout, return_when=FIRST_COMPLETED).done:
-            batch = self.pop(future)
-            try:
-                yield batch, future.result()
-            except BrokenProcessPool:
-                yield batch, None
-
-
-class _Lost:
-    """Batches whose workers died, and the runs that may be the cause."""
-
-    def __init__(self) -> None:
-        self.batches: list[list[Job]] = []
-        self.suspects: deque[Job] = deque()
-        self.strikes: Counter[str] = Counter()
-        self.crashes: dict[str, str] = {}
-        self.in_vain = 0
-
-    def sort(self, running: Mapping[str, _End], batches: Batches) -> list[Record]:
-        """Put lost jobs back into the queue, or among the suspects if `running`; return records of those given up."""
-        given_up = []
-        self.in_vain += 1
-        if self.in_vain > IN_VAIN and not running:
-            raise RunError("worker processes die before they make a run: --workers 1 shows the reason")
-        for batch in reversed(self.batches):
-            for job in reversed(batch):
-                if job.key not in running:
-                    batches.waiting.appendleft(job)
-                    continue
-                end = running[job.key]
-                self.strikes[job.key] += 1
-                self.crashes[job.key] = crash = end.crash or self.crashes.get(job.key, "")
-                if end.stalled:
-                    given_up.append(Record(job.key, "failed", end.stalled, WORKER))
-                elif self.strikes[job.key] < STRIKES:
-                    self.suspects.append(job)
-                elif crash:
-                    given_up.append(Record(job.key, "failed", crash, WORKER))
-                else:
-                    reason = f"its worker process died {STRIKES} times; the same command tries the run again"
-                    given_up.append(Record(job.key, LOST, reason, WORKER))
-        self.batches = []
-        return given_up
-
-
-class _End(NamedTuple):
-    """How the worker of a run ended: what is known of a run that stood still, or of a crash in a plug-in."""
-
-    stalled: str = ""
-    crash: str = ""
+    The runs of a batch that has killed its worker are tried alone, so that the one that does it again is the cause.
+    """
+    for unmade in reversed(list(worker.given)[1:]):
+        batches.put_back(unmade, [])
+    if worker.stall is not None:
+        return [Record(worker.stall.key, "failed", worker.stall.reason, WORKER)]
+    if not worker.ready:
+        return []
+    if len(batch) > 1:
+        batches.alone |= {job.key for job in batch}
+        return []
+    (job,) = batch
+    strikes[job.key] += 1
+    if strikes[job.key] < STRIKES:
+        return []
+    if crash := worker.crash_in_plugin():
+        return [Record(job.key, "failed", crash, WORKER)]
+    reason = f"its worker process died {STRIKES} times; the same command tries the run again"
+    return [Record(job.key, LOST, reason, WORKER)]
 
 
 class LocalWorkers:
@@ -240,113 +177,149 @@ class LocalWorkers:
     """
 
     def __init__(self, bench: Bench, number: int, stalled_after: float) -> None:
-        self.number, self.idle = number, True
-        self._new_crew = functools.partial(_Crew, bench, number, stalled_after)
-        self._crew: _Crew | None = None
+        self.number = number
+        self._bench, self._stalled_after = bench, stalled_after
+        self._workers: list[_Worker] = []
+        self._in_vain = 0
 
     def __enter__(self) -> LocalWorkers:
         return self
 
-    def __exit__(self, kind: object, *_: object) -> None:
-        if self._crew is not None:
-            self._crew.end(wait=self.idle and kind is None)
+    def __exit__(self, *_: object) -> None:
+        for worker in self._workers:
+            worker.end()
 
     @property
-    def crew(self) -> _Crew:
-        """The processes."""
-        if self._crew is None:
-            self._crew = self._new_crew()
-        return self._crew
+    def busy(self) -> bool:
+        """Whether a worker has work."""
+        return any(worker.given for worker in self._workers)
 
-    def renew(self, *, wait: bool = False) -> None:
-        """End all processes, in the middle of their work unless `wait` is set; new ones start when there is work."""
-        if self._crew is not None:
-            self._crew.end(wait=wait)
-            self._crew = None
+    def hand_out(self, batches: Batches) -> None:
+        """Give batches to workers that have few; start workers, and replace those that have grown large."""
+        for worker in [worker for worker in self._workers if worker.large and not worker.given]:
+            worker.end()
+            self._workers.remove(worker)
+        for number in range(GIVEN):
+            for k in range(self.number):
+                if batches.waiting and k == len(self._workers):
+                    self._workers.append(_Worker(self._bench, self._stalled_after))
+                if batches.waiting and len(self._workers[k].given) <= number and not self._workers[k].large:
+                    self._workers[k].give(batches.take())
+
+    def finished(self, timeout: float = 0.2) -> Iterator[tuple[_Worker, list[Any], Any]]:
+        """Yield each finished batch with its worker and what it made, or with None if the worker has died.
+
+        Raises
+        ------
+        RunError
+            If the workers die again and again before they are ready.
+        """
+        by_pipe = {worker.pipe: worker for worker in self._workers if worker.given}
+        for pipe in first_of(list(by_pipe), timeout):
+            worker = by_pipe[pipe]
+            try:
+                said = worker.pipe.recv()
+            except (EOFError, OSError):
+                self._workers.remove(worker)
+                self._in_vain += not worker.ready
+                if self._in_vain > IN_VAIN:
+                    message = "worker processes die before they make a run: --workers 1 shows the reason"
+                    raise RunError(message) from None
+                yield worker, worker.given[0], None
+                worker.end()
+                continue
+            if said == READY:
+                worker.ready, self._in_vain = True, 0
+            elif isinstance(said, _Stall):
+                worker.stall = said
+            else:
+                yield worker, worker.given.popleft(), said
 
     def rehearse(self, steps: Sequence[Task], stop: threading.Event) -> list[Mapping[str, Any]]:
         """Make runs of one step, one after the other; return the summaries of those that succeed."""
         summaries: list[Mapping[str, Any]] = []
         for step in steps:
-            try:
-                future = self.crew.submit(_rehearse, step)
-                while not stop.is_set() and not wait([future], timeout=0.2).done:
-                    pass
-                if stop.is_set():
-                    self.idle = False
-                    break
-                summary = future.result()
-            except BrokenProcessPool:  # the runs of this kind will say why
-                self.renew()
-                continue
-            if summary is not None:
-                summaries.append(summary)
+            if not self._workers:
+                self._workers.append(_Worker(self._bench, self._stalled_after))
+            self._workers[0].give([step])
+            while self.busy and not stop.is_set():
+                # The runs of a kind whose rehearsal fails, or kills its worker, will say why.
+                summaries += [summary for _, _, summary in self.finished() if summary is not None]
+            if stop.is_set():
+                break
         return summaries
 
 
-class _Crew:
-    """Worker processes, and a folder in which each process notes the run that it is making and how it ends.
+READY = "ready"  # what a worker says when it is prepared for its work
+
+
+class _Stall(NamedTuple):
+    """What a worker says of the run that stands still, before it ends."""
+
+    key: str
+    reason: str
+
+
+class _Worker:
+    """A worker process.
 
     Attributes
     ----------
-    retiring
-        Whether the processes are to end when they have finished their batches.
+    pipe
+        The pipe to it.
+    given
+        The batches that it has to make, in order.
+    ready
+        Whether it has been prepared.
+    stall
+        What it said of a run that stands still.
     """
 
-    def __init__(self, bench: Bench, number: int, stalled_after: float) -> None:
-        context = mp.get_context("forkserver" if "forkserver" in mp.get_all_start_methods() else "spawn")
-        context.set_forkserver_preload([__name__])  # slow imports are made once for all workers
+    def __init__(self, bench: Bench, stalled_after: float) -> None:
+        context: Any = mp.get_context("forkserver" if "forkserver" in mp.get_all_start_methods() else "spawn")
         if context.get_start_method() == "forkserver":
+            context.set_forkserver_preload([__name__])  # slow imports are made once for all workers
             _start_server()
-        self.notes = Path(tempfile.mkdtemp(prefix="percuss-"))
-        self.alive, self.leash = context.Pipe(duplex=False)
-        self.began, self.retiring = time.monotonic(), False
-        arguments = (bench, self.alive, str(self.notes), stalled_after)
-        self.pool = ProcessPoolExecutor(number, context, _begin, arguments)
-
-    def submit(self, function: Callable[[Any], Made], argument: object) -> Future[Made]:
-        """Let a worker call a function of this module."""
+        handle, crash = tempfile.mkstemp(prefix="percuss-", suffix=".crash")
+        os.close(handle)
+        self.pipe, other = context.Pipe()
+        self.given: deque[list[Any]] = deque()
+        self.ready = False
+        self.stall: _Stall | None = None
+        self._crash, self._began = Path(crash), time.monotonic()
+        self._process = context.Process(target=_serve, args=(other, bench, crash, stalled_after))
         with _starting():
-            return self.pool.submit(function, argument)
+            self._process.start()
+        other.close()
 
-    def ends(self) -> dict[str, _End]:
-        """Return how the workers ended that were making runs, by the keys of these runs."""
-        ends = {}
-        for note in self.notes.glob("*.run"):
-            key = note.read_text(encoding="ascii").strip()
-            stalled, crash = (_text_of(note.with_suffix(suffix)) for suffix in (STALLED, CRASH))
-            if key:
-                ends[key] = _End(stalled, self._crash_in_plugin(crash))
-        return ends
+    def give(self, batch: list[Any]) -> None:
+        """Give a batch of jobs, or a list of one rehearsal, to the worker."""
+        self.given.append(batch)
+        with contextlib.suppress(OSError):  # it has died, which is noticed where its records are expected
+            self.pipe.send(batch)
 
-    def _crash_in_plugin(self, trace: str) -> str:
-        """Return the message for a crash by its trace, or an empty text if the crash was in no plug-in."""
+    @property
+    def large(self) -> bool:
+        """Whether it takes more than `MOST_MEMORY` and has worked for some time."""
+        return time.monotonic() - self._began > SHORTEST_SERVICE and _memory_of(self._process.pid) > MOST_MEMORY
+
+    def crash_in_plugin(self) -> str:
+        """Return the message for a crash of the process, or an empty text if there was none in a plug-in."""
+        trace = self._crash.read_text(encoding="utf-8", errors="replace") if self._crash.is_file() else ""
         fatal = re.search(r"Fatal Python error: (.+)", trace)
-        calls = re.findall(r'File "(.+)", line (\d+)', trace)
         plugins = third_party_files()
+        calls = re.findall(r'File "(.+)", line (\d+)', trace)
         place = next((f"{file}:{line}" for file, line in calls if file in plugins), "")
         return f"{place}: its worker process died {STRIKES} times here: {fatal[1]}" if fatal and place else ""
 
-    def retire_if_large(self) -> None:
-        """Let the workers retire if one of them takes more than `MOST_MEMORY`."""
-        if not self.retiring and time.monotonic() - self.began > SHORTEST_SERVICE:
-            self.retiring = any(_memory_of(note.stem) > MOST_MEMORY for note in self.notes.glob("*.run"))
-
-    def end(self, *, wait: bool = False) -> None:
-        """End the workers, in the middle of their work unless `wait` is set."""
-        if wait:
-            self.pool.shutdown()
-        self.leash.close()  # a worker ends when this pipe is closed
-        self.pool.shutdown(wait=False, cancel_futures=True)
-        self.alive.close()
-        shutil.rmtree(self.notes, ignore_errors=True)
+    def end(self) -> None:
+        """End the process, in the middle of its work if it has any."""
+        self.pipe.close()
+        with contextlib.suppress(OSError):
+            self._crash.unlink()
 
 
-def _text_of(path: Path) -> str:
-    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
-
-
-def _memory_of(process: str) -> int:
+def _memory_of(process: int | None) -> int:
     """Return the memory of a process [bytes], 0 where the system does not report it."""
     try:
         pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
@@ -391,69 +364,89 @@ def _start_server() -> None:
 
 # ------------------------------------------------------------------------------------- inside a worker process
 
-_PROCESS_STATE: dict[str, Any] = {}
+
+def _serve(pipe: Connection, bench: Bench, crash: str, stalled_after: float) -> None:
+    """Prepare this worker process for its work, and make the batches that come through a pipe."""
+    with contextlib.ExitStack() as guards:
+        desk = _Desk(pipe, Path(crash))
+        desk.prepare(guards, stalled_after)
+        desk.say(READY)
+        while (batch := desk.batches.get()) is not None:
+            desk.say(desk.made(bench, batch))
 
 
-def _begin(bench: Bench, alive: Any, notes: str, stalled_after: float) -> None:
-    """Prepare this worker process for its work."""
-    if os.environ.get(SAFE_PATH) == SET_HERE:  # What a plug-in starts in a worker has the path that it has elsewhere.
-        del os.environ[SAFE_PATH]
-    # The process that hands out the work handles Ctrl-C: a worker must not take half a run for a whole one.
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    threading.Thread(target=_watch, args=(alive, notes), daemon=True).start()
-    note = Path(notes) / f"{os.getpid()}.run"
-    guards = contextlib.ExitStack()
-    _PROCESS_STATE.update(bench=bench, key="", guards=guards)
-    try:
-        _PROCESS_STATE["note"] = os.open(note, os.O_CREAT | os.O_WRONLY, 0o600)
-        crash = guards.enter_context(note.with_suffix(CRASH).open("w", encoding="utf-8"))
-    except FileNotFoundError:  # Ctrl-C has ended the work, and removed its folder, before it began here
+class _Desk:
+    """The work of this worker process.
+
+    Attributes
+    ----------
+    batches
+        What is to be made; None where the work ends.
+    """
+
+    def __init__(self, pipe: Connection, crash: Path) -> None:
+        self._pipe, self._crash, self._key = pipe, crash, ""
+        self.batches: SimpleQueue[list[Any] | None] = SimpleQueue()
+
+    def prepare(self, guards: contextlib.ExitStack, stalled_after: float) -> None:
+        """Enter the contexts in which the work is done."""
+        if os.environ.get(SAFE_PATH) == SET_HERE:  # What a plug-in starts in a worker has the path it has elsewhere.
+            del os.environ[SAFE_PATH]
+        # The process that hands out the work handles Ctrl-C: a worker must not take half a run for a whole one.
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        threading.Thread(target=self._receive, daemon=True).start()
+        try:
+            crash = guards.enter_context(self._crash.open("r+", encoding="utf-8"))
+        except FileNotFoundError:  # Ctrl-C has ended the work before it began here
+            os._exit(1)
+        # Standard output belongs to the results of the process that hands out the work.
+        os.dup2(2, 1)
+        guards.enter_context(guarded_output(shown=False))
+        guards.enter_context(plug_ins_cannot_end_the_process())
+        tell_uncaught()
+        guards.enter_context(Watch(STANDSTILL, tell_standstill))
+        faulthandler.enable(crash)
+        guards.enter_context(Watch(stalled_after, lambda: self._give_up(stalled_after)))
+
+    def _receive(self) -> None:
+        """Put what is to be made into the queue; end this process when the pipe is closed, in the middle of a run."""
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                self.batches.put(self._pipe.recv())
+        with contextlib.suppress(OSError):
+            self._crash.unlink()
+        if not self._key:
+            self.batches.put(None)  # it ends by itself, unless a plug-in has left something that runs
+            time.sleep(GRACE)
         os._exit(1)
-    # Standard output belongs to the results of the process that hands out the work.
-    os.dup2(2, 1)
-    guards.enter_context(guarded_output(shown=False))
-    guards.enter_context(plug_ins_cannot_end_the_process())
-    tell_uncaught()
-    guards.enter_context(Watch(STANDSTILL, tell_standstill))
-    faulthandler.enable(crash)
-    guards.enter_context(Watch(stalled_after, functools.partial(_stop_work, note.with_suffix(STALLED), stalled_after)))
 
+    def say(self, what: object) -> None:
+        """Send something to the process that hands out the work."""
+        try:
+            self._pipe.send(what)
+        except OSError:  # it has ended
+            os._exit(1)
 
-def _stop_work(note: Path, stalled_after: float) -> None:
-    """End this process, which has not completed a step for long, and leave a note with the line at which it was."""
-    if not _PROCESS_STATE["key"]:
-        return  # nothing is asked of this process
-    place = where_is(threading.main_thread().ident or 0)
-    reason = f"no step was completed for {stalled_after:g} s (`stalled_after` of the study)"
-    note.write_text(f"{place}: {reason}" if place else reason, encoding="utf-8")
-    os._exit(1)
+    def made(self, bench: Bench, batch: list[Any]) -> object:
+        """Return the records of a batch, or the summary of a rehearsal."""
+        try:
+            if isinstance(batch[0], Task):
+                self._note("rehearsal")
+                beat()
+                return bench.rehearse(batch[0])
+            return bench.records(batch, self._note)
+        finally:
+            self._note("")
 
+    def _note(self, key: str) -> None:
+        self._key = key
 
-def _watch(alive: Any, notes: str) -> None:
-    """End this process when the process that hands out the work ends, in any way."""
-    with contextlib.suppress(EOFError, OSError):
-        alive.recv()
-    shutil.rmtree(notes, ignore_errors=True)
-    os._exit(1)
-
-
-def _work(batch: list[Job]) -> list[Record]:
-    made = _PROCESS_STATE["bench"].records(batch, _note)
-    _note("")
-    return made  # type: ignore[no-any-return]
-
-
-def _rehearse(step: Task) -> Mapping[str, Any] | None:
-    _PROCESS_STATE["key"] = "rehearsal"
-    beat()
-    try:
-        return _PROCESS_STATE["bench"].rehearse(step)  # type: ignore[no-any-return]
-    finally:
-        _PROCESS_STATE["key"] = ""
-
-
-def _note(key: str) -> None:
-    _PROCESS_STATE["key"] = key
-    os.lseek(_PROCESS_STATE["note"], 0, os.SEEK_SET)
-    os.write(_PROCESS_STATE["note"], f"{key:32}".encode("ascii"))
+    def _give_up(self, stalled_after: float) -> None:
+        """Say of the run that has not completed a step for long at which line it stands, and end this process."""
+        if not self._key:
+            return  # nothing is asked of this process
+        place = where_is(threading.main_thread().ident or 0)
+        reason = f"no step was completed for {stalled_after:g} s (`stalled_after` of the study)"
+        self.say(_Stall(self._key, f"{place}: {reason}" if place else reason))
+        os._exit(1)
