@@ -17,6 +17,7 @@ from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath
 from percuss.errors import InputError, PluginError, Problem
 from percuss.files import is_file
+from percuss.garbage import collection_paused
 from percuss.methods.registry import Registry
 
 
@@ -157,6 +158,7 @@ def load(
     return _load(origin, overrides or {}, registry, tuple(Path(file) for file in plugins), ())
 
 
+@collection_paused()
 def _load(
     source: Source,
     overrides: Mapping[str, Any],

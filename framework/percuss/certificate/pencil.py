@@ -153,11 +153,10 @@ class Pencil:
         side of them. The places are rows and columns, one of each for every pair of contacts on a part.
         """
         couplings, rows, columns = [], [], []
+        in_contact = np.array(sorted(self._at_node), dtype=np.int64)
         for number, part in enumerate(self.parts):
             contacts = [
-                (row, p, sign * normal)
-                for node, row, sign in part.at(self._at_node)
-                for p, normal in self._at_node[node]
+                (row, p, sign * normal) for node, row, sign in part.at(in_contact) for p, normal in self._at_node[node]
             ]
             touched = sorted({p for _, p, _ in contacts})
             if touched:

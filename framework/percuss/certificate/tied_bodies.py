@@ -7,7 +7,7 @@ mass; an end that is tied to a wall, or to an end that is held, is held too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -38,9 +38,10 @@ class Part(NamedTuple):
     rows: Integers
     signs: Floats
 
-    def at(self, nodes: Iterable[int]) -> list[tuple[int, int, float]]:
-        """Return node, row and sign of those of the given nodes that move in this part, in ascending order."""
-        kept = np.flatnonzero(np.isin(self.nodes, list(nodes)))
+    def at(self, nodes: Integers) -> list[tuple[int, int, float]]:
+        """Return node, row and sign of those of the given nodes, in ascending order, that move in this part."""
+        place = np.minimum(np.searchsorted(nodes, self.nodes), nodes.size - 1)
+        kept = np.flatnonzero(nodes[place] == self.nodes) if nodes.size else ()
         return [(int(self.nodes[k]), int(self.rows[k]), float(self.signs[k])) for k in kept]
 
 

@@ -23,6 +23,7 @@ from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
 from percuss.certificate.pencil import MARGINAL_DISTANCE
 from percuss.errors import InputError, refuse_if_any
+from percuss.garbage import collection_paused
 from percuss.march.model import Model
 from percuss.mesh.stresses import tangent_as_declared
 
@@ -95,6 +96,7 @@ class SettledRun(NamedTuple):
     criterion: RunCriterion | None
 
 
+@collection_paused()
 @one_blas_thread()
 @np.errstate(all="ignore")  # numbers that are not finite are refused or make a step unstable
 def settled(case: Case) -> SettledRun:

@@ -10,6 +10,7 @@ import numpy as np
 from percuss.case.quantities import percent
 from percuss.certificate import cause
 from percuss.compiling import Stopwatch
+from percuss.garbage import collection_paused
 from percuss.jsonable import plain
 from percuss.march.implicit import NOT_COMPILED
 from percuss.march.march import CONTACT_WORK_GROWTH, March, Outcome
@@ -49,6 +50,7 @@ def _stop_entry(model: Model, stop: Stop | None, certificate: Certificate) -> St
     }
 
 
+@collection_paused()
 def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Result:
     """Return the result of a march that was run or refused.
 
