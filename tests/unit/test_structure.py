@@ -73,6 +73,7 @@ GROUND = {
         "errors",
         "filelock",
         "files",
+        "garbage",
         "heartbeat",
         "interrupt",
         "jsonable",
