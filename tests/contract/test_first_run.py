@@ -9,6 +9,7 @@ import percuss
 from percuss import cache
 from percuss.march.model import Model
 from percuss.methods import first_run
+from percuss.methods.plugin_calls import answer
 from percuss.methods.registry import Registry
 from percuss.testing.subject import Subject
 
@@ -133,8 +134,6 @@ def test_one_right_answer_does_not_outweigh_a_wrong_one(tmp_path, monkeypatch):
         "    def amplitude(self, time):\n        return np.full(np.shape(time), np.random.rand() * (time > 0.5))\n"
     )
     cls = Registry.load([tmp_path / "shaky.py"]).get("loads", "shaky")
-    from percuss.methods.plugin_calls import answer
-
     answer(cls(), "amplitude", np.zeros(3))
     for _ in range(5):
         with pytest.raises(percuss.PluginError, match="amplitude gives another answer"):
@@ -143,3 +142,17 @@ def test_one_right_answer_does_not_outweigh_a_wrong_one(tmp_path, monkeypatch):
     monkeypatch.setattr(first_run, "_ANSWERS", weakref.WeakKeyDictionary())
     with pytest.raises(percuss.PluginError, match="amplitude gives another answer"):
         answer(cls(), "amplitude", np.ones(3))
+
+
+def test_a_cached_property_is_no_change_of_the_component(tmp_path):
+    (tmp_path / "ramp.py").write_text(
+        "from dataclasses import dataclass\nfrom functools import cached_property\nimport percuss\n\n\n"
+        "@dataclass(frozen=True)\nclass Ramp(percuss.Load):\n    'r'\n    name = 'cached-ramp'\n    summary = 'r'\n\n"
+        "    @cached_property\n    def slope(self):\n        return 2.0\n\n"
+        "    def amplitude(self, time):\n        return self.slope * time\n"
+    )
+    load = Registry.load([tmp_path / "ramp.py"]).get("loads", "cached-ramp")()
+    assert answer(load, "amplitude", np.ones(2)).tolist() == [2.0, 2.0]
+    type(load).amplitude = lambda self, time: self.__dict__.update(order=3) or time
+    with pytest.raises(percuss.PluginError, match="amplitude changes the component itself"):
+        answer(load, "amplitude", np.ones(2))

@@ -80,6 +80,11 @@ def first_asked(question: str, *components: Component, times: int = 1) -> Iterat
             answers.now[key] += 1 if right else NEVER_ANSWERED
 
 
+def is_watched(component: Component) -> bool:
+    """Return whether the answers of a method are checked: those of a third-party plug-in, and of one in the kit."""
+    return _answers_of(type(component)) is not None
+
+
 def ask_again(component: type[Component]) -> None:
     """Ask a class everything once more in this process, whatever is known of it and wherever it comes from."""
     _ANSWERS[component] = _Answers("")

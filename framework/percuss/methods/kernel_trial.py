@@ -59,7 +59,7 @@ def _try_twice(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) ->
         for state in _trial_states(len(points.names), dt):
             # The state variables that the kernel leaves are those that it finds in the next state.
             trial = trial_of(points, dt, state, law, results[-1][1] if results else None)
-            results.append((_multipliers_of(law, kernel, bound, trial), trial.after, trial.shift))
+            results.append((multipliers_of(law, kernel, bound, trial), trial.after, trial.shift))
             if low_indices:
                 raise breach(
                     law,
@@ -86,9 +86,9 @@ def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: fl
     kernel = plain_kernel(law)
     for state in _trial_states(len(points.names), dt):
         trial = trial_of(points, dt, state, law)
-        multipliers = _multipliers_of(law, kernel, bound, trial)
+        multipliers = multipliers_of(law, kernel, bound, trial)
         for share in SHARES_OF_THE_RUN:
-            if not np.array_equal(multipliers, _multipliers_of(law, kernel, bound, trial._replace(time=share * end))):
+            if not np.array_equal(multipliers, multipliers_of(law, kernel, bound, trial._replace(time=share * end))):
                 return True
     return False
 
@@ -171,7 +171,7 @@ def trial_of(
     )  # fmt: skip
 
 
-def _multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
+def multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
     """Return the multipliers that a kernel computes for a state, (points,)."""
     multiplier = np.full(trial.gap.size, np.nan)
     with kernel_faults(law, "multipliers"):

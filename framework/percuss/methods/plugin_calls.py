@@ -9,6 +9,8 @@ few calls. Kernels are tried elsewhere (`percuss.methods.kernel_trial`, `percuss
 from __future__ import annotations
 
 import dataclasses
+import functools
+import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -16,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from percuss.errors import PercussError
-from percuss.methods.blame import breach, described, is_third_party, line_in_plugin
-from percuss.methods.first_run import first_asked
+from percuss.methods.blame import breach, described, line_in_plugin
+from percuss.methods.first_run import first_asked, is_watched
 from percuss.methods.interfaces import Component, Exact, Floats, LeapFrog, Mesh
 
 REPEATED_CALLS = 3  # calls of a method that are repeated: the first may ask where every answer is zero
@@ -35,27 +37,34 @@ def answer(component: Component, method: str, *arguments: Any) -> Any:
         again, or changes the component.
     """
     call = getattr(component, method)
-    if not is_third_party(type(component).__module__):
+    if not is_watched(component):
         return call(*arguments)
     arguments = tuple(read_only(argument) for argument in arguments)
     try:
         with first_asked(f"{method} {component!r}", component, times=REPEATED_CALLS) as due:
-            own_state = repr(vars(component)) if due else ""
+            own_state = _own_state(component) if due else ""
             value = call(*arguments)
             check = CHECKS.get((component.family, method))
             if check is not None and (fault := _fault_of(check, value, *arguments)):
                 raise breach(component, method, f"{method} {fault}")
             if due and not same(value, call(*arguments)):
                 raise breach(component, method, f"{method} {DIFFERENT}")
-            if due and repr(vars(component)) != own_state:
+            if due and _own_state(component) != own_state:
                 message = f"{method} changes the component itself, which keeps nothing between calls"
                 raise breach(component, method, message)
     except ValueError as error:
-        if "read-only" not in str(error) or not line_in_plugin(error):
+        if "read-only" not in str(error):
             raise
         message = f"{method} changes an array that it was handed: copy it first"
         raise breach(component, method, message, line_in_plugin(error)) from error
     return value
+
+
+def _own_state(component: Component) -> str:
+    """Return the text of what a component holds, without what its cached properties have computed from it."""
+    attributes = {name: inspect.getattr_static(type(component), name, None) for name in vars(component)}
+    cached = {name for name, value in attributes.items() if isinstance(value, functools.cached_property)}
+    return repr([(name, value) for name, value in vars(component).items() if name not in cached])
 
 
 DIFFERENT = (

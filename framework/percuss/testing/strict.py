@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.methods.interfaces import ContactPoints, ContactState, Implicit, LeapFrog, LinearLaw, Stages, Trial
-from percuss.methods.kernel_trial import fault_of_nan, plain_kernel
+from percuss.methods.kernel_trial import multipliers_of, plain_kernel
 from percuss.methods.plugin_calls import read_only
 from percuss.step.integrator_check import plain_step
-from percuss.testing.subject import CheckFailed, NotApplicable
+from percuss.testing.subject import NotApplicable
 
 if TYPE_CHECKING:
     from percuss.methods.interfaces import ContactLaw, Floats, Integrator
@@ -34,14 +34,6 @@ class Histories:
     contact_force: Floats
     gap: Floats
     displacement: Floats
-
-
-def expect_numbers(kernel: Any, bound: Any, trial: Trial, multiplier: Floats) -> None:
-    """Raise `CheckFailed` if a kernel left nan for a multiplier, with what it did."""
-    if np.isnan(multiplier).any():
-        point = int(np.isnan(multiplier).argmax())
-        did, remedy = fault_of_nan(kernel, bound, trial, point)
-        raise CheckFailed(f"`multipliers` {did.format(f'point {point} of {multiplier.size}')}: {remedy}")
 
 
 class StrictSystem:
@@ -274,7 +266,6 @@ class StrictSystem:
         """Return the multipliers, (contacts,), from current gaps and gap rates and those after the bulk update."""
         if isinstance(self.bound, LinearLaw):
             return self._by_linear_law(self.bound, table, gaps, rates, acceleration)
-        multiplier = np.full(len(self.points.names), np.nan)
         seen = [locked(values) for values in (*gaps, *rates)]
         responses = table.end.response
         trial = Trial(
@@ -282,9 +273,7 @@ class StrictSystem:
             responses[0], responses[1], *self._neighbours(), locked(self._state_before), self._state_before.copy(),
             np.zeros_like(self._shift),
         )  # fmt: skip
-        kernel = plain_kernel(self.law)
-        kernel(self.bound, trial, multiplier)
-        expect_numbers(kernel, self.bound, trial, multiplier)
+        multiplier: Floats = multipliers_of(self.law, plain_kernel(self.law), self.bound, trial)
         self._state_after, self._shift = trial.after, trial.shift
         return multiplier
 

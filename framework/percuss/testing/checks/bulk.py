@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from percuss.mesh.material_points import points_at_rest
 from percuss.mesh.materials import material_slots
 from percuss.mesh.stresses import ElementProbe
 from percuss.methods.interfaces import BodyMesh, Lumping, Mass, Mesh, Region
-from percuss.methods.plugin_calls import read_only
+from percuss.methods.plugin_calls import answer
 from percuss.testing.draws import must_balance, on_chains
 from percuss.testing.subject import CheckFailed, NotApplicable, Subject, check
 
@@ -62,9 +63,9 @@ def check_mesh(subject: Subject) -> None:
     for _, shape in subject.made():
         dim = shape.dimension() or 2
         start = np.array([1.5, -2.0, 0.25][:dim])
-        meshes = [shape.mesh(start.copy(), refine) for refine in (1, 3, 0.3)]
+        meshes = [answer(shape, "mesh", start, refine) for refine in (1, 3, 0.3)]
         for mesh in meshes:
-            _check_line(subject, mesh, dim)
+            _check_line(subject, mesh)
         usual, fine, coarse = meshes
         if fine.lengths.size != 3 * usual.lengths.size:
             raise CheckFailed(f"refine 3 makes {fine.lengths.size} elements of {usual.lengths.size}")
@@ -77,11 +78,9 @@ def check_mesh(subject: Subject) -> None:
             raise CheckFailed("the body does not start where the case places it")
 
 
-def _check_line(subject: Subject, mesh: Mesh, dim: int) -> None:
+def _check_line(subject: Subject, mesh: Mesh) -> None:
     """Raise `CheckFailed` unless a mesh is a straight line with the regions that the shape declares."""
     count = mesh.lengths.size
-    if mesh.nodes.shape != (count + 1, dim) or mesh.direction.shape != (dim,):
-        raise CheckFailed(f"{count} elements have nodes of shape {mesh.nodes.shape}, direction {mesh.direction.shape}")
     if not (mesh.lengths > 0).all():
         raise CheckFailed("an element has no length")
     if abs(np.linalg.norm(mesh.direction) - 1.0) > 1e-12:
@@ -400,10 +399,8 @@ def check_frequency(subject: Subject) -> None:
     material, mass = _default(subject, "materials"), _default(subject, "masses")
     for _, element in subject.made():
         body = BodyMesh(mesh_of_element(element, line(4)), 1.3)
-        upper_bound = element.highest_frequency(body, float(np.sqrt(material.modulus / material.rho)))
-        axial = element.axial_stiffness(body, material.modulus)
-        if upper_bound.shape != (4,) or axial.shape != (4,):
-            raise CheckFailed("`highest_frequency` and `axial_stiffness` must give one value for each element")
+        upper_bound = answer(element, "highest_frequency", body, float(np.sqrt(material.modulus / material.rho)))
+        axial = answer(element, "axial_stiffness", body, material.modulus)
         for e in range(4):
             length = body.mesh.lengths[e : e + 1]
             alone = line(1)._replace(nodes=np.array([[0.0], [float(length[0])]]), lengths=length)
@@ -449,7 +446,7 @@ def check_total_mass(subject: Subject) -> None:
     for _, mass in subject.made():
         for element_mass, lumping_of_cells in itertools.product((unlike, unlike[:1], np.ones(7)), (False, True)):
             lumping = _lumping(element_mass.size, three_nodes=lumping_of_cells)
-            both = mass.nodal(read_only(element_mass.copy()), lumping), mass.nodal(element_mass[::-1].copy(), lumping)
+            both = [answer(mass, "nodal", masses, lumping) for masses in (element_mass, element_mass[::-1])]
             massive = np.ones(lumping.nodes, dtype=bool)
             _check_nodal(both, massive, element_mass.sum(), f"{element_mass.size} elements")
         even = np.asarray(mass.nodal(np.ones(6), Lumping.of_line(6)), dtype=float)
@@ -457,10 +454,10 @@ def check_total_mass(subject: Subject) -> None:
             raise CheckFailed("the centre of mass of a uniform line is not in its middle")
 
 
-def _check_nodal(both: tuple[Any, Any], massive: Any, total: float, where: str) -> None:
+def _check_nodal(both: Sequence[Any], massive: Any, total: float, where: str) -> None:
     """Raise `CheckFailed` unless nodal masses, counted from either end, have a total and are positive if `massive`."""
     nodal, reverse = (np.asarray(masses, dtype=float) for masses in both)
-    if nodal.shape != massive.shape or not (nodal >= 0).all() or not (nodal[massive] > 0).all() or not nodal.any():
+    if not (nodal >= 0).all() or not (nodal[massive] > 0).all():
         raise CheckFailed(f"{where} give nodal masses {nodal}")
     if abs(nodal.sum() - total) > CLOSE * total:
         raise CheckFailed(f"{where} have the mass {nodal.sum():.6g}, expected {total:.6g}")
@@ -489,10 +486,10 @@ def check_masses_in_contact(subject: Subject) -> None:
         for element_mass in (unlike, unlike[:1], unlike[:2], np.ones(9)):
             lumping = Lumping.of_line(element_mass.size)
             for first, last in ((True, False), (False, True), (True, True)):
-                both = (
-                    mass.nodal_in_contact(element_mass.copy(), lumping, first, last),
-                    mass.nodal_in_contact(element_mass[::-1].copy(), lumping, last, first),
-                )
+                both = [
+                    answer(mass, "nodal_in_contact", element_mass, lumping, first, last),
+                    answer(mass, "nodal_in_contact", element_mass[::-1], lumping, last, first),
+                ]
                 massive = np.array([not first, *[True] * (element_mass.size - 1), not last])
                 total = float(np.sum(mass.nodal(element_mass.copy(), lumping)))
                 which = " and ".join(name for name, touches in (("first", first), ("last", last)) if touches)
@@ -560,14 +557,11 @@ def check_inverse_mass(subject: Subject) -> None:
     for options, mass in subject.made():
         for element_mass in (np.array([2.0, 1.0, 4.0, 0.5, 3.0]), np.array([2.0, 1.0]), np.ones(9)):
             lumping = Lumping.of_line(element_mass.size)
-            band = mass.inverse(element_mass.copy(), lumping)
-            mirrored = mass.inverse(element_mass[::-1].copy(), lumping)
+            band, mirrored = (answer(mass, "inverse", masses, lumping) for masses in (element_mass, element_mass[::-1]))
             if band is None and mirrored is None:
                 continue
             where = f"{element_mass.size} elements with {options}"
             band = np.asarray(band, dtype=float)
-            if band.ndim != 2 or band.shape[0] == 0 or band.shape[1] != lumping.nodes:
-                raise CheckFailed(f"{where} give bands of shape {band.shape}, expected (k + 1, {lumping.nodes})")
             if not np.allclose(band, reversed_band(np.asarray(mirrored, dtype=float)), rtol=1e-8, atol=1e-12):
                 raise CheckFailed(f"{where}: the inverse is another if counted from the other end")
             if np.linalg.eigvalsh(times(band, np.eye(lumping.nodes))).min() <= 0.0:
