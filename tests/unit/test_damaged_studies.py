@@ -213,13 +213,15 @@ def test_a_run_that_is_made_again_replaces_its_row(whole, tmp_path):
     file = tmp_path / "rows.sqlite"
     file.write_bytes(whole.read_bytes())
     store = Store(file, new=True)
-    store.begin({"commands": [], "columns": {}}, {"command": None}, [(KEYS[0], {"varied": {}, "command": None})])
+    names = {**dict.fromkeys(("case", "integrator", "contact"), "one"), "varied": {}, "command": None}
+    store.begin({"commands": [], "columns": {}}, {"command": None}, [(KEYS[0], names)])
     store.add([Record(KEYS[0], "failed", "another"), Record(KEYS[0], "failed", "the last"), Record("new", "refused")])
-    assert [row[1:3] for row in Store(file).rows()] == [("failed", "the last")]
-    assert Store(file).histories(KEYS[0]) is None
-    assert Store(file).command("of no run") is None
+    study = percuss.open_study(file)
+    assert [(row["status"], row["reason"]) for row in study.as_records()] == [("failed", "the last")]
+    assert study.histories(KEYS[0]) is None
+    assert study.command("of no run") is None
     assert Store(file).finished_keys() == {*KEYS[:-1], "new"}
-    assert len(Store(file).sessions()) == 2
+    assert len(study.provenance["sessions"]) == 2
 
 
 def test_a_log_of_a_file_that_is_gone_is_not_replayed(whole, tmp_path):

@@ -88,7 +88,7 @@ def _is_same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
 def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> InputError | None:
     """Return the error of a file that holds another study, or None if it does not."""
     store = Store(file, new=True)
-    held = store.fact("study")
+    held = store.facts().get("study")
     if held is None or _is_same(held, identity) or store.planned() == keys:
         return None
     message = f"holds another study: {_described(held)}; this is {_described(identity)}"

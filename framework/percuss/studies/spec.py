@@ -289,16 +289,15 @@ class _StudyReader:
         for i, measure in enumerate(self.items("measure")):
             column_of_measure = self.column(("measure", i), measure, cases)
             self.refuse_after_all_ends(("measure", i), cases, varied)
-            if column_of_measure is not None and not isinstance(measure, str) and column_of_measure.name in RESERVED:
-                self.reader.wrong(
-                    ("measure", i), f"the name '{column_of_measure.name}' is the name of another column", "Rename it."
-                )
-            elif column_of_measure is not None and column_of_measure.name in out:
-                self.reader.wrong(
-                    ("measure", i), f"the name '{column_of_measure.name}' is taken by another measure", "Rename it."
-                )
-            elif column_of_measure is not None:
-                out[column_of_measure.name] = column_of_measure
+            if column_of_measure is None:
+                continue
+            name = column_of_measure.name
+            owner = "is the name of another column" if not isinstance(measure, str) and name in RESERVED else ""
+            owner = owner or ("is taken by another measure" if name in out else "")
+            if owner:
+                self.reader.wrong(("measure", i), f"the name '{name}' {owner}", "Rename it.")
+            else:
+                out[name] = column_of_measure
         if not out:
             return tuple(column_by_name(name) for name in METRICS)
         # Every row has the cost that does not depend on the machine.

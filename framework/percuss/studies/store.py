@@ -14,18 +14,16 @@ import contextlib
 import json
 import os
 import sqlite3
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from percuss.case.hints import file_advice
 from percuss.errors import InputError, Problem, UnwrittenError, shortened
 from percuss.files import is_file, is_folder, place_whole
 from percuss.methods.source_digest import content_digest
 from percuss.studies.perform import LOST
-from percuss.studies.row_command import Template, command_of
 from percuss.studies.stored_run import Record, unpacked
 from percuss.studies.study_files import StudyFile
 
@@ -43,13 +41,31 @@ TABLES = {
     "arrays": "CREATE TABLE arrays (key TEXT PRIMARY KEY, npz BLOB)",
     "seals": "CREATE TABLE seals (name TEXT PRIMARY KEY, sum TEXT) WITHOUT ROWID",
 }
-NOT_MADE = (None,) * 11  # the columns of a run that is still to be made
 # Errors of SQLite that come from the machine and not from the file.
 OF_THE_MACHINE = {
     *(sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED),
     *(sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_NOMEM),
 }
 WORKER = "worker"  # `said_by` of a run that was lost with its worker
+
+
+class StoredRun(NamedTuple):
+    """A row of the table of runs; of a run that is still to be made nothing is known."""
+
+    key: str | None = None
+    status: str | None = None
+    reason: str | None = None
+    said_by: str | None = None
+    fragile: int | None = None
+    seconds: float | None = None
+    measures: str | None = None
+    session: int | None = None
+    compiling: float | None = None
+    cpu: str | None = None
+    arrays_sha256: str | None = None
+
+
+NOT_MADE = StoredRun()
 
 
 class Store:
@@ -244,7 +260,7 @@ class Store:
     def add(self, records: Sequence[Record]) -> None:
         """Store a batch of rows: all of them or, if the process dies meanwhile, none."""
         rows = [
-            (
+            StoredRun(
                 record.key,
                 record.status,
                 record.reason,
@@ -266,84 +282,39 @@ class Store:
 
     # ------------------------------------------------------------------------------------------- reading
 
-    def _all(self, *tables: str) -> list[list[tuple[Any, ...]]]:
+    def tables(self, *names: str) -> list[list[tuple[Any, ...]]]:
         """Return the rows of tables at one moment; none of a file that is still to be made."""
         if not self._begun:
-            return [[] for _ in tables]
+            return [[] for _ in names]
         with self._open() as db:
-            return [self._read(db, table) for table in tables]
+            return [self._read(db, name) for name in names]
+
+    def facts(self) -> dict[str, Any]:
+        """Return the facts that `begin` stored."""
+        (facts,) = self.tables("facts")
+        return {name: json.loads(value) for name, value in facts}
+
+    def runs(self) -> list[tuple[str, dict[str, Any], StoredRun]]:
+        """Return key, names and run of each row of the plan, in order."""
+        plan, runs = self.tables("plan", "runs")
+        made = {run[0]: StoredRun(*run) for run in runs}
+        return [(key, json.loads(row), made.get(key, NOT_MADE)) for _, key, row in plan]
 
     def finished_keys(self, again: Sequence[str] = ()) -> set[str]:
         """Return the keys of the stored runs to be kept: all but the lost ones and those with a status in `again`."""
-        (runs,) = self._all("runs")
+        (runs,) = self.tables("runs")
         return {key for key, status, *_ in runs if status != LOST and status not in again}
 
     def planned(self) -> set[str]:
         """Return the keys of all rows of the plan."""
-        (plan,) = self._all("plan")
+        (plan,) = self.tables("plan")
         return {key for _, key, _ in plan}
-
-    def processors(self) -> dict[str, int]:
-        """Return the number of rows of the plan made on each model of processor."""
-        processors = Counter(run[9] for _, _, run in self._planned_runs() if run[9])
-        return dict(sorted(processors.items()))
-
-    def fact(self, name: str) -> Any:
-        """Return a fact that `begin` stored, or None if it stored no such fact."""
-        (facts,) = self._all("facts")
-        return json.loads(dict(facts).get(name, "null"))
-
-    def statuses(self) -> list[str | None]:
-        """Return the status of each row of the plan, None for a run not yet made."""
-        return [run[1] for _, _, run in self._planned_runs()]
-
-    def sessions(self) -> list[dict[str, Any]]:
-        """Return the provenance of each session in which the study was run, oldest first."""
-        (sessions,) = self._all("sessions")
-        return [json.loads(provenance) for _, provenance in sessions]
-
-    def files(self) -> list[StudyFile]:
-        """Return the files that the study came from."""
-        (files,) = self._all("files")
-        return [StudyFile(*file) for _, *file in files]
-
-    def row_commands(self) -> tuple[list[Template], list[int | None]]:
-        """Return the templates of the commands, and for each row of the plan, in order, the index of its template."""
-        facts, plan = self._all("facts", "plan")
-        return json.loads(dict(facts)["commands"]), [json.loads(row)["command"] for _, _, row in plan]
-
-    def command(self, key: str) -> str | None:
-        """Return the command of the first row of the plan with a key, or None if it has none."""
-        facts, plan = self._all("facts", "plan")
-        row = json.loads(next((row for _, planned, row in plan if planned == key), "{}"))
-        if row.get("command") is None:
-            return None
-        return command_of(json.loads(dict(facts)["commands"])[row["command"]], row["varied"])
-
-    def rows(self) -> list[tuple[Any, ...]]:
-        """Return the rows of the plan in order: names and outcome of each run, or None for a run not yet made."""
-        rows = []
-        for key, row, run in self._planned_runs():
-            _, status, reason, said_by, fragile, seconds, measures, *_ = run
-            measured = json.loads(measures) if measures is not None else None
-            rows.append((json.loads(row), status, reason, said_by, fragile, measured, seconds, key))
-        return rows
-
-    def _planned_runs(self) -> list[tuple[str, str, tuple[Any, ...]]]:
-        """Return key, names and run of each row of the plan."""
-        plan, runs = self._all("plan", "runs")
-        made = {run[0]: run for run in runs}
-        return [(key, row, made.get(key, NOT_MADE)) for _, key, row in plan]
-
-    def with_histories(self) -> set[str]:
-        """Return the keys of the runs whose arrays are stored."""
-        (runs,) = self._all("runs")
-        return {run[0] for run in runs if run[10] is not None}
 
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the stored arrays of a run, or None if there are none."""
         with self._open() as db:
-            digest = next((run[10] for run in self._read(db, "runs") if run[0] == key), None)
+            runs = map(StoredRun._make, self._read(db, "runs"))
+            digest = next((run.arrays_sha256 for run in runs if run.key == key), None)
             if digest is None:
                 return None
             found = db.execute("SELECT CAST(npz AS BLOB) FROM arrays WHERE key = ?", (key,)).fetchone()
@@ -354,7 +325,7 @@ class Store:
 
 def _digest(table: str, row: tuple[Any, ...]) -> str:
     """Return the digest of a row of a table."""
-    return content_digest(f"{table} {row!r}".encode())
+    return content_digest(f"{table} {tuple(row)!r}".encode())
 
 
 def as_json_data(value: Any) -> Any:

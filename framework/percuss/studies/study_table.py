@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections import Counter
 from pathlib import Path
@@ -10,14 +11,15 @@ from typing import TYPE_CHECKING, Any
 from percuss.case.arguments import expect_suffix
 from percuss.errors import InputError, Problem
 from percuss.files import replacing
-from percuss.studies.perform import LOST
+from percuss.studies.perform import LOST, WAITING
+from percuss.studies.row_command import command_of
 from percuss.studies.store import Store
+from percuss.studies.study_files import StudyFile
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from percuss.studies.row_command import Template
-    from percuss.studies.study_files import StudyFile
 
 SECONDS = "wall time of the time steps alone, the least of its repeats; the provenance names the processor"
 
@@ -43,12 +45,12 @@ class Study:
     @property
     def spec(self) -> dict[str, Any]:
         """The study file as plain data."""
-        return self._store.fact("spec") or {}
+        return self._store.facts().get("spec") or {}
 
     @property
     def columns(self) -> dict[str, str]:
         """Definition of each measured column in words: quantity, norm, averaging."""
-        return {**(self._store.fact("columns") or {}), "seconds": SECONDS}
+        return {**(self._store.facts().get("columns") or {}), "seconds": SECONDS}
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -56,14 +58,16 @@ class Study:
 
         ``processors`` is the number of rows made on each model of processor.
         """
-        sessions = self._store.sessions()
-        last = sessions[-1] if sessions else {}
-        return {**last, "sessions": sessions, "processors": self._store.processors()}
+        (rows,) = self._store.tables("sessions")
+        sessions = [json.loads(provenance) for _, provenance in rows]
+        processors = Counter(run.cpu for *_, run in self._store.runs() if run.cpu)
+        return {**(sessions or [{}])[-1], "sessions": sessions, "processors": dict(sorted(processors.items()))}
 
     @property
     def files(self) -> list[StudyFile]:
         """The files that the study came from: path, role, SHA-256 digest, size and text of each."""
-        return self._store.files()
+        (files,) = self._store.tables("files")
+        return [StudyFile(*file) for _, *file in files]
 
     def command(self, key: str) -> str | None:
         """Return the command that makes the run of a row alone, given where the study was started.
@@ -78,12 +82,17 @@ class Study:
         str or None
             The command, quoted for a shell; None if no command makes the same run.
         """
-        return self._store.command(key)
+        facts, plan = self._store.tables("facts", "plan")
+        row = json.loads(next((row for _, planned, row in plan if planned == key), "{}"))
+        if row.get("command") is None:
+            return None
+        return command_of(json.loads(dict(facts)["commands"])[row["command"]], row["varied"])
 
     @property
     def row_commands(self) -> tuple[list[Template], list[int | None]]:
         """Templates of the commands of all rows, and the index of the template of each row of `table`."""
-        return self._store.row_commands()
+        facts, plan = self._store.tables("facts", "plan")
+        return json.loads(dict(facts)["commands"]), [json.loads(row)["command"] for _, _, row in plan]
 
     @property
     def title(self) -> str:
@@ -111,22 +120,21 @@ class Study:
 
     def as_records(self) -> list[dict[str, Any]]:
         """Return the rows of `table` as plain mappings, all with the same keys."""
-        raw = self._store.rows()
-        varied = dict.fromkeys(path for names, *_ in raw for path in names["varied"])
-        columns = self.columns
+        rows, columns = self._store.runs(), [name for name in self.columns if name != "seconds"]
+        varied = dict.fromkeys(path for _, names, _ in rows for path in names["varied"])
         out = []
-        for names, status, reason, said_by, fragile, measures, seconds, key in raw:
-            measured = measures or {}
+        for key, names, run in rows:
+            measured = json.loads(run.measures) if run.measures is not None else {}
             out.append(
                 {
                     **{name: names[name] for name in NAMES},
                     **{path: names["varied"].get(path) for path in varied},
-                    "status": status or "waiting",
-                    "reason": reason or "",
-                    "said_by": said_by or "",
-                    "fragile": bool(fragile) if fragile is not None else None,
-                    **{name: measured.get(name) for name in columns if name != "seconds"},
-                    "seconds": seconds,
+                    "status": run.status or WAITING,
+                    "reason": run.reason or "",
+                    "said_by": run.said_by or "",
+                    "fragile": bool(run.fragile) if run.fragile is not None else None,
+                    **{name: measured.get(name) for name in columns},
+                    "seconds": run.seconds,
                     "key": key,
                 }
             )
@@ -135,17 +143,18 @@ class Study:
     @property
     def counts(self) -> dict[str, int]:
         """Number of rows with each status."""
-        return dict(Counter(status or "waiting" for status in self._store.statuses()))
+        return dict(Counter(run.status or WAITING for *_, run in self._store.runs()))
 
     @property
     def complete(self) -> bool:
         """Whether every run was made, and none was lost to the machine."""
-        return not {"waiting", LOST} & set(self.counts)
+        return not {WAITING, LOST} & set(self.counts)
 
     @property
     def with_histories(self) -> set[str]:
         """Keys of the runs whose histories are kept."""
-        return self._store.with_histories()
+        (runs,) = self._store.tables("runs")
+        return {key for key, *_, digest in runs if digest is not None}
 
     def histories(self, key: str) -> dict[str, Any] | None:
         """Return the histories of a run that are kept (`keep`), or None if there are none.
