@@ -6,6 +6,7 @@ It is prepared before anything that takes long is imported, so that this module 
 from __future__ import annotations
 
 import faulthandler
+import functools
 import io
 import os
 import signal
@@ -18,14 +19,10 @@ from typing import Any
 INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
 GRACE = 2.0  # seconds that threads have to end after the command has ended
 
-_BEGUN: list[bool] = []
 
-
+@functools.cache
 def begin() -> None:
     """Prepare this process for a command; a second call does nothing."""
-    if _BEGUN:
-        return
-    _BEGUN.append(True)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _end_at_once)
     _open_closed_streams()

@@ -187,49 +187,58 @@ def process_as_before() -> Iterator[None]:
         return
     beat()  # so that a silence from here on is one of the plug-in
     states = [(put, get()) for get, put in STATES]
-    outermost = not _OPEN
-    _OPEN.append(None)
-    if outermost:
-        _write_down_names()
+    _NAMES.begin()
     try:
         yield
     finally:
-        _OPEN.pop()
-        changed = [
-            (owner, name, value, vars(owner).get(name, MISSING))
-            for owner, values in (_NAMES if outermost else ())
-            if _differ(owner, values)
-            for name, value in values.items()
-            if vars(owner).get(name, MISSING) is not value
-        ]
-        for owner, name, value, _ in changed:
-            setattr(owner, name, value)
+        changed = _NAMES.put_back()
         for put, before in states:
             put(before)
-        if outermost:
-            note_answers()
-        for owner, name, _, now in changed:
+        for owner, name, now in changed:
             if place := _culprit(name, now):  # and the cause of any error that has been raised
                 message = f"overwrites {owner.__name__}.{name}, which others use too: take a name of your own"
                 raise PluginError(message, place)
             setattr(owner, name, now) if now is not MISSING else delattr(owner, name)
 
 
-# The open contexts, of which the outermost watches the names; the names as they were when it began, by module or class;
-# and the modules that were loaded then. To copy nine thousand names for each run would take as long as many a run.
-_OPEN: list[None] = []
-_NAMES: list[tuple[Any, dict[str, Any]]] = []
-_SEEN: dict[str, None] = {}
+class _Names:
+    """The names that no plug-in may overwrite, as they were when the outermost context of `process_as_before` began.
+
+    To copy nine thousand names for each run would take as long as many a run: they are copied where they have changed.
+    """
+
+    def __init__(self) -> None:
+        self._open = 0  # contexts
+        self._held: list[tuple[Any, dict[str, object]]] = []  # by module or class
+        self._modules: list[str] = []  # that were loaded then
+
+    def begin(self) -> None:
+        """Hold the names as they are now, in the outermost context."""
+        self._open += 1
+        if self._open > 1:
+            return
+        if self._modules == list(sys.modules):
+            self._held = [(owner, dict(vars(owner)) if _differ(owner, held) else held) for owner, held in self._held]
+            return
+        self._modules = list(sys.modules)
+        self._held = [(owner, dict(vars(owner))) for owner in _owners()]
+
+    def put_back(self) -> list[tuple[Any, str, object]]:
+        """End a context; after the outermost, put back all names, and return those that were other objects."""
+        self._open -= 1
+        if self._open:
+            return []
+        note_answers()
+        changed = []
+        for owner, held in self._held:
+            for name, value in held.items() if _differ(owner, held) else ():
+                if (now := vars(owner).get(name, MISSING)) is not value:
+                    changed.append((owner, name, now))
+                    setattr(owner, name, value)
+        return changed
 
 
-def _write_down_names() -> None:
-    """Keep the names that no plug-in may overwrite as they are now."""
-    if sys.modules.keys() == _SEEN.keys():
-        _NAMES[:] = [(owner, dict(vars(owner)) if _differ(owner, values) else values) for owner, values in _NAMES]
-        return
-    _SEEN.clear()
-    _SEEN.update(dict.fromkeys(sys.modules))
-    _NAMES[:] = [(owner, dict(vars(owner))) for owner in _owners()]
+_NAMES = _Names()
 
 
 def _differ(owner: Any, values: Mapping[str, Any]) -> bool:
