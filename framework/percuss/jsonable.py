@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 
+Data: TypeAlias = Mapping[str, Any]  # plain data by key: a case, a summary, the options of a method, a row of a table
 _PLAIN = frozenset({str, int, bool, type(None)})
 _NUMBERS_AND_TEXTS = _PLAIN | {float}
 

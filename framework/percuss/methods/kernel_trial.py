@@ -32,7 +32,7 @@ SENTINEL = -1.2345678901234567e-301  # a value that no kernel computes
 LOWEST_INDEX = -2  # A lower index of a bound array counts as a mistake; -1 and -2 are used on purpose.
 
 
-def try_kernel(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) -> None:
+def try_kernel(law: ContactLaw, bound: object, points: ContactPoints, dt: float) -> None:
     """Call the kernel of a third-party law in many states, twice, before the first run of its source.
 
     Raises
@@ -81,7 +81,7 @@ def _try_twice(law: ContactLaw, bound: Any, points: ContactPoints, dt: float) ->
             )
 
 
-def changes_with_time(law: ContactLaw, bound: Any, points: ContactPoints, dt: float, end: float) -> bool:
+def changes_with_time(law: ContactLaw, bound: object, points: ContactPoints, dt: float, end: float) -> bool:
     """Return whether a law's kernel gives different multipliers for one state at different times up to `end`."""
     kernel = plain_kernel(law)
     for state in _trial_states(len(points.names), dt):
@@ -171,7 +171,7 @@ def trial_of(
     )  # fmt: skip
 
 
-def multipliers_of(law: ContactLaw, kernel: Any, bound: Any, trial: Trial) -> Any:
+def multipliers_of(law: ContactLaw, kernel: Any, bound: object, trial: Trial) -> Any:
     """Return the multipliers that a kernel computes for a state, (points,)."""
     multiplier = np.full(trial.gap.size, np.nan)
     with kernel_faults(law, "multipliers"):
@@ -211,7 +211,7 @@ COMPUTED = Fault(
 )
 
 
-def fault_of_nan(kernel: Any, bound: Any, trial: Trial, point: int) -> Fault:
+def fault_of_nan(kernel: Any, bound: object, trial: Trial, point: int) -> Fault:
     """Return why a kernel in plain Python left nan for the multiplier of a point.
 
     It is called again with another initial value: if that value is still there, the kernel did not set the multiplier;

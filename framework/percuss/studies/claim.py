@@ -15,12 +15,13 @@ from percuss.methods.source_digest import content_digest
 from percuss.studies.store import Store, as_json_data
 
 if TYPE_CHECKING:
+    from percuss.jsonable import Data
     from percuss.studies.spec import StudySpec
 
 
 @contextmanager
 def claimed(
-    out: str | os.PathLike[str] | None, given: str | Path | Mapping[str, Any], spec: StudySpec, keys: set[str]
+    out: str | os.PathLike[str] | None, given: str | Path | Data, spec: StudySpec, keys: set[str]
 ) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Lock the file of a study against all other processes, after a check that it holds no other study.
 
@@ -50,7 +51,7 @@ def claimed(
     raise refused
 
 
-def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Path]:
+def _default_files(given: str | Path | Data, name: str) -> list[Path]:
     """Return the default files for the rows of a study, of which the first that is free or its own is used.
 
     Studies of the same name in several folders have a file each: the name of the second also depends on its place.
@@ -62,7 +63,7 @@ def _default_files(given: str | Path | Mapping[str, Any], name: str) -> list[Pat
     return [second] if second.exists() else [first, second]
 
 
-def _identity(given: str | Path | Mapping[str, Any], spec: StudySpec, out: Path) -> dict[str, Any]:
+def _identity(given: str | Path | Data, spec: StudySpec, out: Path) -> dict[str, Any]:
     """Return the identity of a study: path of its file, absolute and relative to `out`, title and cases.
 
     A study remains the same if its plan changes, and if it moves together with its rows.
@@ -78,14 +79,14 @@ def _identity(given: str | Path | Mapping[str, Any], spec: StudySpec, out: Path)
     return {"file": str(file), "beside": relative, **description}
 
 
-def _is_same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
+def _is_same(first: Data, second: Data) -> bool:
     """Return whether two identities are of the same study."""
     if first.get("file") is None or second.get("file") is None:
         return all(first.get(name) == second.get(name) for name in ("file", "title", "cases"))
     return any(first.get(name) is not None and first.get(name) == second.get(name) for name in ("file", "beside"))
 
 
-def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> InputError | None:
+def _other_study(file: Path, identity: Data, keys: set[str]) -> InputError | None:
     """Return the error of a file that holds another study, or None if it does not."""
     store = Store(file, new=True)
     held = store.facts().get("study")
@@ -95,6 +96,6 @@ def _other_study(file: Path, identity: Mapping[str, Any], keys: set[str]) -> Inp
     return InputError([Problem(str(file), "", message, "Name another file with -o, or remove this one.")])
 
 
-def _described(identity: Mapping[str, Any]) -> str:
+def _described(identity: Data) -> str:
     title = f"'{identity.get('title')}'" if identity.get("title") else "one without a title"
     return f"{title} of {identity.get('file') or 'a mapping'}"

@@ -7,7 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.compiling import announced
 from percuss.errors import InputError
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import threading
 
     from percuss.case.case import Case
+    from percuss.jsonable import Data
     from percuss.studies.job_package import Bench, Job
     from percuss.studies.spec import StudySpec
     from percuss.studies.store import Store
@@ -66,9 +67,7 @@ def make(
             run_local(local, jobs, keep, stop)
 
 
-def summaries_of(
-    local: LocalWorkers | None, cases: Mapping[str, Case], steps: Sequence[Task]
-) -> list[Mapping[str, Any]]:
+def summaries_of(local: LocalWorkers | None, cases: Mapping[str, Case], steps: Sequence[Task]) -> list[Data]:
     """Make the rehearsals of a study, by a local worker or else in this process, and return their summaries.
 
     Raises
@@ -76,7 +75,7 @@ def summaries_of(
     KeyboardInterrupt
         If Ctrl-C ended them.
     """
-    summaries: list[Mapping[str, Any]] = []
+    summaries: list[Data] = []
     with interruptible() as stop:
         if local is not None:
             with announced():

@@ -15,6 +15,7 @@ from percuss.studies.tasks import tasks
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.yaml_text import KeyPath
+    from percuss.jsonable import Data
     from percuss.studies.spec import StudySpec
     from percuss.studies.tasks import Task
 
@@ -77,7 +78,7 @@ def _problem_in_study(spec: StudySpec, at: KeyPath, path: str, problem: Problem)
     return spec.source.problem(at, inside + problem.message, problem.advice)
 
 
-def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
+def _points_to_try(spec: StudySpec, first: Data) -> Iterator[tuple[Mapping[str, KeyPath], dict[str, Any]]]:
     """Yield a point for each value to try, with the place of each of its values that the study writes out.
 
     All other values are those of the first point.
@@ -99,7 +100,7 @@ def _points_to_try(spec: StudySpec, first: Mapping[str, Any]) -> Iterator[tuple[
                 yield {**places, path: ("sample", "of", path, key)}, {**first, path: value}
 
 
-def _wrong_everywhere(spec: StudySpec, point: Mapping[str, Any]) -> Sequence[Problem]:
+def _wrong_everywhere(spec: StudySpec, point: Data) -> Sequence[Problem]:
     """Return the problems of a point in its first run if it is wrong in all runs, else an empty sequence.
 
     An option is a mistake only if no pair of methods has it.
@@ -148,7 +149,7 @@ def rehearsals(cases: Mapping[str, Case], planned: Sequence[Task]) -> list[Task]
     return steps
 
 
-def rehearse(case: Case, task: Task) -> Mapping[str, Any] | None:
+def rehearse(case: Case, task: Task) -> Data | None:
     """Make one step and return its summary, or None if it fails: its run will say why.
 
     Raises
@@ -162,7 +163,7 @@ def rehearse(case: Case, task: Task) -> Mapping[str, Any] | None:
     return run.result.summary if run.result is not None and run.status == "done" else None
 
 
-def check_measures(spec: StudySpec, summaries: Sequence[Mapping[str, Any]]) -> None:
+def check_measures(spec: StudySpec, summaries: Sequence[Data]) -> None:
     """Check that each measured path is in some summary.
 
     Raises

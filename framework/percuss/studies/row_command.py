@@ -23,6 +23,7 @@ from percuss.studies.run_key import SILENT
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.jsonable import Data
     from percuss.studies.tasks import Task
 
 # Texts, and between them places of numbers: the varied path, and whether its value is a whole number.
@@ -42,7 +43,7 @@ def named_path(path: Path) -> str:
     return f"./{name}" if name.startswith("-") else name
 
 
-def command_of(template: Template, varied: Mapping[str, Any]) -> str:
+def command_of(template: Template, varied: Data) -> str:
     """Return the command of a row, quoted for a shell.
 
     Parameters
@@ -73,7 +74,7 @@ class RowCommands:
         The templates made so far.
     """
 
-    def __init__(self, given: Mapping[str, Any], plugins: Sequence[Path], *, nudge: bool) -> None:
+    def __init__(self, given: Data, plugins: Sequence[Path], *, nudge: bool) -> None:
         self.given = _texts({path: value for path, value in given.items() if path.partition(".")[0] != "expect"})
         self.plugins = plugins
         self.nudge = nudge
@@ -146,7 +147,7 @@ class RowCommands:
             self._expectations_fit[paths] = fit
         return self._expectations_fit[paths]
 
-    def _pieces(self, case: Case, words: Mapping[str, str], numbers: Mapping[str, Any], task: Task) -> Template:
+    def _pieces(self, case: Case, words: Mapping[str, str], numbers: Data, task: Task) -> Template:
         """Return the template of a command that sets `words` by path, with places for `numbers`."""
         files = [word for plugin in self.plugins for word in ("--plugin", named_path(plugin))]
         template: Template = [shlex.join(["percuss", "run", named_path(Path(case.origin.name)), *files])]
@@ -171,12 +172,12 @@ def _is_number(value: Any) -> bool:
     return math.isfinite(value) and not (value == 0 and math.copysign(1, value) < 0)
 
 
-def _kinds(changes: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _kinds(changes: Data) -> list[tuple[str, Any]]:
     """Return the changes of a task, with the type of each number in place of it."""
     return [(path, type(value) if _is_number(value) else value) for path, value in changes.items()]
 
 
-def _texts(values: Mapping[str, Any]) -> dict[str, str | None]:
+def _texts(values: Data) -> dict[str, str | None]:
     """Return overrides of a study as texts; those that are texts already are read as YAML, as by the command line."""
     return {path: value if isinstance(value, str) else _as_text(value) for path, value in values.items()}
 
@@ -193,35 +194,35 @@ def _as_text(value: Any) -> str | None:
     return None
 
 
-def _changed(source: Source, changes: Mapping[str, Any], case: Case) -> Mapping[str, Any] | None:
+def _changed(source: Source, changes: Data, case: Case) -> Data | None:
     """Return the data of a source with changes, or None if they cannot be made."""
     try:
         for path in (path for path in changes if path.partition(".")[0] == "plugins"):
             source = source.override(path, changes[path])
         others = {path: value for path, value in changes.items() if path.partition(".")[0] != "plugins"}
-        data: Mapping[str, Any] = overriding.apply(source, others, case.registry)[0].data
+        data: Data = overriding.apply(source, others, case.registry)[0].data
     except PercussError:
         return None
     return data
 
 
-def _run_data(data: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+def _run_data(data: Data | None) -> Data | None:
     """Return the entries of a case that change its run."""
     return None if data is None else {name: value for name, value in data.items() if name not in SILENT}
 
 
-def _identity(data: Mapping[str, Any] | None) -> dict[str, str] | None:
+def _identity(data: Data | None) -> dict[str, str] | None:
     """Return a text for each entry of a case that changes its run; the order of bodies and contacts counts."""
     run_data = _run_data(data)
     return None if run_data is None else {name: json.dumps(value) for name, value in run_data.items()}
 
 
-def _differences(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, str | None]:
+def _differences(before: Data, after: Data) -> dict[str, str | None]:
     """Return texts by path, two levels deep, that make the data `after` of the data `before`."""
     return {path: _as_text(value) for path, value in _changed_entries(_run_data(before) or {}, _run_data(after) or {})}
 
 
-def _changed_entries(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _changed_entries(before: Data, after: Data) -> Iterator[tuple[str, Any]]:
     for name, value in after.items():
         old = before.get(name)
         if name in before and _is_same(old, value):

@@ -17,6 +17,7 @@ from percuss.version import __version__
 if TYPE_CHECKING:
     from percuss.case.case import Case
     from percuss.case.source import Source
+    from percuss.jsonable import Data
     from percuss.studies.columns import RowSettings
     from percuss.studies.tasks import Task
 
@@ -78,9 +79,7 @@ class Keys:
         inputs_of_run = [self.common, sorted(inputs.components.items()), files, relevant, task.tied]
         return content_digest(json.dumps(inputs_of_run, sort_keys=True, default=str).encode())[:32]
 
-    def _inputs_of(
-        self, label: str, case: Case, task: Task, changed: Source | None, data: Mapping[str, Any]
-    ) -> _Inputs:
+    def _inputs_of(self, label: str, case: Case, task: Task, changed: Source | None, data: Data) -> _Inputs:
         """Return the components and files of a task; they do not depend on the values of numbers."""
         words = {path: value for path, value in task.changes.items() if not isinstance(value, int | float)}
         kind = json.dumps([label, words, task.tied], sort_keys=True, default=str)
@@ -114,7 +113,7 @@ class Keys:
                 yield f"{family}/{name}", self._digests.of(source)
 
 
-def files_named(data: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
+def files_named(data: Data, folder: Path) -> dict[str, bytes]:
     """Return the contents of the files that entries of a case name, by the path written there.
 
     Parameters

@@ -17,6 +17,7 @@ from percuss.case.source import Source
 from percuss.case.type_words import found
 from percuss.case.yaml_text import KeyPath, flow
 from percuss.errors import InputError, Problem, suggestion
+from percuss.jsonable import Data
 from percuss.methods.blame import SINGULAR
 from percuss.methods.registry import Registry
 from percuss.studies import parameters
@@ -68,7 +69,7 @@ class StudySpec:
     where: tuple[Condition, ...]
     tied: bool
     stalled_after: float
-    data: Mapping[str, Any]
+    data: Data
     source: Source
 
     @property
@@ -81,7 +82,7 @@ class StudySpec:
         return [*own, *of_cases]
 
 
-def read_study(given: str | Path | Mapping[str, Any], plugins: list[Path] | None = None) -> StudySpec:
+def read_study(given: str | Path | Data, plugins: list[Path] | None = None) -> StudySpec:
     """Return a checked study.
 
     Parameters
@@ -158,7 +159,7 @@ class _StudyReader:
 
     # -------------------------------------------------------------------------------------------- parts
 
-    def entries(self, *path: str) -> Mapping[str, Any]:
+    def entries(self, *path: str) -> Data:
         """Return the entries of a mapping, none where it is absent or no mapping, which is reported already."""
         value = self.source.get(path)
         return value if isinstance(value, Mapping) else {}
@@ -272,9 +273,7 @@ class _StudyReader:
                 self.reader.wrong(("where", i, "path"), message, suggestion(condition.path, paths))
         return tuple(condition for condition in conditions if condition is not None)
 
-    def refuse_repeated_paths(
-        self, varied: Mapping[str, Any], paired: Sequence[Mapping[str, Any]], sample: SampleSection | None
-    ) -> None:
+    def refuse_repeated_paths(self, varied: Data, paired: Sequence[Data], sample: SampleSection | None) -> None:
         """Report a path that is varied in two ways, as the second would silently replace the first."""
         together = list(dict.fromkeys(path for point in paired for path in point))
         drawn = list(sample.of) if sample else []

@@ -13,7 +13,7 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from percuss.case.arguments import expect_files, expect_mapping_or_path
 from percuss.errors import InputError, Problem
@@ -28,6 +28,7 @@ from percuss.studies.study_files import files_of
 from percuss.studies.study_table import Study
 
 if TYPE_CHECKING:
+    from percuss.jsonable import Data
     from percuss.studies.job_package import Bench, Job
     from percuss.studies.spec import StudySpec
 
@@ -35,7 +36,7 @@ AGAIN = ("failed", "unstable", "refused", "done")  # statuses whose runs are mad
 
 
 def study(
-    path: str | Path | Mapping[str, Any],
+    path: str | Path | Data,
     out: str | os.PathLike[str] | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -156,7 +157,7 @@ def planned(spec: StudySpec) -> tuple[list[Job], Bench]:
     return jobs, packed(spec.cases, spec.rows, keys)
 
 
-def _command(given: str | Path | Mapping[str, Any], plugins: Sequence[str | Path]) -> str | None:
+def _command(given: str | Path | Data, plugins: Sequence[str | Path]) -> str | None:
     """Return the command that makes a study again, or None if the study has no file."""
     if isinstance(given, Mapping):
         return None
@@ -171,8 +172,8 @@ def _begin(
     jobs: Sequence[Job],
     bench: Bench,
     commands: RowCommands,
-    provenance: Mapping[str, Any],
-    facts: Mapping[str, Any],
+    provenance: Data,
+    facts: Data,
 ) -> None:
     """Store the facts, the files, the provenance and the plan of the study."""
     plugins = {

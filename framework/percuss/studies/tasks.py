@@ -11,6 +11,7 @@ from percuss.case.options import options_of
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
+    from percuss.jsonable import Data
 
 TIED = "tied"  # name of a tied twin in place of that of a contact law
 
@@ -34,17 +35,17 @@ class Task:
     case: str
     integrator: str
     contact: str
-    varied: Mapping[str, Any]
-    changes: Mapping[str, Any]
+    varied: Data
+    changes: Data
     tied: bool = False
 
 
 def tasks(
     label: str,
     case: Case,
-    integrators: Mapping[str, Any],
-    contacts: Mapping[str, Any],
-    points: Sequence[Mapping[str, Any]],
+    integrators: Data,
+    contacts: Data,
+    points: Sequence[Data],
     *,
     tied: bool = False,
     strict: bool = False,
@@ -84,9 +85,7 @@ def tasks(
             yield Task(label, *names, point, {**changes, **point}, is_tied)
 
 
-def _applicable(
-    case: Case, points: Sequence[Mapping[str, Any]], integrator: Any, law: Any
-) -> Iterator[Mapping[str, Any]]:
+def _applicable(case: Case, points: Sequence[Data], integrator: Any, law: Any) -> Iterator[Data]:
     """Yield the points without options that the integrator or the law lacks; points that become equal are yielded once.
 
     The value of a missing option changes nothing: all its values share a single run, whose row shows none of them.
@@ -122,7 +121,7 @@ def _listed_name(listed: Any) -> str:
     return name if isinstance(name, str) else ""
 
 
-def _without_law(points: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _without_law(points: Sequence[Data]) -> list[Data]:
     """Return the points without the contact law and its options, which a tied twin lacks; equal points once."""
     law_paths = ("method.contact", "method.contact.")
     remaining = [
@@ -138,7 +137,7 @@ def _method_change(path: str, value: Any) -> dict[str, Any]:
     return {f"{path}.name": value} if isinstance(value, str) else {path: value}
 
 
-def _method_of_point(point: Mapping[str, Any], path: str) -> str:
+def _method_of_point(point: Data, path: str) -> str:
     """Return the name of the method that a point sets because methods are varied by their path, or an empty text."""
     value = point.get(path, point.get(f"{path}.name"))
     name = value.get("name") if isinstance(value, Mapping) else value

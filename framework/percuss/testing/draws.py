@@ -22,6 +22,8 @@ from percuss.testing.subject import PARTNERS, CheckFailed, NotApplicable, Subjec
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
+    from percuss.jsonable import Data
+
 
 PERTURBATION = 1e-12  # relative to the data of a case; its effect on a run estimates that of round-off
 TOO_SENSITIVE = 1e-4  # a run that a perturbation changes by more is decided by round-off and cannot be compared
@@ -263,7 +265,7 @@ def _numbers(
 # ------------------------------------------------------------------------------------ equivalent forms of a case
 
 
-def moved(case: Mapping[str, Any], direction: tuple[float, ...] = (1.0,), shift: float = 0.0) -> dict[str, Any]:
+def moved(case: Data, direction: tuple[float, ...] = (1.0,), shift: float = 0.0) -> dict[str, Any]:
     """Return a case on the x axis moved along it, and rotated to a direction with as many components as dimensions."""
     unit = np.array(direction) / np.linalg.norm(direction)
     out = copy.deepcopy(dict(case))
@@ -276,7 +278,7 @@ def moved(case: Mapping[str, Any], direction: tuple[float, ...] = (1.0,), shift:
     return out
 
 
-def listed_in_reverse(case: Mapping[str, Any]) -> dict[str, Any]:
+def listed_in_reverse(case: Data) -> dict[str, Any]:
     """Return a case with its bodies listed in reverse order and the two sides of each contact swapped."""
     out = copy.deepcopy(dict(case))
     out["bodies"] = dict(reversed(out["bodies"].items()))
@@ -307,7 +309,7 @@ def unit_factor(unit: str) -> float:
     return out
 
 
-def converted(case: Mapping[str, Any]) -> dict[str, Any]:
+def converted(case: Data) -> dict[str, Any]:
     """Return a case of bars converted to the other units of length, mass and time, without the options of methods."""
     out = copy.deepcopy(dict(case))
     for body in out["bodies"].values():
@@ -346,7 +348,7 @@ def converted_options(subject: Subject) -> dict[str, Any]:
 # --------------------------------------------------------------------------------------------------- comparing
 
 
-def round_off(subject: Subject, case: Mapping[str, Any], base: Any) -> float | None:
+def round_off(subject: Subject, case: Data, base: Any) -> float | None:
     """Return a bound of the effect of round-off on the histories of a run, relative to their peaks.
 
     It is None for a run that is decided by round-off and cannot be compared with another.
@@ -387,8 +389,8 @@ def largest_difference(result: Any, other: Any, factors: Mapping[str, float] | N
 
 def must_agree(
     subject: Subject,
-    case: Mapping[str, Any],
-    other: Mapping[str, Any],
+    case: Data,
+    other: Data,
     change: str,
     factors: Mapping[str, float] | None = None,
     *,

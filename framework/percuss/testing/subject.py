@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from percuss.errors import PluginError, RefusedPair, RunError
+from percuss.jsonable import Data
 from percuss.methods.first_run import ask_again
 from percuss.methods.interfaces import FAMILIES, Component, DataFile
 from percuss.methods.provenance import Provenance
@@ -63,9 +64,9 @@ class Subject:
     registry: Registry
     draws: int = DRAWS
     check: str = ""
-    loaded: list[Mapping[str, Any]] = field(default_factory=list, compare=False, repr=False)
+    loaded: list[Data] = field(default_factory=list, compare=False, repr=False)
     shrinks: bool = False
-    options: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    options: Data = field(default_factory=dict, repr=False)
     partner: str = ""
 
     @staticmethod
@@ -130,7 +131,7 @@ class Subject:
         """Names of the partners that judge the component; none if its family has no partners."""
         return self.judges(PARTNERS[self.family]) if self.family in PARTNERS else []
 
-    def make(self, options: Mapping[str, Any]) -> Any:
+    def make(self, options: Data) -> Any:
         """Return an instance of the component whose options were checked in the same way as the options of a case."""
         from pydantic import ValidationError
 
@@ -148,9 +149,7 @@ class Subject:
         for options in self.examples:
             yield options, self.make(options)
 
-    def placed(
-        self, case: Mapping[str, Any], options: Mapping[str, Any] | None = None, partner: Any = None
-    ) -> dict[str, Any]:
+    def placed(self, case: Data, options: Data | None = None, partner: Any = None) -> dict[str, Any]:
         """Return a case that uses the component, and its partner as the other method of its pair.
 
         Options and partner are those given, else those of the subject.
@@ -181,11 +180,11 @@ class Subject:
         cls: Any = self.registry.components["integrators", integrator]
         return cls(**cls.examples[0]).bind(1.0)
 
-    def scheme_of(self, case: Mapping[str, Any]) -> Any:
+    def scheme_of(self, case: Data) -> Any:
         """Return the scheme of the integrator of a case, with a step of 1."""
         return self.load(case).method.integrator.bind(1.0)
 
-    def load(self, case: Mapping[str, Any]) -> Any:
+    def load(self, case: Data) -> Any:
         """Return a case read from a mapping, with the component under test among the registered components."""
         from percuss.case.case import load
 
@@ -224,7 +223,7 @@ class Subject:
                 lines.append(flow({key: value})[1:-2] + "\n")
         return "".join(lines)
 
-    def run(self, case: Mapping[str, Any], *, compiled: bool = True, with_critical_step: bool = False) -> Any:
+    def run(self, case: Data, *, compiled: bool = True, with_critical_step: bool = False) -> Any:
         """Run a case given as a mapping.
 
         Without `with_critical_step` the certificate of a law with a kernel says whether the step is stable, and not up
