@@ -231,13 +231,13 @@ def test_coupled_points_are_solved_with_what_is_seen_and_what_is_pushed(a, b, c)
 def test_the_operator_of_the_loop_is_that_of_dense_matrices():
     law = {"name": "any-end-force", "a": 0.6, "b": -1.7, "c": 0.2, "gamma": 3.0}
     model = Model(percuss.load(with_law(STAR, law)))
-    boundary, dense = March(model, compiled=False).boundary, Dense(STAR)
+    points, dense = March(model, compiled=False).arrays.step.points, Dense(STAR)
     G, P = dense.functionals(3.0 * dense.kappa, 0.6, -1.7)
     expected = G.T @ (dense.inverse[:, None] * P)
     assert np.abs(expected - expected.T).max() > 0.05 * np.abs(expected).max()
-    found = np.diag(boundary.points.delassus)
-    for p, point in enumerate(boundary.points):
-        for other in boundary.others[point.other_start : point.other_stop]:
+    found = np.diag(points.law.delassus)
+    for p, point in enumerate(points.law):
+        for other in points.others[point.other_start : point.other_stop]:
             found[p, other.point] = other.value
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
     kappa = model.points(range(5), model.dt).trace_stiffness
@@ -293,7 +293,7 @@ def test_a_pressed_bar_stays_at_rest_with_the_exact_pressure_and_no_overlap(case
     largest = 0.0
     for n in range(50):
         assert march.advance(march.stepper.amplitudes(n, 1), n, 1) == 1
-        largest = max(largest, abs(march.boundary.points[0].multiplier - pressure))
+        largest = max(largest, abs(march.arrays.step.points.state[0].multiplier - pressure))
     assert largest <= 1e-11 * pressure
     assert np.abs(march.u - rest).max() <= 1e-12 * np.abs(rest).max()
 
@@ -482,10 +482,12 @@ def test_a_force_that_takes_back_more_than_it_sees_has_no_guarantee():
 def test_a_march_made_again_begins_with_the_same_records():
     march = March(Model(percuss.load(with_law(PAIR, nitsche(1.0)))), compiled=False)
     march.keep_beginning()
-    before = march.boundary.end_forces.tobytes()
+    (part,) = march.arrays.parts
+    before = part.data.of_points.tobytes()
     march.run()
-    assert march.boundary.end_forces.tobytes() != before
-    assert march.again().boundary.end_forces.tobytes() == before
+    assert part.data.of_points.tobytes() != before
+    march.again()
+    assert part.data.of_points.tobytes() == before
 
 
 def test_the_symmetric_variant_takes_gamma_above_kappa():

@@ -449,15 +449,15 @@ def test_the_works_are_what_the_kinetic_energy_takes_up(files):
     model = Model(percuss.load(case, plugins=files))
     march_ = March(model)
     march_.compile()
-    march_.stepper.start(march_.kernels)
-    K, mass, total = dense.assemble(case).K, model.mass, march_.boundary.totals[0]
+    march_.stepper.start()
+    K, mass, total = dense.assemble(case).K, model.mass, march_.arrays.step.totals[0]
     total.floor = np.inf
     kinetic = lambda v: 0.5 * float(mass @ v**2)  # noqa: E731
     moved = 0
     for first, last in model.segments():
         if first > 0:
             march_.switch((first + 0.5) * model.dt)
-            total = march_.boundary.totals[0]
+            total = march_.arrays.step.totals[0]
         for n in range(first, min(last, model.steps)):
             u, v = march_.u.copy(), march_.v.copy()
             works = total.external_work + total.contact_work

@@ -108,7 +108,7 @@ def counted(integrator, **changes):
     case["contacts"]["wall"] = {"body": "short.left", "wall": -1.0}
     case |= {"time": {"steps": 20, "courant": 0.5}, "method": {"integrator": integrator, "contact": "counting"}}
     march = March(Model(percuss.load(case | changes, registry=COUNTING)), compiled=False)
-    return march, march.run(None, marginal=False).record.contact_state.reshape(-1, 2, 2)
+    return march, march.run(None, marginal=False).histories["contact_state"].reshape(-1, 2, 2)
 
 
 @pytest.mark.parametrize("integrator", ["central-difference", "noh-bathe"])
@@ -131,19 +131,19 @@ def test_a_march_that_begins_again_begins_with_state_variables_of_zero():
     march = March(model)
     march.keep_beginning()
     first = march.run(None, marginal=False)
-    states, forces = first.record.contact_state.copy(), first.record.multiplier.copy()
+    states, forces = first.histories["contact_state"].copy(), first.record.contact_force.copy()
     assert states.max() > 0.0
     again = march.again().run(None, marginal=False)
-    assert np.array_equal(again.record.contact_state, states)
-    assert np.array_equal(again.record.multiplier, forces)
+    assert np.array_equal(again.histories["contact_state"], states)
+    assert np.array_equal(again.record.contact_force, forces)
 
 
 def test_an_examined_step_leaves_state_variables_alone():
     model = Model(percuss.load(hunek(5, contact="walton-braun", integrator="central-difference")))
     step = ClosedStep(Motions(model), model.dt, [0])
     assert step.linear()
-    assert not step.march.boundary.state_before.any()
-    assert step.march.boundary.state_after.any()
+    assert not step.march.arrays.variables.before.any()
+    assert step.march.arrays.variables.after.any()
 
 
 def test_a_saved_result_holds_the_state_variables(tmp_path):

@@ -99,7 +99,7 @@ BOTH = pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "plai
 def test_without_a_mistake_it_runs(file, compiled):
     _, outcome = made(file, 0, compiled=compiled)
     assert outcome.status == "done"
-    assert outcome.points.impulse.min() > 0
+    assert outcome.sums.impulse.min() > 0
 
 
 MISTAKES = {

@@ -20,7 +20,7 @@ import percuss
 import places
 from percuss.march import march
 from percuss.march.model import Model
-from percuss.step.bulk import BLOCK
+from percuss.step.bulk import PIECE
 from strategies import CORE, INTEGRATORS, INVISCID, LEAPFROG, REGISTRY, each_integrator, hunek, run
 
 STEEL = {"young": 100.0, "density": 0.01}
@@ -454,7 +454,7 @@ def test_a_contact_that_nobody_can_move_is_refused(held):
 
 
 @each_integrator([name for name in INTEGRATORS if name in INVISCID or name not in LEAPFROG])
-@pytest.mark.parametrize("elements", [1, 2, *(BLOCK * k + d for k in (1, 2) for d in (-1, 0, 1))])
+@pytest.mark.parametrize("elements", [1, 2, *(PIECE * k + d for k in (1, 2) for d in (-1, 0, 1))])
 def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
     """Meshes up to and beyond a block of nodes: a bar struck at one end, its energy kept to round-off."""
     case = one_bar({"steps": 300, "courant": 0.9}, {"push": {"constant": 1.0, "on": "a.left", "until": 1e-4}}, elements)
@@ -469,7 +469,7 @@ def test_one_free_bar_vibrates_and_keeps_its_energy(integrator, elements):
         assert result.summary["momentum"]["final"][0] == pytest.approx(1e-4 + excess, rel=1e-11)
 
 
-@pytest.mark.parametrize("elements", [BLOCK, 2 * BLOCK + 37])
+@pytest.mark.parametrize("elements", [PIECE, 2 * PIECE + 37])
 @pytest.mark.parametrize("dimension", [1, 2])
 def test_blocks_are_joined_without_a_seam(elements, dimension):
     """A wave that runs through a mesh of several blocks is d'Alembert's at a Courant number of 1."""

@@ -57,7 +57,7 @@ def test_another_law_gives_another_model_and_leaves_the_first_as_it_was():
     assert stiffer.parameters()["tip"]["beta_s"] == 0.75
     assert first.parameters()["tip"]["beta_s"] == 0.25
     case["method"]["contact"]["beta_s"] = 0.75
-    forces = [March(model).run().record.multiplier for model in (first, stiffer, Model(percuss.load(case)))]
+    forces = [March(model).run().record.contact_force for model in (first, stiffer, Model(percuss.load(case)))]
     assert np.array_equal(forces[1], forces[2])
     assert not np.array_equal(forces[0], forces[1])
 

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import percuss
+from percuss.compiler.record_arrays import empty_records
 from percuss.march import march
 from percuss.march.march import March
 from percuss.march.model import Model
-from percuss.step import uniform_bars
-from percuss.step.uniform_rows import UNIFORM_BAR, advance_row, advance_whole, energies
+from percuss.step import uniform_rows
+from percuss.step.records import TOTAL
+from percuss.step.uniform_rows import UNIFORM_BAR, UniformRows, add_energies, advance_row, advance_whole
 from strategies import CORE_PAIRS, LEAPFROG, PAIRS, each_pair, hunek, run, with_pair
 
 BOUNCE = {
@@ -33,7 +35,7 @@ BOUNCE = {
 
 def uniform_of(case):
     made = March(Model(percuss.load(case)))
-    return made.uniform
+    return made.arrays.uniform
 
 
 def no_bars(model, nodes):
@@ -61,10 +63,12 @@ def test_a_whole_bar_moves_by_its_stiffness_and_masses():
     expected_u = u + dt * expected_v
     expected_elastic = 0.5 * u @ matrix @ expected_u
     bar = bars([a_bar(5, dt * stiffness, 1 / 0.3 - 1, 1 / 0.7 - 1, stiffness=stiffness)])
-    advance_whole(bar, u, v, dt)
+    data = UniformRows(bar, empty_records(1, TOTAL), dt)
+    advance_whole(data, 0, u, v, v)
     assert v == pytest.approx(expected_v, rel=1e-13)
     assert u == pytest.approx(expected_u, rel=1e-13)
-    kinetic, elastic = energies(bar, u, v, dt)
+    add_energies(data, 0, u, v, v)
+    kinetic, elastic = data.totals[0].kinetic_energy, data.totals[0].elastic_energy
     assert kinetic == pytest.approx(0.5 * mass @ v**2, rel=1e-13)
     assert elastic == pytest.approx(expected_elastic, rel=1e-12)
 
@@ -79,7 +83,7 @@ def test_a_row_of_one_node_has_an_element_on_either_side():
 
 
 # Bars of schemes with viscosity, of laws that shift positions and of those that see end forces need the kernels.
-FAST = [pair for pair in PAIRS if pair[0] in LEAPFROG and uniform_of(with_pair(BOUNCE, pair)).size > 0]
+FAST = [pair for pair in PAIRS if pair[0] in LEAPFROG and uniform_of(with_pair(BOUNCE, pair))]
 
 
 def test_the_core_pairs_of_leap_frog_schemes_need_no_kernels_in_uniform_bars():
@@ -90,7 +94,7 @@ def test_the_core_pairs_of_leap_frog_schemes_need_no_kernels_in_uniform_bars():
 def test_a_run_is_the_same_with_the_kernels(pair, monkeypatch):
     case = with_pair(BOUNCE, pair)
     uniform = run(case)
-    monkeypatch.setattr(march, "uniform_bars", no_bars)
+    monkeypatch.setattr(uniform_rows, "uniform_bars", no_bars)
     general = run(case)
     assert largest_force(general) > 0.0
     for name in ("contact_force", "gap", "displacement", "velocity", "kinetic_energy", "elastic_energy"):
@@ -128,7 +132,7 @@ def test_an_unstable_run_stops_at_the_same_step_and_node(monkeypatch):
     with pytest.raises(percuss.RunError) as stopped:
         run(case)
     uniform = stopped.value.result.summary["stop"]
-    monkeypatch.setattr(march, "uniform_bars", no_bars)
+    monkeypatch.setattr(uniform_rows, "uniform_bars", no_bars)
     with pytest.raises(percuss.RunError) as stopped:
         run(case)
     general = stopped.value.result.summary["stop"]
@@ -148,10 +152,10 @@ def test_an_unstable_run_stops_at_the_same_step_and_node(monkeypatch):
     ids=["unlike elements", "load on bodies", "two dimensions", "multi-stage"],
 )
 def test_other_bodies_are_advanced_by_their_kernels(changes):
-    assert uniform_of(BOUNCE).size == 2
-    assert March(Model(percuss.load(BOUNCE, changes))).uniform.size == 0
+    assert uniform_of(BOUNCE)
+    assert not March(Model(percuss.load(BOUNCE, changes))).arrays.uniform
 
 
 def test_an_element_of_somebody_else_is_called(monkeypatch):
-    monkeypatch.setattr(uniform_bars, "is_third_party", lambda module: True)
-    assert uniform_of(hunek(10)).size == 0
+    monkeypatch.setattr(uniform_rows, "is_third_party", lambda module: True)
+    assert not uniform_of(hunek(10))

@@ -32,7 +32,7 @@ import numpy as np
 
 from percuss.certificate.following_loads import directions
 from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
-from percuss.contact.equation import NEVER, WITH_MASS
+from percuss.contact.points import FROM_LINE, NEVER
 from percuss.errors import PercussError
 from percuss.heartbeat import beat
 from percuss.march.march import March
@@ -182,23 +182,23 @@ class ClosedStep:
         points = motions.open_points.copy()
         self._unit = motions.shortest_element * unit
         self._start = self._hold_contacts(points)
-        self._remembered: Floats = np.zeros(self.march.record.contact_state.shape[1])  # state variables of contact laws
+        self._remembered: Floats = np.zeros(self.march.arrays.variables.laws)  # state variables of contact laws
         self._held = [(name, points[name]) for name in ("initial_gap", "always", "never_pulls")]
         if opening:
             self._remember_a_larger_overlap(points)
         self._write_points()
         self._after = self._step(self._start)
         self.acting = sorted(
-            p for p, responds in zip(self.march.order, self._responds_to_state(), strict=True) if responds
+            p for p, responds in zip(self.march.arrays.order, self._responds_to_state(), strict=True) if responds
         )
 
     def _remember_a_larger_overlap(self, points: Any) -> None:
         """Close the contacts of this combination further, keep what the laws remember of it, and let them open."""
         larger = points.copy()
         larger.initial_gap[larger.initial_gap < 0.0] -= self._unit * LARGER_OVERLAP
-        self.march.boundary.points[:] = larger
+        self.march.arrays.step.points.law[:] = larger
         self._step(self._start)
-        self._remembered = self.march.boundary.state_after[: self._remembered.size].copy()
+        self._remembered = self.march.arrays.variables.after[: self._remembered.size].copy()
         self._start = -OPENING / (0.5 * BASE_OVERLAP) * self._start
 
     def _responds_to_state(self) -> Any:
@@ -207,12 +207,12 @@ class ClosedStep:
         A law may not act at that time though its contact is closed, or act though it is open, as a tie does; or its
         force may be constant, as where a contact yields.
         """
-        points = self.march.boundary.points
-        before = points.multiplier.copy()
+        points = self.march.arrays.step.points
+        before = points.state.multiplier.copy()
         self(np.random.default_rng(1).uniform(-1.0, 1.0, self.parts * self.size))
-        size = np.maximum(np.abs(before), np.abs(points.multiplier))
-        responds = np.abs(points.multiplier - before) > FORCE_TOLERANCE * size
-        return np.where(self._held_by_loop, points.initial_gap == 0.0, responds)
+        size = np.maximum(np.abs(before), np.abs(points.state.multiplier))
+        responds = np.abs(points.state.multiplier - before) > FORCE_TOLERANCE * size
+        return np.where(self._held_by_loop, points.law.initial_gap == 0.0, responds)
 
     def _hold_contacts(self, points: Any) -> Floats:
         """Set the gaps deep in contact or far out of it; return the base state of all steps, (parts, nodes * dim)."""
@@ -222,12 +222,12 @@ class ClosedStep:
         lightest = min((self.model.mass[node] for node in nodes), default=float(self.model.mass.min()))
         unit = self._unit
         self._scale = unit * np.sqrt(lightest) / self.motions.root
-        order = self.march.order
+        order = self.march.arrays.order
         # The gaps of open contacts stay as wide as they are: their laws act, if at all, where they are about to close.
         points.initial_gap = BASE_OVERLAP * np.where(signs > 0, self.motions.shortest_element, -unit)[order]
         # Over several stages or steps the loop holds contacts closed whose law is linear and acts at that time.
         several = self.model.multistage or bool(self.model.own_steps)
-        linear = self._held_by_loop = (points.source == WITH_MASS) & (points.always != NEVER) & several
+        linear = self._held_by_loop = (points.source == FROM_LINE) & (points.always != NEVER) & several
         if several:
             closed = signs[order] < 0
             points.initial_gap[linear & (closed | ((points.always == 1) & (points.never_pulls == 0)))] = 0.0
@@ -246,15 +246,15 @@ class ClosedStep:
 
     def _write_points(self) -> None:
         """Hold the contacts of this combination: another one may have used the march meanwhile."""
-        points = self.march.boundary.points
+        law = self.march.arrays.step.points.law
         for name, values in self._held:
-            points[name] = values
+            law[name] = values
 
     def _step(self, state: Floats) -> Floats:
         # State variables stay as they are: the step is one of the bodies alone.
-        self.march.boundary.state_before[: self._remembered.size] = self._remembered
-        after = self.march.stepper.step_without_loads(self.march.kernels, self.march.record, state)
-        self.march.boundary.state_before[:] = 0.0
+        self.march.arrays.variables.before[: self._remembered.size] = self._remembered
+        after = self.march.stepper.step_without_loads(self.march.arrays.record, state)
+        self.march.arrays.variables.before[:] = 0.0
         beat()
         return after
 
@@ -310,9 +310,9 @@ class Motions:
             inactive = self.model.inactive_points(0.5 * self.model.dt)
             march = March(self.model.without_loads(dt, self.pencil.constraints, inactive))
             march.compile()
-            march.record = march.record._replace(every=2**62, last=-1, field_every=0)
-            march.boundary.totals[0].floor = np.inf
-            self._march, self.open_points = march, march.boundary.points.copy()
+            march.arrays.record = march.arrays.record._replace(every=2**62, last=-1, field_every=0)
+            march.arrays.step.totals[0].floor = np.inf
+            self._march, self.open_points = march, march.arrays.step.points.law.copy()
         return self._march
 
     @cached_property

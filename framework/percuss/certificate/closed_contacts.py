@@ -11,8 +11,8 @@ import numpy as np
 
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.contact.bound_law import OF_END_FORCE
-from percuss.step.end_force_rows import end_forces, sees_end_force
 from percuss.step.integrator_check import kernel_of, unchecked_scheme, uses_internal
+from percuss.step.parts.end_forces import end_forces, sees_end_force
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

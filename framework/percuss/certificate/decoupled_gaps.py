@@ -24,8 +24,8 @@ import numpy as np
 from percuss.certificate.criteria import StepAssessment
 from percuss.certificate.following_loads import why_beyond_pencil
 from percuss.certificate.pencil import Pencil, largest_eigenvalue, largest_step_below
-from percuss.step.end_force_rows import end_forces, sees_end_force
 from percuss.step.integrator_check import unchecked_scheme
+from percuss.step.parts.end_forces import end_forces, sees_end_force
 
 if TYPE_CHECKING:
     from percuss.march.model import Model

@@ -16,7 +16,7 @@ import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from percuss.compiler.compile_function import compile_function
 from percuss.compiler.fingerprint import (
@@ -44,6 +44,13 @@ CALLS = "percuss.step.calls"
 # Modules of the loop itself: they contain no kernel of a plug-in, and no function in them allocates.
 ROOMS_OF_THE_LOOP = ("mesh", "contact", "step")
 OWN_MODULES = (*(f"percuss.{room}." for room in ROOMS_OF_THE_LOOP), slot_functions.__name__)
+
+
+class Filled(NamedTuple):
+    """What fills a slot where it has slots of its own: a template and, in pairs, what fills them there."""
+
+    kernel: Kernel
+    slots: tuple[tuple[Kernel, Any], ...]
 
 
 class Specialiser:
@@ -103,25 +110,6 @@ class Specialiser:
         specialiser.slots, specialiser.about = {**self.slots, **slots}, about
         specialiser._bound, specialiser._in_progress, specialiser._modules = {}, set(), set()
         return specialiser
-
-    def chain(self, function: Kernel, slot: Kernel, remaining: Kernel, kernels: Sequence[Any]) -> dict[Kernel, Kernel]:
-        """Return what fills the slot `remaining`: `function` with the first kernel, which calls that with the next.
-
-        Parameters
-        ----------
-        function
-            Template whose `slot` takes a kernel and whose slot `remaining` takes the template bound to the next one.
-        slot, remaining
-            These slots.
-        kernels
-            Each kernel with the layout of what it reads.
-        """
-        rest: dict[Kernel, Kernel] = {}
-        for kernel, about in reversed(kernels):
-            specialiser = self.with_slots({slot: kernel, **rest}, about)
-            specialiser.checked = True
-            rest = {remaining: specialiser.bind(function)}
-        return rest
 
     def tag_of(self, kernel: Kernel) -> str:
         """Return the tag of a function that `bind` has returned; empty if its machine code may not be stored."""
@@ -212,7 +200,9 @@ class Specialiser:
         except TypeError:  # a constant that is not hashable is no slot
             return None
         if slot is not None:
-            return self._bind(slot, reduction=getattr(value, "reduction", False))
+            filled = slot if isinstance(slot, Filled) else Filled(slot, ())
+            maker = self.with_slots(dict(filled.slots), self.about) if filled.slots else self
+            return maker._bind(filled.kernel, reduction=getattr(value, "reduction", False))
         if isinstance(value, types.ModuleType):
             return self._module(value, names)
         if plain_function(value) is None:

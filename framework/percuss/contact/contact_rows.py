@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.compiler.record_arrays import empty_records, record_array
-from percuss.contact.equation import (
+from percuss.contact.points import (
     BY_CURRENT,
     BY_END,
-    BY_END_FORCE,
-    BY_KERNEL,
     ENTRY,
+    FROM_KERNEL,
     LAW,
     NOTHING,
     OTHER,
-    POINT,
-    WITHOUT_MASS,
+    STATE,
+    SUMS,
+    Points,
 )
 from percuss.methods.blame import breach
 from percuss.methods.interfaces import ContactState, LeapFrog, LinearLaw
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from percuss.contact.bound_law import BoundLaw
     from percuss.methods.interfaces import Floats
-
-SUMMED = ("multiplier", "coming", "active", "impulse", "peak", "deepest", "overlap", "closed", "first", "last")
 
 
 @dataclass(frozen=True)
@@ -60,8 +58,8 @@ class Side:
         return self.normal if self.pushed is None else self.pushed
 
 
-def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats, massless: Any = None, dt: float = 0.0) -> Any:
-    """Return the (P,) `LAW` records of a bound law with an integrator.
+def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
+    """Return the (P,) `LAW` records of a bound law with an integrator, without the rows of their points.
 
     The records of a law with a kernel contain nothing but the mark for it.
 
@@ -73,32 +71,16 @@ def law_records(bound_law: BoundLaw, table: LeapFrog, delassus: Floats, massless
         The states at which the integrator evaluates explicit laws and laws at the end of the step.
     delassus : (P,) array
         Diagonal of S at the points of the law [1/mass].
-    massless : (P,) bool array or None
-        Points with a side without mass, which have the force of static balance at the end of the step, whatever the
-        integrator; None for none.
-    dt
-        Time step, which only these points need.
 
     Raises
     ------
     PluginError
         If sigma and w are both zero, so that no force follows.
     """
-    if massless is not None and massless.any():
-        with_mass = law_records(bound_law, table, delassus)
-        balance = ContactState("predicted", "predicted", "none", (dt * dt, dt, 0.0))
-        records = law_records(bound_law, LeapFrog(balance, balance), delassus)
-        records["source"] = WITHOUT_MASS
-        records["stores"] = np.where(records["stores"] == BY_END, BY_CURRENT, NOTHING)
-        # The gap that decides is that of the balance, which other contacts of the end change: a spring that acts while
-        # its gap is negative is one that never pulls.
-        springs = (records["always"] == 0) & (records["weight_rate"] == 0.0)
-        records["always"][springs] = records["never_pulls"][springs] = 1
-        return np.where(massless, records, with_mass)
     records = np.zeros(delassus.size, dtype=LAW)
     linear = bound_law.linear
     if linear is None:
-        records["source"], records["end_stiffness"] = BY_KERNEL, np.nan
+        records["source"], records["end_stiffness"] = FROM_KERNEL, np.nan
         return records
     state: ContactState = getattr(table, linear.at)
     sigma = np.asarray(linear.sigma)
@@ -176,14 +158,16 @@ def delassus_rows(sides: Sequence[Sequence[Side]]) -> tuple[Floats, list[dict[in
 
 
 def point_records(
-    laws: Any, gaps: Sequence[float], sides: Sequence[Sequence[Side]], place: dict[int, int]
-) -> tuple[Any, Any, Any]:
-    """Return the record arrays (points, entries, others) of the loop.
+    laws: Any, order: Sequence[int], gaps: Sequence[float], sides: Sequence[Sequence[Side]], place: dict[int, int]
+) -> Points:
+    """Return the records of all contact points of a loop.
 
     Parameters
     ----------
     laws : (P,) LAW
         Records of the laws.
+    order
+        Number of each point in the case.
     gaps
         Initial gap of each point.
     sides
@@ -192,17 +176,13 @@ def point_records(
         Map from each boundary node to the index of its first boundary degree of freedom.
     """
     diagonal, rows = delassus_rows(sides)
-    points = empty_records(len(sides), POINT)
-    for name in LAW.names or ():
-        points[name] = laws[name]
-    points["initial_gap"], points["delassus"] = gaps, diagonal
+    law, sums = empty_records(len(sides), LAW), empty_records(len(sides), SUMS)
+    law[:] = laws
+    law["number"], law["initial_gap"], law["delassus"] = order, gaps, diagonal
     compliance = laws["sigma"] + laws["surplus"] * diagonal
     is_spring = (laws["stores"] == BY_END) & (compliance > 0)
-    points["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
-    opened = [any(side.seen is not None for side in row) for row in sides]
-    points["stores"][opened] = BY_END_FORCE
-    points["end_stiffness"][opened] = np.nan
-    points["first"] = points["last"] = -1
+    law["kappa"] = np.divide(laws["weight_gap"], compliance, out=np.zeros_like(diagonal), where=is_spring)
+    sums["first"] = sums["last"] = -1
     entries = [
         (place[side.node] + d, normal, response if side.beside is None else 0.0)
         for row in sides
@@ -210,18 +190,15 @@ def point_records(
         for d, (normal, response) in enumerate(zip(side.normal, side.response, strict=True))
     ]
     stops = np.cumsum([sum(side.normal.size for side in row) for row in sides], dtype=np.int64)
-    points["start"][1:], points["stop"] = stops[:-1], stops
+    law["start"][1:], law["stop"] = stops[:-1], stops
     others = [(q, value) for row in rows for q, value in row.items()]
     stops = np.cumsum([len(row) for row in rows], dtype=np.int64)
-    points["other_start"][1:], points["other_stop"] = stops[:-1], stops
-    return (
-        points,
-        record_array(entries, ENTRY),
-        record_array(others, OTHER),
-    )
+    law["other_start"][1:], law["other_stop"] = stops[:-1], stops
+    state = empty_records(len(sides), STATE)
+    return Points(law, state, sums, record_array(entries, ENTRY), record_array(others, OTHER))
 
 
-def carry_over(before: Any, after: Any) -> None:
+def carry_over(before: Points, after: Points) -> None:
     """Continue the sums of the points after a change of the active drives or laws.
 
     A node with prescribed velocity does not move under contact forces, so that the effective stiffness of a contact,
@@ -230,9 +207,8 @@ def carry_over(before: Any, after: Any) -> None:
 
     Parameters
     ----------
-    before, after : (P,) POINT
+    before, after
         The points before the change, and the new records after it, whose sums are set.
     """
-    for name in SUMMED:
-        after[name] = before[name]
-    after.stored = before.stored
+    after.sums[:] = before.sums
+    after.state["multiplier"] = before.state["multiplier"]

@@ -103,6 +103,15 @@ class ModelArrays:
         return self.stages is not None
 
     @property
+    def keeps_constraints(self) -> bool:
+        """Whether a support or drive that is not active stays in the list of constraints of the loop.
+
+        An acceleration kept from the step before may contain the reaction of one that is no longer active: its impulse
+        still has to be counted.
+        """
+        return self.multistage or self.implicit is not None
+
+    @property
     def viscosity(self) -> float:
         """Time of the viscosity of a leap-frog scheme over the step, `percuss.LeapFrog.viscosity`."""
         return 0.0 if self.multistage else self.tables[0].viscosity
@@ -139,6 +148,15 @@ class ModelArrays:
     def why_not_linear(self) -> str:
         """The reason why internal forces are not proportional to displacements; empty where all bodies are linear."""
         return "; ".join(filter(None, (body.why_not_linear for body in self.bodies.values())))
+
+    @property
+    def sums_internal_work(self) -> bool:
+        """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
+
+        In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
+        step. Of a multi-stage scheme the work has no such form.
+        """
+        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
 
     @property
     def acted_nodes(self) -> list[int]:
@@ -221,6 +239,10 @@ class ModelArrays:
     def mobility(self, node: int) -> float:
         """Return the acceleration of a node by a unit force on it, 1/m where the mass is diagonal [1/mass]."""
         return self.body_of(node).response(node)[node]
+
+    def mass_held(self, node: int) -> float:
+        """Return the mass that a reaction accelerates along with a node: its own where the mass is diagonal."""
+        return 1.0 / self.mobility(node) if self.couples_nodes else float(self.mass[node])
 
     @cached_property
     def points_without_mass(self) -> Any:

@@ -17,21 +17,26 @@ import numpy as np
 from percuss.errors import PercussError, PluginError
 from percuss.methods.blame import described, line_in_plugin
 from percuss.methods.kernel_trial import describe_state, fault_of_nan, kernel_of
-from percuss.step.build import Kernels, LoopParts, bind
+from percuss.step.actions import LAWS
+from percuss.step.build import Kernels
+from percuss.step.law_kernels import multipliers
 
 if TYPE_CHECKING:
-    from percuss.contact.bound_law import BoundLaw
+    from percuss.march.arrays import Arrays
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats, Trial
+    from percuss.step.actions import Action
 
 
 class Marching(Protocol):
     """The attributes of a run (`percuss.march.march.March`) that are needed to repeat one of its steps."""
 
     model: Model
-    kernel_laws: Sequence[BoundLaw]
-    parts: LoopParts
+    arrays: Arrays
     kernels: Kernels
+
+    def use(self, how: Kernels, actions: Sequence[Action]) -> None:
+        """Let the steps of this stretch perform some actions."""
 
     def changing_arrays(self) -> list[Any]:
         """Return the arrays that a step changes."""
@@ -89,23 +94,24 @@ def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseExcepti
     step
         Number of the step.
     """
-    laws = [
-        dataclasses.replace(
-            bound_law,
-            kernel=probing_kernel(kernel_of(bound_law.law), bound_law.law.name, bound_law.points.names),
-        )
-        for bound_law in march.kernel_laws
+    arrays, compiled = march.arrays, march.kernels
+    kernels = iter([kernel_of(law.law) for law in arrays.kernel_laws])
+    names = iter([(law.law.name, law.points.names) for law in arrays.kernel_laws])
+    actions = [
+        dataclasses.replace(action, slots={multipliers: probing_kernel(next(kernels), *next(names))})
+        if action.place == LAWS
+        else action
+        for action in arrays.actions
     ]
     saved = [array.copy() for array in march.changing_arrays()]
-    compiled = march.kernels
-    march.kernels = bind(dataclasses.replace(march.parts, laws=laws), compiled=False)
+    march.use(Kernels(False), actions)
     try:
         with np.errstate(all="ignore"):
             march.advance(amplitudes, step, 1)
     except Exception as error:  # noqa: BLE001  a kernel may raise anything
         return error
     finally:
-        march.kernels = compiled
+        march.use(compiled, arrays.actions)
         for array, value in zip(march.changing_arrays(), saved, strict=True):
             array[:] = value
     return None
@@ -113,7 +119,7 @@ def repeat_in_python(march: Marching, amplitudes: Any, step: int) -> BaseExcepti
 
 def missing_multiplier(march: Marching, amplitudes: Any, step: int) -> NoMultiplier | None:
     """Return the error of a kernel that leaves a contact without a multiplier in the repeated step, or None."""
-    if not march.kernel_laws:
+    if not march.arrays.kernel_laws:
         return None
     error = repeat_in_python(march, amplitudes, step)
     return error if isinstance(error, NoMultiplier) else None
@@ -154,8 +160,8 @@ def _kernel_of_error(march: Marching, error: BaseException) -> str:
     """Return in words the kernel in which an error was raised, also in a function that it calls."""
     called = {frame.f_code for frame, _ in traceback.walk_tb(error.__traceback__)}
     kernels: list[tuple[Any, str]] = [
-        *((kernel_of(bound.law), f"contact law {bound.law.name}: multipliers") for bound in march.kernel_laws),
-        *((follower.kernel, f"load {follower.load.load.name}: follow") for follower in march.parts.followers),
+        *((kernel_of(bound.law), f"contact law {bound.law.name}: multipliers") for bound in march.arrays.kernel_laws),
+        *((follower.kernel, f"load {follower.load.load.name}: follow") for follower in march.model.followers),
     ]
     of_plug_in = (words for kernel, words in kernels if getattr(kernel, "py_func", kernel).__code__ in called)
     return next(of_plug_in, "a kernel")

@@ -18,13 +18,18 @@ import numpy as np
 
 from percuss.march.starting_state import initial_velocity
 from percuss.mesh.loads import amplitude
-from percuss.step import loop as leapfrog_loop
+from percuss.step.account import account
+from percuss.step.record import is_recorded, snapshot, write_record
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats, Implicit
     from percuss.step.build import Kernels
-    from percuss.step.loop import Loop, Record
+    from percuss.step.part import Part
+    from percuss.step.record import Record
+    from percuss.step.records import Step
 
 NOT_COMPILED = "{} is an implicit reference in NumPy and SciPy"
 
@@ -49,7 +54,6 @@ class ImplicitStepper:
     energy_at = 0.0
     force_at = 0.0
     levels = 3
-    keeps_constraints = True
 
     def __init__(self, model: Model, implicit: Implicit) -> None:
         self.model, self.implicit = model, implicit
@@ -75,7 +79,7 @@ class ImplicitStepper:
         self.reaction: Floats = np.zeros(self.held.size)
         self.multiplier: Floats = np.zeros(len(self.order))
         self._impulse = np.zeros(model.dim)
-        self.loop: Loop
+        self.step: Step
 
     # -- arrays that stay as they are ------------------------------------------------------------------------
 
@@ -142,12 +146,12 @@ class ImplicitStepper:
             self._impulse,
         ]  # fmt: skip
 
-    def set_loop(self, loop: Loop) -> None:
+    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
         """Use the arrays of the next stretch of the run."""
-        self.loop = loop
-        self.acting = np.flatnonzero(~np.isin(self.order, self.model.inactive_points(loop.midpoint)))
+        self.step = step
+        self.acting = np.flatnonzero(~np.isin(self.order, self.model.inactive_points(midpoint)))
 
-    def start(self, kernels: Kernels) -> None:  # noqa: ARG002
+    def start(self) -> None:
         """Set the acceleration by the loads at t = 0; nothing presses before the first step."""
         self.given[:] = self.load[:] = self._amplitudes(np.zeros(1))[0] @ self.patterns
         self.acceleration[:] = self.free * self.load / self.mass
@@ -165,29 +169,29 @@ class ImplicitStepper:
             out[:, column] = amplitude(spec, times, self.dt, average=True)
         return out
 
-    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:  # noqa: ARG002
+    def advance(self, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
-        boundary = self.loop.boundary
+        step, boundary, state = self.step, self.step.boundary, self.step.points.state
+        total = step.totals[0]
         for s in range(count):
             n = first + s
-            boundary.boundary_dofs["old_u"] = self.u[boundary.boundary_dofs["dof"]]
-            boundary.boundary_dofs["old_v"] = self.v[boundary.boundary_dofs["dof"]]
-            boundary.points["gap"] = self.initial_gap + self.normals.T @ self.u
-            boundary.points["rate"] = self.normals.T @ self.v
-            if record.field_every > 0 and n % record.field_every == 0:
-                leapfrog_loop.snapshot(record, boundary, self.u, self.v, self.dt, n)
-            if leapfrog_loop.is_recorded(record, n):
-                boundary.points["multiplier"] = self.multiplier
-                kinetic = 0.5 * float(self.v @ (self.mass * self.v))
-                elastic = 0.5 * float(self.u @ (self.stiffness @ self.u))
-                leapfrog_loop.write_record(kinetic, elastic, boundary, record, self.u, 0.0, n)
+            boundary["old_u"] = self.u[boundary["dof"]]
+            boundary["old_v"] = self.v[boundary["dof"]]
+            state["gap"] = self.initial_gap + self.normals.T @ self.u
+            state["rate"] = self.normals.T @ self.v
+            snapshot(record, step, n, self.u, self.v)
+            if is_recorded(record, n):
+                state["multiplier"] = self.multiplier
+                total.kinetic_energy = 0.5 * float(self.v @ (self.mass * self.v))
+                total.elastic_energy = 0.5 * float(self.u @ (self.stiffness @ self.u))
+                write_record(record, step, n, self.u, self.v, 0.0)
             if not self._step(amplitudes.force[s] @ self.patterns, n):
                 return s
         return count
 
     def _step(self, given: Floats, n: int) -> bool:
         """Make step n with the loads at its end; return whether it is sound."""
-        scheme, dt, boundary = self.implicit, self.dt, self.loop.boundary
+        scheme, dt, step = self.implicit, self.dt, self.step
         load = (1.0 + scheme.alpha) * given - scheme.alpha * self.given
         guess = self.u + dt * self.v + dt**2 * (0.5 - scheme.beta) * self.acceleration
         speed = self.v + dt * (1.0 - self.gamma) * self.acceleration
@@ -205,19 +209,19 @@ class ImplicitStepper:
         def mean(before: Floats, after: Floats) -> Floats:
             return (1.0 - self.gamma) * before + self.gamma * after
 
-        dofs, points = boundary.boundary_dofs, boundary.points
-        dofs["new_v"] = velocity[dofs["dof"]]
+        step.boundary["new_v"] = velocity[step.boundary["dof"]]
         middle = 0.5 * (self.v + velocity)
         mean_load, mean_reaction = mean(self.load, load), mean(self.reaction, reaction)
-        points["multiplier"] = mean(self.multiplier, multiplier)
-        boundary.internal_work[0] += dt * float(mean(self.internal, internal) @ middle)
-        boundary.constraints["reaction"] += mean_reaction
-        total = boundary.totals[0]
+        step.points.state["multiplier"] = mean(self.multiplier, multiplier)
+        step.loads.constraints["reaction"] += mean_reaction
+        total = step.totals[0]
+        total.internal_work += dt * float(mean(self.internal, internal) @ middle)
         single = (dt * mean_reaction) ** 2 / self.mass[self.held]
         total.step_energy = max(total.step_energy, float(single.max(initial=0.0)))
         self._impulse += dt * mean_load.reshape(-1, self.model.dim).sum(axis=0)
-        sound = leapfrog_loop.add_up_work(boundary, dt * float(mean_load @ middle), n, dt) and sound
-        points["peak"] = np.maximum(points["peak"], multiplier)
+        sound = account(step, dt * float(mean_load @ middle), n, self.u, self.v) and sound
+        sums = step.points.sums
+        sums["peak"] = np.maximum(sums["peak"], multiplier)
         self.u[:], self.v[:], self.acceleration[:] = guess + moved, velocity, moved / (scheme.beta * dt**2)
         self.given[:], self.load[:], self.internal[:] = given, load, internal
         self.reaction[:], self.multiplier[:] = reaction, multiplier
@@ -241,7 +245,7 @@ class ImplicitStepper:
             return multiplier, False
         return multiplier, bool(np.isfinite(multiplier).all())
 
-    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+    def step_without_loads(self, record: Record, state: Floats) -> Floats:
         """Raise an error, as an implicit step is not examined by its amplification."""
         raise NotImplementedError
 

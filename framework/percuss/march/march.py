@@ -13,40 +13,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.record_arrays import copied_records, empty_records, record_array
+from percuss.compiler.record_arrays import copied_records
 from percuss.compiler.specialise import compile_error
 from percuss.compiling import compile_seconds
-from percuss.contact.contact_rows import carry_over, point_records
-from percuss.contact.equation import NEVER, SWEEPS
 from percuss.errors import PercussError
 from percuss.heartbeat import beat
-from percuss.march import diagnosis, recording
+from percuss.march import diagnosis
+from percuss.march.arrays import Arrays
 from percuss.march.implicit import NOT_COMPILED, ImplicitStepper
 from percuss.march.leapfrog import LeapFrogStepper
 from percuss.march.multistage import MultistageStepper
 from percuss.march.starting_state import initial_velocity
 from percuss.march.stepper import Stepper
 from percuss.march.stop import Kind, Stop
-from percuss.mesh.block import Group
-from percuss.mesh.cells import cell_arrays, has_cells
-from percuss.mesh.coupled_masses import arrays_for_the_loop
-from percuss.methods.plugin_calls import answer
-from percuss.step import bulk
-from percuss.step import law_kernels as custom_laws
-from percuss.step import loop as leapfrog_loop
-from percuss.step.build import Kernels, LoopParts, bind, bind_plain, keep
-from percuss.step.end_force_rows import end_force_records
-from percuss.step.parts import followers as following_loads
-from percuss.step.parts.coupled_masses import NEIGHBOUR, coupled_kinetic
-from percuss.step.parts.ends_without_mass import end_records
-from percuss.step.parts.followers import FOLLOWER
-from percuss.step.state_variables import StateVariables
-from percuss.step.uniform_bars import uniform_bars
+from percuss.step.account import NOISE
+from percuss.step.build import Kernels, compile_actions, kernels, why_not_compiled
+from percuss.step.equation import SWEEPS
+from percuss.step.parts.coupled_masses import CoupledMasses, coupled_kinetic
+from percuss.step.parts.ends_without_mass import EndsWithoutMass
+from percuss.step.parts.own_steps import OwnSteps
+from percuss.step.record import Record
 
 if TYPE_CHECKING:
-    from percuss.contact.bound_law import BoundLaw
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
+    from percuss.step.actions import Action
 
 CHUNK_SECONDS = 0.5
 CHUNK_STEPS = 65536
@@ -60,12 +51,14 @@ Progress = Callable[[int, int], None]
 
 @dataclass
 class Outcome:
-    """The result of the time integration; contact points stand in the order of the loop."""
+    """The result of the time integration; contact points stand in the order of the case."""
 
     records: int  # number of complete rows of `record`
     time: Floats
-    record: leapfrog_loop.Record
-    points: Any  # percuss.contact.equation.POINT, summed over the steps before t_N
+    record: Record
+    histories: dict[str, Floats]  # what the parts of the step have recorded
+    law: Any  # percuss.contact.points.LAW
+    sums: Any  # percuss.contact.points.SUMS, over the steps before t_N
     starting_velocity: Floats  # at -dt/2
     kinetic_before: float  # kinetic energy at -dt/2
     totals: SimpleNamespace  # `March.totals`, before the trial step
@@ -88,23 +81,20 @@ class March:
     model
         The model to integrate in time.
     compiled
-        Whether to compile the loop where possible.
-    kernels
-        The bound loop of another run of this model; by default it is bound again.
+        Whether to compile the kernels where possible.
     """
 
-    def __init__(self, model: Model, *, compiled: bool = True, kernels: Kernels | None = None) -> None:
+    def __init__(self, model: Model, *, compiled: bool = True) -> None:
         started = time.perf_counter()
         self.model = model
         self.dim = model.dim
         self._beginning: list[bytes] = []
-        self.order, self.law_records = model.law_records()
-        self._arrays()
-        self._begin()
-        self.kernels = kernels or bind(self.parts, compiled=compiled and model.implicit is None)
+        self.kernels = kernels(compiled=compiled)
         if model.implicit is not None:
-            self.kernels = self.kernels._replace(reasons=(NOT_COMPILED.format(model.case.method.integrator.name),))
+            self.kernels = Kernels(False, (NOT_COMPILED.format(model.case.method.integrator.name),))
+        self.arrays = Arrays(model)
         self._is_compiled = False
+        self._begin()
         self.seconds = {"build": time.perf_counter() - started}
 
     def keep_beginning(self) -> None:
@@ -124,68 +114,9 @@ class March:
         march._restore_state(self._beginning)
         return march
 
-    def _arrays(self) -> None:
-        """Make the arrays that steps do not change, and those of the records."""
-        model, dim = self.model, self.dim
-        self.probes = recording.probe_nodes(model)
-        contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
-        acted_nodes = model.acted_nodes
-        self.moved_by = {node: model.body_of(node).response(node) for node in acted_nodes if model.couples_nodes}
-        beside = [
-            node
-            for end in (*contact_nodes, *acted_nodes)
-            if model.couples_nodes
-            for node in model.body_of(end).response(end)
-        ]
-        beside += [node for end_force in model.end_forces(0.5 * model.dt).values() for node in end_force.nodes]
-        self.boundary_nodes = list(dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *self.probes]))
-        self.place = {node: k * dim for k, node in enumerate(self.boundary_nodes)}
-        self.internal_work = np.zeros(1 if model.sums_internal_work else 0)
-        self.own_step = np.array(model.own_steps or [1] * len(model.bodies), dtype=np.int64)
-        mass = np.repeat(model.mass, dim)
-        work_space = (bulk.BLOCK + 2) * dim
-        ahead = np.zeros(work_space if model.viscosity else 0)
-        inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
-        coupling, factor = arrays_for_the_loop(model.bodies.values(), dim)
-        correction, before, change = (np.zeros(coupling.shape[1]) for _ in range(3))
-        viscous_time, work = model.viscosity * model.dt, np.zeros(work_space)
-        number = np.zeros(1, dtype=np.int64)
-        self.bulk = bulk.Bulk(
-            mass,
-            inverse,
-            work,
-            viscous_time,
-            ahead,
-            dim,
-            coupling,
-            factor,
-            correction,
-            before,
-            change,
-            number,
-            np.zeros(dim),
-            np.zeros(len(model.bodies) * dim if model.body_forces else 0),
-        )
-        self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
-        self.state_variables = StateVariables.of(model, self.kernel_laws)
-        shifted = len(self.boundary_nodes) * dim if model.shifts else 0
-        self.shifts, self.shifts_before = np.zeros(shifted), np.zeros(shifted)
-        self.nested_loads = following_loads.nest(model.followers)
-        self.groups, kinds = self._groups()
-        self.parts = LoopParts(
-            kinds,
-            self.groups,
-            self.kernel_laws,
-            model.followers,
-            None if model.stages is None else model.case.method.integrator,
-            dim,
-        )
-        recorded_states = self.state_variables.of_elements(model, recording.recorded_elements(model))
-        self.record, self.time = recording.empty_record(model, self.probes, self.place, recorded_states)
-
     def _begin(self) -> None:
-        """Make the arrays of the state before the first step."""
-        model, dim = self.model, self.dim
+        """Make the state before the first step."""
+        model = self.model
         self.reactions = np.zeros(len(model.constraints))
         self.stepper: Stepper
         if model.implicit is not None:
@@ -193,27 +124,23 @@ class March:
         else:
             self.stepper = LeapFrogStepper(model) if model.stages is None else MultistageStepper(model, model.stages)
         self.u, self.v = self.stepper.u, self.stepper.v
-        variables = self.state_variables
-        for array in (variables.before, variables.after, self.internal_work, self.shifts, self.shifts_before):
-            array[:] = 0.0
-        dofs: list[tuple[Any, ...]] = []
-        for node in self.boundary_nodes:
-            body = model.body_of(node).number
-            mass, own_step = model.mass[node], self.own_step[body]
-            dofs += [(node * dim + axis, mass, body * dim + axis, *([0.0] * 4), own_step, 0.0) for axis in range(dim)]
-        self.boundary = self._boundary_at(0.5 * model.dt, record_array(dofs, leapfrog_loop.BOUNDARY_DOF))
-        self.uniform = uniform_bars(model, self.boundary_nodes)
-        if self.boundary.ends_without_mass.size > 0:
-            self._balance_at_rest()
-        self._renew_stepper(0.5 * model.dt)
+        self.arrays.begin(self._momenta() if model.body_forces else np.zeros(0))
+        for part in self.arrays.parts:
+            if isinstance(part, EndsWithoutMass):
+                part.balance_at_rest(self.u, self.v)
+        self._link(0.5 * model.dt)
 
-    def _balance_at_rest(self) -> None:
-        """Put ends without mass into static balance with what a law presses or pulls before the first step."""
-        dofs, speed = self.boundary.boundary_dofs, self.v.copy()
-        leapfrog_loop.save_state(dofs, self.u, self.v)
-        dofs["new_v"] = 0.0
-        leapfrog_loop.balance_ends_without_mass(self.boundary, self.u, self.v, self.model.dt)
-        self.v[:] = speed
+    def _link(self, midpoint: float) -> None:
+        """Link the kernels to the arrays of the stretch around a time; compile them before, once in a run."""
+        self._midpoint = midpoint
+        if self._is_compiled or not self.kernels.compiled:
+            self.use(self.kernels, self.arrays.actions)
+
+    def use(self, how: Kernels, actions: Sequence[Action]) -> None:
+        """Let the steps of this stretch perform some actions."""
+        arrays, self.kernels = self.arrays, how
+        step = arrays.step._replace(actions=how.linked(actions))
+        self.stepper.set_step(step, arrays.parts, how, self._midpoint)
 
     def _momenta(self) -> Floats:
         mass = self.model.mass[:, None]
@@ -225,154 +152,16 @@ class March:
             ]
         )
 
-    def _groups(self) -> tuple[list[Group], list[tuple[Any, Any]]]:
-        """Group the bodies by element and material class and bind their elements; return groups and classes."""
-        from percuss.methods.interfaces import BodyMesh
-
-        kinds: dict[tuple[type, type, Any], list[Any]] = {}
-        for body in self.model.bodies.values():
-            element = body.spec.element
-            options = element if has_cells(element) else None  # bodies of cells share what follows from the options
-            kinds.setdefault((type(element), type(body.spec.material), options), []).append(body)
-        groups = []
-        for bodies in kinds.values():
-            element, meshes = bodies[0].spec.element, [BodyMesh(body.mesh, body.spec.area) for body in bodies]
-            if has_cells(element):
-                arrays: Any = cell_arrays(element, meshes)
-            else:
-                bound = [answer(body.spec.element, "bind", mesh) for body, mesh in zip(bodies, meshes, strict=True)]
-                arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
-            counts = [body.volumes.size for body in bodies]
-            groups.append(
-                Group(
-                    arrays,
-                    _read_only(np.array([answer(body.spec.material, "parameters") for body in bodies], dtype=float)),
-                    np.array([body.number for body in bodies], dtype=np.int64),
-                    np.array([body.start for body in bodies], dtype=np.int64),
-                    np.array([body.stop for body in bodies], dtype=np.int64),
-                    np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
-                    *self.state_variables.of_bodies(bodies),
-                    self.internal_work,
-                    self.own_step[[body.number for body in bodies]],
-                )
-            )
-        return groups, [(element, material) for element, material, _ in kinds]
-
-    def _boundary_at(self, midpoint: float, boundary_dofs: Any) -> leapfrog_loop.Boundary:
-        """Return the boundary for the constraints and laws that are active at a time; all its sums start at zero."""
-        model, dim = self.model, self.dim
-        active = [
-            (index, constraint)
-            for index, constraint in enumerate(model.constraints)
-            if self.stepper.keeps_constraints or constraint.active(midpoint)
-        ]
-        self.active_constraints = [index for index, _ in active]
-        sides = model.contact_rows(midpoint).sides
-        end_forces = self.model.end_forces(midpoint)
-        sides = [end_forces[point].sides if point in end_forces else sides[point] for point in self.order]
-        law_records = self.law_records
-        if inactive := model.inactive_points(midpoint):
-            law_records = law_records.copy()
-            law_records["always"][np.isin(self.order, inactive)] = NEVER
-        points, entries, others = point_records(
-            law_records, [model.contact_pairs[point].gap for point in self.order], sides, self.place
-        )
-        self.nested_laws = custom_laws.nest(self.kernel_laws, points, others, *self.state_variables.of_laws())
-        constraints = [
-            (self.place[constraint.node], i * dim, self._mass_held(constraint.node), constraint.column, 0.0)
-            for i, (_, constraint) in enumerate(active)
-        ]
-        shares = [
-            (i, point, float(constraint.direction @ side.pushes))
-            for i, (_, constraint) in enumerate(active)
-            for point, point_sides in enumerate(sides)
-            for side in point_sides
-            if side.node == constraint.node and constraint.active(midpoint)
-        ]
-        nodal_forces = [
-            (self.place[nodal_force.node], i * dim, model.mobility(nodal_force.node), nodal_force.column)
-            for i, nodal_force in enumerate(model.nodal_forces, start=len(active))
-        ]
-        followers = []
-        for i, follower in enumerate(model.followers, start=len(active) + len(model.nodal_forces)):
-            place, mobility = self.place[follower.node], model.mobility(follower.node)
-            times = follower.switched_on, follower.load.stop
-            followers.append((place, i * dim, mobility, follower.column, *times, *([0.0] * 6)))
-        axes = [
-            *(constraint.direction for _, constraint in active),
-            *(nodal_force.force for nodal_force in model.nodal_forces),
-            *(follower.direction for follower in model.followers),
-        ]
-        return leapfrog_loop.Boundary(
-            boundary_dofs,
-            points,
-            entries,
-            others,
-            end_records(sides, self.place),
-            *end_force_records(end_forces, self.order, law_records, self.place, model.mass),
-            self._neighbours(),
-            record_array(constraints, leapfrog_loop.CONSTRAINT),
-            record_array(shares, leapfrog_loop.SHARE),
-            record_array(nodal_forces, leapfrog_loop.NODAL_FORCE),
-            record_array(followers, FOLLOWER),
-            np.array(axes, dtype=float).ravel(),
-            empty_records(1, leapfrog_loop.TOTAL),
-            self._momenta() if model.body_forces else np.zeros(0),
-            self.state_variables.before,
-            self.state_variables.after,
-            self.state_variables.stored,
-            self.state_variables.dissipated,
-            self.state_variables.stored_by_laws,
-            self.internal_work,
-            self.shifts,
-            self.shifts_before,
-        )
-
-    def _mass_held(self, node: int) -> float:
-        """Return the mass that a reaction accelerates along with a node: its own where the mass is diagonal."""
-        return 1.0 / self.model.mobility(node) if self.model.couples_nodes else float(self.model.mass[node])
-
-    def _neighbours(self) -> Any:
-        """Return the records of the nodes beside the ends on which loads, supports and drives act."""
-        rows = [
-            (self.place[node] + d, self.place[end] + d, value / response[end])
-            for end, response in self.moved_by.items()
-            for node, value in response.items()
-            if node != end
-            for d in range(self.dim)
-        ]
-        return record_array(rows, NEIGHBOUR)
-
     def switch(self, midpoint: float) -> None:
         """Change to the drives and laws that are active at `midpoint`, and continue all sums over the steps."""
-        before = self.boundary
         self._add_reactions()
-        after = self._boundary_at(midpoint, before.boundary_dofs)
-        carry_over(before.points, after.points)
-        after.followers["impulse"] = before.followers["impulse"]
-        for name in ("stored", "active"):
-            after.end_forces[name] = before.end_forces[name]
-        self.boundary = after._replace(totals=before.totals)
-        self._renew_stepper(midpoint)
-
-    def _renew_stepper(self, midpoint: float) -> None:
-        self.stepper.set_loop(
-            leapfrog_loop.Loop(
-                self._nested_groups(),
-                self.bulk,
-                self.boundary,
-                self.nested_laws,
-                self.nested_loads,
-                self.uniform,
-                self.dim,
-                midpoint,
-            )
-        )
+        self.arrays.switch(midpoint)
+        self._link(midpoint)
 
     def _add_reactions(self) -> None:
         """Add the reactions summed by the loop to those of the constraints of the model, and reset the former."""
-        summed = self.boundary.constraints["reaction"]
-        self.reactions[self.active_constraints] += summed
+        summed = self.arrays.step.loads.constraints["reaction"]
+        self.reactions[self.arrays.active_constraints] += summed
         summed[:] = 0.0
 
     # -- time integration --------------------------------------------------------------------------------
@@ -406,7 +195,7 @@ class March:
         self.seconds["compile"] = settled - started
         outcome = self._empty_outcome()
         self._marginal = marginal
-        totals, energy_before = self.boundary.totals, self._kinetic(self.v)
+        totals, energy_before = self.arrays.step.totals, self._kinetic(self.v)
         totals["energy_before"], totals["began_with"] = energy_before, max(self.initial_energy, energy_before)
         totals["growth"] = CONTACT_WORK_GROWTH
         totals["floor"] = self.noise if self.model.case.time.on_unstable == "stop" else np.inf
@@ -417,31 +206,32 @@ class March:
             self._add_reactions()
             outcome.reactions, outcome.final_velocity = self.reactions.copy(), self.v.copy()
             outcome.final_displacement = self._displacement(outcome.done)
-            outcome.points = copied_records(self.boundary.points)
+            outcome.sums = copied_records(self.arrays.step.points.sums)[self._case_order]
             outcome.totals = self.totals
             if outcome.status != "unstable":
                 self._trial_step(outcome.done)
-        every = self.record.every
+        every = self.arrays.record.every
         if outcome.status == "done":
-            outcome.records = self.time.size
+            outcome.records = self.arrays.time.size
         else:  # a record needs the step after it: the last record is complete only if a trial step was made
             outcome.records = -(-outcome.done // every) if outcome.status == "unstable" else outcome.done // every + 1
         self.seconds["march"] = time.perf_counter() - settled - (compile_seconds() - compiled)
         return outcome
 
+    @cached_property
+    def _case_order(self) -> Any:
+        """The place in the loop of each contact point of the case."""
+        return np.argsort(np.array(self.arrays.order, dtype=np.int64))
+
     def _displacement(self, step: int) -> Floats:
         """Return the displacement before a step, of nodes that are ahead of it too, (nodes * dim,)."""
-        displacement = self.u.copy()
-        if self.model.own_steps:
-            ahead = np.repeat(-step % self.own_step, [body.mass.size for body in self.model.bodies.values()])
-            ahead[self.boundary_nodes] = 0  # they are advanced by one step at a time
-            displacement -= np.repeat(ahead, self.dim) * self.model.dt * self.v
-        return displacement
+        own = next((part for part in self.arrays.parts if isinstance(part, OwnSteps)), None)
+        return self.u.copy() if own is None else own.displacement(step, self.u, self.v)
 
     def _start_stepper(self) -> None:
         """Prepare the first step; report the error of a kernel with its law, file and line."""
         try:
-            self.stepper.start(self.kernels)
+            self.stepper.start()
         except (PercussError, MemoryError):
             raise
         except Exception as error:
@@ -458,9 +248,11 @@ class March:
     def _empty_outcome(self) -> Outcome:
         return Outcome(
             records=0,
-            time=self.time,
-            record=self.record,
-            points=self.boundary.points,
+            time=self.arrays.time,
+            record=self.arrays.record,
+            histories=self.arrays.histories(),
+            law=self.arrays.step.points.law[self._case_order],
+            sums=self.arrays.step.points.sums[self._case_order],
             starting_velocity=self.v.copy(),
             kinetic_before=0.0,
             totals=self.totals,
@@ -481,7 +273,7 @@ class March:
                 saved = self._saved_state()
                 if self._advance_or_report(amplitudes, saved, start, count) < count or not self._is_sound():
                     outcome.status = "unstable"
-                    outcome.done, outcome.stop = self._locate_failure(amplitudes, saved, start, count)
+                    outcome.done, outcome.stop = self._locate_failure(saved, start, count)
                     return
                 outcome.done += count
                 outcome.load_impulse = self.stepper.load_impulse(amplitudes)
@@ -517,7 +309,7 @@ class March:
         except Exception as raised:
             self._restore_state(saved)
             for s in range(count):
-                step_amplitudes = type(amplitudes)(*(part[s : s + 1] for part in amplitudes))
+                step_amplitudes = self.stepper.amplitudes(first + s, 1)
                 before = self._saved_state()
                 try:
                     self.advance(step_amplitudes, first + s, 1)
@@ -538,47 +330,34 @@ class March:
         count
             Number of steps.
         """
-        return self.stepper.advance(self.kernels, amplitudes, self.record, first, count)
-
-    def _nested_groups(self) -> Any:
-        """Return the groups of bodies nested as (group, (group, ...)), the form that the loop reads."""
-        nested: Any = self.groups[-1]
-        for group in reversed(self.groups[:-1]):
-            nested = (group, nested)
-        return nested
+        return self.stepper.advance(amplitudes, self.arrays.record, first, count)
 
     def compile(self) -> None:
-        """Compile the loop by a call of no steps; run it as plain Python where a kernel cannot be compiled."""
+        """Compile the kernels; run all of them as plain Python where one cannot be compiled."""
         if self._is_compiled:
             return
         self._is_compiled = True
-        error = self._compile_failure()
-        if error is None:
+        if not self.kernels.compiled:
             return
-        diagnosis.refuse_array_writing(error)
-        self.kernels = bind(self.parts, counting=True)
-        error = self._compile_failure()
-        if error is not None:
-            plain = bind_plain(error, self.parts, self.u.copy(), self.v.copy(), self.model.dt)
-            # Plain Python reads the same kernels, but not which of them numba replaces.
-            self.kernels = plain._replace(readings=self.kernels.readings)
-        keep(self.parts, self.kernels)
-
-    def _compile_failure(self) -> Exception | None:
-        """Compile the loop by a call of no steps; return the compiler's error, or None."""
-        if self.kernels.compiled:
+        reasons = compile_actions(self.arrays.actions, diagnosis.refuse_array_writing)
+        if not reasons:
             try:
+                self.use(self.kernels, self.arrays.actions)
                 self.advance(self.stepper.amplitudes(0, 0), 0, 0)
             except compile_error() as error:
-                return error
-        return None
+                if not self.model.multistage:
+                    raise
+                diagnosis.refuse_array_writing(error)
+                reasons = (why_not_compiled(f"integrator {self.model.case.method.integrator.name}", error),)
+        if reasons:
+            self.use(Kernels(False, reasons), self.arrays.actions)
 
     def _chunks(self, first: int, last: int) -> Iterator[tuple[int, int]]:
         seconds = 1.2e-9  # of a step, for each degree of freedom
         if not self.kernels.compiled:
             seconds = 2e-6
-        elif self.uniform.size > 0:
-            seconds = 0.4e-9 + 0.8e-9 / self.record.every  # a record sums up the energies
+        elif self.arrays.uniform:
+            seconds = 0.4e-9 + 0.8e-9 / self.arrays.record.every  # a record sums up the energies
         cost = seconds * (self.u.size + 150)
         width = len(self.model.case.loads) + len(self.model.bodies) * self.dim + 1
         size = int(max(1, min(CHUNK_STEPS, CHUNK_SECONDS / cost, 4_000_000 / width)))
@@ -594,10 +373,11 @@ class March:
         return self._kinetic(initial_velocity(self.model).ravel())
 
     def _kinetic(self, v: Floats) -> float:
-        if self.bulk.factor.size:
-            return coupled_kinetic(self.bulk, v, np.empty_like(v))
+        coupled = next((part.data for part in self.arrays.parts if isinstance(part, CoupledMasses)), None)
+        if coupled is not None:
+            return coupled_kinetic(coupled.factor, v, self.dim, np.empty_like(v))
         # Not `@`: from about ten thousand entries on, BLAS wakes threads, which costs more than the sum.
-        return 0.5 * float(np.einsum("i,i,i", self.bulk.mass, v, v))
+        return 0.5 * float(np.einsum("i,i,i", self.arrays.mass, v, v))
 
     @cached_property
     def noise(self) -> float:
@@ -607,9 +387,9 @@ class March:
 
     @property
     def totals(self) -> SimpleNamespace:
-        """The sums over all steps so far, `percuss.step.loop.TOTAL`, as numbers by name."""
-        names = self.boundary.totals.dtype.names
-        return SimpleNamespace(**dict(zip(names, self.boundary.totals.item(), strict=True)))
+        """The sums over all steps so far, `percuss.step.records.TOTAL`, as numbers by name."""
+        totals = self.arrays.step.totals
+        return SimpleNamespace(**dict(zip(totals.dtype.names, totals.item(), strict=True)))
 
     # -- checks ------------------------------------------------------------------------------------------
 
@@ -618,25 +398,13 @@ class March:
         total = self.totals
         energy_put_in = total.began_with + total.largest_work + max(total.contact_work, 0.0)
         kinetic = self._kinetic(self.v)
-        allowed = KINETIC_GROWTH * energy_put_in + total.floor + leapfrog_loop.NOISE * total.step_energy
+        allowed = KINETIC_GROWTH * energy_put_in + total.floor + NOISE * total.step_energy
         finite = kinetic + energy_put_in + total.step_energy < LARGEST_ENERGY
         return bool(finite and (self._marginal or kinetic <= allowed))
 
     def changing_arrays(self) -> list[Any]:
         """Return the arrays that a step changes, always in the same order."""
-        boundary = self.boundary
-        return [
-            *self.stepper.changing_arrays(),
-            boundary.points,
-            boundary.end_forces,
-            boundary.constraints,
-            boundary.followers,
-            boundary.totals,
-            boundary.before,
-            boundary.state_before,
-            boundary.internal_work,
-            boundary.shifts,
-        ]
+        return [*self.stepper.changing_arrays(), *self.arrays.changing_arrays()]
 
     def _saved_state(self) -> list[bytes]:
         """Return the contents of the arrays that a step changes, as bytes: NumPy copies records field by field."""
@@ -646,16 +414,16 @@ class March:
         for array, content in zip(self.changing_arrays(), saved, strict=True):
             np.frombuffer(array, np.uint8)[:] = np.frombuffer(content, np.uint8)
 
-    def _locate_failure(self, amplitudes: Any, saved: list[bytes], first: int, count: int) -> tuple[int, Stop]:
+    def _locate_failure(self, saved: list[bytes], first: int, count: int) -> tuple[int, Stop]:
         """Repeat the chunk step by step up to the first step that fails a check; return its number and the stop."""
         self._restore_state(saved)
         for s in range(count):
-            step_amplitudes = type(amplitudes)(*(part[s : s + 1] for part in amplitudes))
-            before = self._saved_state() if self.kernel_laws else []
+            step_amplitudes = self.stepper.amplitudes(first + s, 1)
+            before = self._saved_state() if self.arrays.kernel_laws else []
             solved = self.advance(step_amplitudes, first + s, 1) == 1
             if not solved or not self._is_sound():
                 break
-        if self.kernel_laws and not np.isfinite(self.boundary.points.multiplier).all():
+        if self.arrays.kernel_laws and not np.isfinite(self.arrays.step.points.state.multiplier).all():
             stop = self._stop_without_multiplier(step_amplitudes, before, first + s)
             if stop is not None:
                 return first + s, stop
@@ -665,17 +433,16 @@ class March:
         """Return the reason for which the run stopped after a step, and the node at which it shows most."""
         total = self.totals
         allowed = total.growth * (total.began_with + total.largest_work) + total.floor
-        contact_work_exceeded = not total.contact_work <= allowed + leapfrog_loop.NOISE * total.step_energy
-        points = self.boundary.points
+        contact_work_exceeded = not total.contact_work <= allowed + NOISE * total.step_energy
+        points, boundary = self.arrays.step.points, self.arrays.step.boundary
+        multiplier = points.state.multiplier
         active = (
-            np.flatnonzero(points.multiplier != 0.0)
-            if contact_work_exceeded or not solved
-            else np.zeros(0, dtype=np.int64)
+            np.flatnonzero(multiplier != 0.0) if contact_work_exceeded or not solved else np.zeros(0, dtype=np.int64)
         )
         node = int(np.argmax(np.abs(self.v))) // self.dim
         if active.size:
-            worst = int(active[np.argmax(np.abs(points.multiplier[active]))])
-            node = int(self.boundary.boundary_dofs[self.boundary.entries[points[worst].start].place].dof) // self.dim
+            worst = int(active[np.argmax(np.abs(multiplier[active]))])
+            node = int(boundary[points.entries[points.law[worst].start].place].dof) // self.dim
         finite = np.isfinite(self.u) & np.isfinite(self.v)
         kind: Kind
         if contact_work_exceeded:
@@ -703,9 +470,3 @@ class March:
             contact_pair for contact_pair in self.model.contact_pairs if contact_pair.name == failure.contact
         )
         return Stop(step, contact_pair.nodes[0], "kernel", failure.description, failure.cause)
-
-
-def _read_only(array: Any) -> Any:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array

@@ -15,8 +15,8 @@ import numpy as np
 from percuss.contact.bound_law import BoundLaw, bind_law, joined
 from percuss.contact.contact_pairs import contact_pair_of
 from percuss.contact.contact_rows import Side, law_records
-from percuss.contact.equation import LAW, NOTHING
 from percuss.contact.model_arrays import ModelArrays
+from percuss.contact.points import LAW, NOTHING
 from percuss.contact.stiffness_limits import stiffness_limits
 from percuss.errors import InputError, Problem, RefusedPair, refuse_if_any
 from percuss.march.implicit_check import refuse_in_implicit
@@ -31,10 +31,10 @@ from percuss.methods.blame import said_by
 from percuss.methods.interfaces import BodyMesh, ContactLaw, ContactPoints, Floats, LeapFrog
 from percuss.methods.plugin_calls import answer
 from percuss.methods.process_guard import process_as_before
-from percuss.step.end_force_rows import EndForce, end_forces, refuse_end_forces, trace_stiffness
 from percuss.step.integrator_check import refuse_laws, scheme
 from percuss.step.parts.coupled_masses import refuse_coupled_ends
-from percuss.step.parts.ends_without_mass import refuse_without_mass
+from percuss.step.parts.end_forces import EndForce, end_forces, refuse_end_forces, trace_stiffness
+from percuss.step.parts.ends_without_mass import lines_in_balance, refuse_without_mass
 
 if TYPE_CHECKING:
     from percuss.case.case import Case
@@ -239,15 +239,6 @@ class Model(ModelArrays):
         return self._whole or self
 
     @property
-    def sums_internal_work(self) -> bool:
-        """Whether the energy ledger counts the work of the internal forces in the place of the elastic energy.
-
-        In linear bodies both are the same under a leap-frog scheme without viscosity whose internal forces act in every
-        step. Of a multi-stage scheme the work has no such form.
-        """
-        return not self.multistage and bool(self.why_not_linear or self.viscosity or self.own_steps or self.implicit)
-
-    @property
     def courant(self) -> float:
         """Courant number of the element with the highest frequency omega, ``omega dt / 2``: c dt/h of a bar."""
         return 0.5 * self.dt * self.omega
@@ -435,17 +426,24 @@ class Model(ModelArrays):
         """Return the order of the contact points in the loop, and their law records in that order, (P,) `LAW`."""
         table, delassus = table or self.tables[-1], self.contact_rows(0.5 * self.dt).diagonal
         order = [point for bound_law in self.laws for point in bound_law.where]
-        massless = self.points_without_mass
-        parts = [
-            law_records(bound_law, table, delassus[list(bound_law.where)], massless[list(bound_law.where)], self.dt)
-            for bound_law in self.laws
-        ]
+        parts = [self.records_of(bound_law, table, delassus[list(bound_law.where)]) for bound_law in self.laws]
         records = np.concatenate(parts) if parts else np.zeros(0, dtype=LAW)
         if self.stages is not None or self.implicit:
             records["stores"] = NOTHING
         if self.implicit:
             records["end_stiffness"] = np.nan  # every law is solved for at the end of the step
         return order, records
+
+    def records_of(self, bound_law: BoundLaw, table: LeapFrog, delassus: Floats) -> Any:
+        """Return the records of a law at its points, where S has the diagonal `delassus`, (P,) `LAW`."""
+        records, massless = law_records(bound_law, table, delassus), self.points_without_mass[list(bound_law.where)]
+        return lines_in_balance(bound_law, records, delassus, massless, self.dt) if massless.any() else records
+
+    def sides(self, midpoint: float) -> list[list[Side]]:
+        """Return the sides of all contact points, with what their laws see and push, for the supports at a time."""
+        found = self.end_forces(midpoint)
+        sides = self.contact_rows(midpoint).sides
+        return [found[point].sides if point in found else sides[point] for point in range(len(sides))]
 
     def ignored_couplings(self) -> list[str]:
         """Return one sentence for contacts at each end, or coupled by the mass, if the kernel of a law ignores that."""

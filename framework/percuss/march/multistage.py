@@ -6,15 +6,16 @@ The arrays of its state are longer than those of the nodes; `percuss.step.stages
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.compiler.record_arrays import record_array
 from percuss.march.starting_state import initial_velocity
 from percuss.mesh.loads import amplitude
-from percuss.step.integrator_check import ends_of, table_of_stage, velocities_of
-from percuss.step.stages import BODY_FORCE, StageAmplitudes, System
+from percuss.step.build import Scheme
+from percuss.step.integrator_check import ends_of, kernel_of, table_of_stage, uses_internal
+from percuss.step.stages import BODY_FORCE, StageAmplitudes, State, System, advance, begin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,24 +23,9 @@ if TYPE_CHECKING:
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats, LeapFrog, Stages
     from percuss.step.build import Kernels
-    from percuss.step.loop import Loop, Record
-
-
-def _aside(groups: Any) -> Any:
-    """Return nested groups whose state variables, where they have any, are written to arrays that nobody reads."""
-    if hasattr(groups, "after"):
-        return groups._replace(after=np.zeros_like(groups.after)) if groups.after.size else groups
-    first, rest = groups
-    aside = _aside(first), _aside(rest)
-    return groups if aside[0] is first and aside[1] is rest else aside
-
-
-class State(NamedTuple):
-    """Displacement, velocity and the arrays kept between steps; the degrees of freedom of the nodes come first."""
-
-    u: Floats  # (size,)
-    v: Floats  # (size,)
-    kept: Floats  # (kept, size)
+    from percuss.step.part import Part
+    from percuss.step.record import Record
+    from percuss.step.records import Step
 
 
 class MultistageStepper:
@@ -55,9 +41,6 @@ class MultistageStepper:
 
     energy_at = 1.0
     force_at = 0.5
-    # An acceleration kept from the step before may contain the reaction of a support or drive that is no longer active:
-    # its impulse still has to be counted.
-    keeps_constraints = True
 
     def __init__(self, model: Model, stages: Stages) -> None:
         self.model, self.stages = model, stages
@@ -80,6 +63,9 @@ class MultistageStepper:
             rows.append((body.start, body.stop, k * model.dim, column, 0.0))
         self.body_forces = record_array(rows, BODY_FORCE)
         self.axes = np.array([body_force.acceleration for body_force in model.body_forces], dtype=float).ravel()
+        integrator = model.case.method.integrator
+        kernel = kernel_of(integrator)
+        self.scheme = Scheme(kernel, stages.numbers, uses_internal(kernel), f"integrator {integrator.name}")
         self.system: System
 
     def _zeros(self, count: int) -> StageAmplitudes:
@@ -96,17 +82,17 @@ class MultistageStepper:
         """Return displacement, velocity, the arrays kept between steps, and the sums of the load amplitudes."""
         return [*self.state, self.amplitude_sums]
 
-    def set_loop(self, loop: Loop) -> None:
-        """Use the arrays of the next stretch of the run."""
-        stages, columns = self.stages, self.columns
+    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:  # noqa: ARG002
+        """Use the arrays and actions of the next stretch of the run."""
+        stages, columns, mass = self.stages, self.columns, np.repeat(self.model.mass, self.model.dim)
         self.system = System(
-            loop.groups, _aside(loop.groups), loop.masses, loop.boundary, loop.laws, loop.loads,
-            self.body_forces, self.axes,
-            np.array([constraint.active(loop.midpoint) for constraint in self.model.constraints], dtype=np.int64),
-            self.responses, self.ends, velocities_of(stages), np.array(stages.times, dtype=float), self.model.dim,
-            np.zeros((len(stages.times), columns)), np.zeros((2, columns)), np.zeros((1, columns)), self.amplitude_sums,
-            np.array([0.0, self.model.dt, 1.0]),
+            step, mass, np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0), self.body_forces, self.axes,
+            np.array([constraint.active(midpoint) for constraint in self.model.constraints], dtype=np.int64),
+            self.responses, self.ends, np.array(stages.times, dtype=float),
+            np.zeros((len(stages.times), columns)), np.zeros((2, columns)), self.amplitude_sums, np.zeros(1),
         )  # fmt: skip
+        self.numbers, self.in_stages = kernels.scheme(self.scheme, self.system)
+        self._advance, self._begin = (kernels.loop(loop, self.scheme) for loop in (advance, begin))
 
     def amplitudes(self, first: int, count: int) -> StageAmplitudes:
         """Return forces at the times of the stages, and prescribed velocities at both ends of each step."""
@@ -122,7 +108,7 @@ class MultistageStepper:
                     amplitudes.force[:, k, column] = amplitude(spec, t + fraction * model.dt, model.dt, average=True)
         return amplitudes
 
-    def start(self, kernels: Kernels) -> None:
+    def start(self) -> None:
         """Fill the arrays kept between steps with the acceleration at t = 0."""
         system, model = self.system, self.model
         for column, spec in enumerate(model.case.loads.values(), start=1):
@@ -135,22 +121,20 @@ class MultistageStepper:
         if self.stages.start:
             system.ends[-1] = self.stages.start
             system.responses[-1] = self._responses([table_of_stage(*self.stages.start)])
-        kernels.loop.begin(system, system.times.size - 1, *self.state)
+        self._begin(self.in_stages, system.times.size - 1, *self.state)
         system.ends[-1], system.responses[-1] = last
 
-    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
+    def advance(self, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
-        numbers, dt = self.stages.numbers, self.model.dt
-        done: int = kernels.loop.advance(self.system, numbers, amplitudes, record, *self.state, dt, first, count)
-        return done
+        return self._advance(self.system, self.numbers, record, amplitudes, self.state, first, count)
 
-    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+    def step_without_loads(self, record: Record, state: Floats) -> Floats:
         """Return the nodal state after one step without loads given in time, (levels, nodes * dim)."""
         for array in self.state:
             array.fill(0.0)
         kept = self.state.kept[:, : self.nodal]
         self.u[:], self.v[:], kept[:] = state[0], state[1], state[2:]
-        self.advance(kernels, self._no_loads, record, 1, 1)
+        self.advance(self._no_loads, record, 1, 1)
         return np.concatenate([self.u[None], self.v[None], kept])
 
     @cached_property

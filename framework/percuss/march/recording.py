@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from percuss.compiler.record_arrays import empty_records
 from percuss.errors import Problem, TooLargeError
 from percuss.mesh import size_limits
-from percuss.step import loop as leapfrog_loop
+from percuss.step.record import ENERGIES, OF_POINTS, OF_PROBES, Record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,10 +57,10 @@ def record_shapes(model: Model) -> Shapes:
     rows = steps // record.every + 1 + (steps % record.every > 0)  # the last step is recorded in any case
     motion = len(probe_nodes(model)) * model.dim
     columns = {
-        **dict.fromkeys(("multiplier", "gap", "end_force"), len(model.contact_pairs)),
+        **dict.fromkeys(OF_POINTS, len(model.contact_pairs)),
         "contact_state": sum(contact_pair.law.state for contact_pair in model.contact_pairs),
-        **dict.fromkeys(("displacement", "velocity"), motion),
-        "energy": 7,
+        **dict.fromkeys(OF_PROBES, motion),
+        "energy": len(ENERGIES.names or ()),
     }
     if not record.fields:
         return Shapes(rows, columns, 0, (0, 0))
@@ -72,21 +73,15 @@ def record_shapes(model: Model) -> Shapes:
     return Shapes(rows, columns, field_every, (steps // field_every + 1, columns_of_field))
 
 
-def empty_record(
-    model: Model, probes: Sequence[int], place: Mapping[int, int], field_variable: Integers
-) -> tuple[leapfrog_loop.Record, Floats]:
-    """Return the record arrays of a run, filled with nan, and the time of each of their rows.
+def empty_record(model: Model, place: Mapping[int, int]) -> tuple[Record, Floats]:
+    """Return the histories of a run, filled with nan, and the time of each of their rows.
 
     Parameters
     ----------
     model
         The model of the run.
-    probes
-        The `probe_nodes` of the model.
     place
         Map from each boundary node to the index of its first boundary degree of freedom.
-    field_variable
-        Indices of the state variables of the recorded elements.
     """
     dim, every, steps = model.dim, model.case.record.every, model.steps
     n = np.arange(0, steps + 1, every)
@@ -95,28 +90,19 @@ def empty_record(
     shapes = record_shapes(model)
     of_bodies = field_nodes(model) if shapes.field_every else []
     ends = np.concatenate([np.zeros(0, dtype=np.int64), *(nodes.ravel() for nodes in of_bodies)])
-    snapshots = shapes.field[0]
-    variables = field_variable if shapes.field_every else np.zeros(0, dtype=np.int64)
-    record = leapfrog_loop.Record(
+    energy = empty_records(shapes.rows, ENERGIES)
+    energy.view(np.ndarray).view(np.float64)[:] = np.nan
+    record = Record(
         every=every,
         last=steps,
-        **{name: np.full((shapes.rows, columns), np.nan) for name, columns in shapes.columns.items()},
-        probe=np.array([place[p] + d for p in probes for d in range(dim)], dtype=np.int64),
+        **{name: np.full((shapes.rows, shapes.columns[name]), np.nan) for name in (*OF_POINTS, *OF_PROBES)},
+        probe=np.array([place[p] + d for p in probe_nodes(model) for d in range(dim)], dtype=np.int64),
+        energy=energy,
         field_every=shapes.field_every,
-        field=np.full((snapshots, ends.size * dim), np.nan),
+        field=np.full((shapes.field[0], ends.size * dim), np.nan),
         field_dof=(ends[:, None] * dim + np.arange(dim)).ravel(),
-        field_own_step=np.repeat(_steps_at_a_time(model, ends, place), dim),
-        field_state=np.full((snapshots, variables.size), np.nan),
-        field_variable=variables,
     )
     return record, np.asarray(n * model.dt, dtype=np.float64)
-
-
-def _steps_at_a_time(model: Model, nodes: Integers, place: Mapping[int, int]) -> Integers:
-    """Return the number of steps by which each of some nodes is advanced at a time; boundary nodes are by one."""
-    own_steps = model.own_steps or (1,) * len(model.bodies)
-    numbers = [1 if node in place else own_steps[model.body_of(node).number] for node in nodes.tolist()]
-    return np.array(numbers, dtype=np.int64)
 
 
 def recorded_elements(model: Model) -> dict[str, Integers]:

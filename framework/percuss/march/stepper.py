@@ -5,9 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from percuss.methods.interfaces import Floats
     from percuss.step.build import Kernels
-    from percuss.step.loop import Loop, Record
+    from percuss.step.part import Part
+    from percuss.step.record import Record
+    from percuss.step.records import Step
 
 
 class Stepper(Protocol):
@@ -23,8 +27,6 @@ class Stepper(Protocol):
         Displacement and velocity of the nodes, changed in place.
     levels
         Number of nodal arrays in the state: displacement, velocity, and the arrays kept between steps.
-    keeps_constraints
-        Whether a support or drive that is not active stays in the list of constraints of the loop.
     """
 
     energy_at: float
@@ -32,24 +34,23 @@ class Stepper(Protocol):
     u: Floats
     v: Floats
     levels: int
-    keeps_constraints: bool
+
+    def set_step(self, step: Step, parts: Sequence[Part], kernels: Kernels, midpoint: float) -> None:
+        """Use the arrays and actions of the next stretch of the run."""
 
     def changing_arrays(self) -> list[Any]:
-        """Return the arrays that a step changes, except those of the boundary."""
+        """Return the arrays that a step changes, except those of `percuss.march.arrays.Arrays`."""
 
-    def set_loop(self, loop: Loop) -> None:
-        """Use the arrays of the next stretch of the run."""
-
-    def start(self, kernels: Kernels) -> None:
+    def start(self) -> None:
         """Prepare the first step."""
 
     def amplitudes(self, first: int, count: int) -> Any:
         """Return the amplitudes of the loads for `count` steps from step `first`."""
 
-    def advance(self, kernels: Kernels, amplitudes: Any, record: Record, first: int, count: int) -> int:
+    def advance(self, amplitudes: Any, record: Record, first: int, count: int) -> int:
         """Make `count` steps; return `count`, or the number of steps before the first one that failed a check."""
 
-    def step_without_loads(self, kernels: Kernels, record: Record, state: Floats) -> Floats:
+    def step_without_loads(self, record: Record, state: Floats) -> Floats:
         """Return the nodal state after one step from `state` without loads given in time, (levels, nodes * dim).
 
         The state of the run is overwritten: of many steps each would take longer with arrays of its own.

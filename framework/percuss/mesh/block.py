@@ -1,4 +1,4 @@
-"""The bodies of one kind as the time loop reads them."""
+"""The bodies of one kind as a step reads them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from percuss.methods.interfaces import Floats, Integers
 
 
-class Group(NamedTuple):
+class Block(NamedTuple):
     """The bodies that share one element class and one material class."""
 
     element: Any  # NamedTuple of (elements, ...) arrays
@@ -17,7 +17,5 @@ class Group(NamedTuple):
     start: Integers  # (bodies,) first node
     stop: Integers  # (bodies,) the number after the last node
     first: Integers  # (bodies,) index of the first element in the arrays of `element`
-    before: Floats  # (elements, state variables) as the last step has left them
-    after: Floats  # (elements, state variables) as the present step leaves them
-    work: Floats  # (1,) sum of the internal work of the steps, or (0,) where it is not summed up
-    own_step: Integers  # (bodies,) steps from one action of the internal forces of each body to the next
+    before: Floats  # (points, state variables) as the last step has left them
+    after: Floats  # (points, state variables) as the present step leaves them

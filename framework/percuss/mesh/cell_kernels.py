@@ -12,12 +12,11 @@ from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import cell_force, energy_density, unbound
 
 if TYPE_CHECKING:
-    from percuss.mesh.block import Group
     from percuss.methods.interfaces import Floats, Integers
 
 
 class Cells(NamedTuple):
-    """The cells of a group of bodies, body by body, and work space for one body and for one cell."""
+    """The cells of a block of bodies, body by body, and work space for one cell."""
 
     rule: Any  # NamedTuple of arrays that the kernel of the element reads
     cells: Integers  # (elements, nodes of a cell) numbers within the body
@@ -25,7 +24,6 @@ class Cells(NamedTuple):
     section: Floats  # (elements,)
     volumes: Floats  # (elements, points) volume of each quadrature point
     edges: Integers  # (bodies + 1,) first element of each body, and the number of all elements
-    body_force: Floats  # (largest number of nodes of a body * dim,) work space
     displacement: Floats  # (nodes of a cell, dim) work space
     force: Floats  # (nodes of a cell, dim) work space
     strains: Floats  # (2, points) work space
@@ -42,33 +40,25 @@ def record_strain(material: Floats, point: int, strain: float) -> float:
     return 0.0
 
 
-def gather(cells: Cells, e: int, dim: int, displacement: Floats, velocity: Floats, dt: float) -> None:
-    """Set the work space to ``u - dt v`` of the nodes of a cell; without `velocity`, an empty array, to u."""
+def gather(cells: Cells, e: int, displacement: Floats, velocity: Floats, dt: float) -> None:
+    """Set the work space to ``u - dt v`` of the nodes of a cell."""
+    dim = cells.displacement.shape[1]
     for a in range(cells.cells.shape[1]):
         node = cells.cells[e, a]
         for d in range(dim):
-            value = displacement[node * dim + d]
-            if velocity.size > 0:
-                value -= dt * velocity[node * dim + d]
-            cells.displacement[a, d] = value
+            cells.displacement[a, d] = displacement[node * dim + d] - dt * velocity[node * dim + d]
 
 
-def add_up_forces(
-    cells: Cells,
-    material: MaterialPoints,
-    body: int,
-    dim: int,
-    displacement: Floats,
-    velocity: Floats,
-    ahead: float,
-    force: Floats,
-) -> None:
-    """Set `force` to the internal force on the nodes of a body, at ``u + ahead v``; without `velocity`, empty, at u."""
-    points = cells.volumes.shape[1]
+def add_up_forces(cells: Cells, material: MaterialPoints, body: int, displacement: Floats, force: Floats) -> None:
+    """Set `force` to the internal force on the nodes of a body."""
+    points, dim = cells.volumes.shape[1], cells.displacement.shape[1]
     for i in range(force.size):
         force[i] = 0.0
     for e in range(cells.edges[body], cells.edges[body + 1]):
-        gather(cells, e, dim, displacement, velocity, -ahead)
+        for a in range(cells.cells.shape[1]):
+            node = cells.cells[e, a]
+            for d in range(dim):
+                cells.displacement[a, d] = displacement[node * dim + d]
         cell_force(
             cells.rule, material, e * points, cells.section[e], cells.coordinates[e], cells.displacement, cells.force
         )
@@ -79,36 +69,23 @@ def add_up_forces(
 
 
 @called
-def force_cells(group: Group, u: Floats, force: Floats, dim: int) -> None:
-    """Set `force` to the internal force on the nodes of the bodies of one group."""
-    for b in range(group.body.size):
-        lo, hi = group.start[b] * dim, group.stop[b] * dim
-        material = MaterialPoints(group.parameters[b], group.before, group.after)
-        add_up_forces(group.element, material, b, dim, u[lo:hi], u[:0], 0.0, force[lo:hi])
-
-
-@called
-def elastic_cells(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the staggered strain energy of the bodies of one group."""
+def energy_of_cells(cells: Cells, material: MaterialPoints, body: int, u: Floats, v: Floats, dt: float) -> float:
+    """Return the staggered strain energy of a body: of its displacements u, and of those a time `dt` before."""
     total = 0.0
-    cells = group.element
     points = cells.volumes.shape[1]
-    for b in range(group.body.size):
-        lo, hi = group.start[b] * dim, group.stop[b] * dim
-        material = MaterialPoints(group.parameters[b], group.before, group.after)
-        for e in range(cells.edges[b], cells.edges[b + 1]):
-            for k in range(2):
-                gather(cells, e, dim, u[lo:hi], v[lo:hi], group.own_step[b] * dt if k == 0 else 0.0)
-                cell_strain(
-                    cells.rule,
-                    cells.strains[k],
-                    0,
-                    cells.section[e],
-                    cells.coordinates[e],
-                    cells.displacement,
-                    cells.force,
-                )
-            for q in range(points):
-                density = energy_density(material, e * points + q, cells.strains[0, q], cells.strains[1, q])
-                total += cells.volumes[e, q] * density
+    for e in range(cells.edges[body], cells.edges[body + 1]):
+        for k in range(2):
+            gather(cells, e, u, v, dt if k == 0 else 0.0)
+            cell_strain(
+                cells.rule,
+                cells.strains[k],
+                0,
+                cells.section[e],
+                cells.coordinates[e],
+                cells.displacement,
+                cells.force,
+            )
+        for q in range(points):
+            density = energy_density(material, e * points + q, cells.strains[0, q], cells.strains[1, q])
+            total += cells.volumes[e, q] * density
     return total

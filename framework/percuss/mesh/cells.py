@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.compiler.specialise import Specialiser
-from percuss.mesh import cell_kernels as compiled_cells
+from percuss.compiler.specialise import Filled, Specialiser
+from percuss.mesh import cell_kernels
 from percuss.mesh.cell_kernels import Cells
 from percuss.methods import slots
 from percuss.methods.blame import breach
@@ -107,14 +107,12 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
         section=np.concatenate([np.full(len(of_body), body.area) for body, of_body in zip(bodies, cells, strict=True)]),
         volumes=np.concatenate(volumes),
         edges=np.cumsum([0, *map(len, cells)], dtype=np.int64),
-        body_force=np.zeros(0),
         displacement=np.zeros((0, 0)),
         force=np.zeros((0, 0)),
         strains=np.zeros((0, 0)),
     )
     locked: Cells = read_only(shared)
     return locked._replace(
-        body_force=np.zeros(max(body.mesh.nodes.size for body in bodies)),
         displacement=np.zeros((nodes_of_cell, dim)),
         force=np.zeros((nodes_of_cell, dim)),
         strains=np.zeros((2, volumes[0].shape[1])),
@@ -122,18 +120,14 @@ def cell_arrays(element: CellElement, bodies: Sequence[BodyMesh]) -> Cells:
 
 
 def element_slots(element: Any) -> dict[Any, Any]:
-    """Return the slots of the bulk update that an element, or its class, fills with its kernels."""
+    """Return the slots that an element, or its class, fills with its kernels.
+
+    The strain energy of cells needs their strains, from the kernel of the force.
+    """
     if has_cells(element):
-        return {slots.cell_force: element.force}
+        strain = Filled(element.force, ((slots.stress, cell_kernels.record_strain),))
+        return {slots.cell_force: element.force, cell_kernels.cell_strain: strain}
     return {slots.internal_force: element.internal_force, slots.energy: element.energy}
-
-
-def energy_slots(specialiser: Specialiser, element: Any) -> dict[Any, Any]:
-    """Return the further slot of the strain energy of cells: their strains, by the kernel of the force."""
-    if not has_cells(element):
-        return {}
-    strains = specialiser.with_slots({slots.stress: compiled_cells.record_strain})
-    return {compiled_cells.cell_strain: strains.bind(element.force)}
 
 
 def axial_matrices(element: CellElement, body: BodyMesh, modulus: float) -> tuple[Floats, Integers, Floats]:

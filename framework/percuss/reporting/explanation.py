@@ -13,7 +13,6 @@ from percuss.case.type_words import found
 from percuss.certificate.verdict import SHARE_OF_CRITICAL_STEP, certificate
 from percuss.contact.bound_law import OF_END_FORCE
 from percuss.contact.contact_problem import contact_problem
-from percuss.contact.contact_rows import law_records
 from percuss.march.recording import recordable
 from percuss.mesh.cells import cells_of
 from percuss.methods.interfaces import Component
@@ -258,9 +257,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
     linear = bound_law.linear
     if linear is None or model.implicit:
         return None
-    massless = model.points_without_mass[list(bound_law.where)]
-    records = law_records(bound_law, model.tables[-1], bound_law.points.delassus, massless, model.dt)
-    record = records[bound_law.where.index(number)]
+    record = model.records_of(bound_law, model.tables[-1], bound_law.points.delassus)[bound_law.where.index(number)]
     w = float(record["response"])
     judged = "predicted" if record["sees_predicted_gap"] else "current"
     end_force = model.end_forces(0.5 * model.dt).get(number)
@@ -268,7 +265,7 @@ def _linear_law_data(model: Model, number: int, s: float) -> dict[str, Any] | No
         s = sum(float(side.sees @ side.response) for side in end_force.sides)
     return {
         "at": linear.at,
-        "judged": "balanced" if massless[bound_law.where.index(number)] else judged,
+        "judged": "balanced" if model.points_without_mass[number] else judged,
         "sees_acceleration": bool(record["sees_acceleration"]),
         "sigma": float(record["sigma"]),
         "gap": float(record["weight_gap"]),

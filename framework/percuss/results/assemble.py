@@ -64,21 +64,20 @@ def result_of(march: March, outcome: Outcome, certificate: Certificate) -> Resul
     model = march.model
     record_count = outcome.records
     # takes contact points from the order of the loop back to the order of the case
-    case_order = np.argsort(np.array(march.order, dtype=np.int64))
     dim = march.dim
     probe_names = [str(address) for address in model.case.recorded_ends]
     arrays: dict[str, Any] = {
         "time": outcome.time[:record_count],
         "time_half": outcome.time[:record_count] + march.stepper.energy_at * model.dt,
-        "contact_force": outcome.record.multiplier[:record_count][:, case_order],
-        "gap": outcome.record.gap[:record_count][:, case_order],
+        "contact_force": outcome.record.contact_force[:record_count],
+        "gap": outcome.record.gap[:record_count],
         "displacement": outcome.record.displacement[:record_count].reshape(record_count, len(probe_names), dim),
         "velocity": outcome.record.velocity[:record_count].reshape(record_count, len(probe_names), dim),
     }
     energies = ledger.energies(march, outcome)
     arrays |= energies | _contact_states(march, outcome)
-    end_force = outcome.record.end_force[:record_count][:, case_order]
-    if end_force.size and not np.isnan(outcome.points.end_stiffness).all():
+    end_force = outcome.record.end_force[:record_count]
+    if end_force.size and not np.isnan(outcome.law.end_stiffness).all():
         arrays["contact_force_end"] = end_force
     watch = Stopwatch()
     solution, true_errors = _true_errors(march, outcome, arrays)
@@ -137,7 +136,7 @@ def _warnings(march: March, outcome: Outcome, certificate: Certificate, energy: 
     if certificate["stable"] == "marginal":
         warnings.append("at the critical step the highest frequency of the bars may grow with time, with no bound")
     warnings += march.model.ignored_couplings()
-    if march.record.every > 1 and march.model.contact_pairs:
+    if march.arrays.record.every > 1 and march.model.contact_pairs:
         warnings.append("true errors of the contact force need `record.every: 1`")
     if march.model.multistage:
         name = march.model.case.method.integrator.name
@@ -220,12 +219,12 @@ def _contact_states(march: March, outcome: Outcome) -> dict[str, Floats]:
         ``contact_state``, (records, contacts, state variables), nan where a contact has fewer than another, and
         ``contact_dissipation``, (records,), if a law knows it; empty if no law has state variables.
     """
-    laws = [bound_law for bound_law in march.kernel_laws if bound_law.law.state > 0]
+    laws = [bound_law for bound_law in march.arrays.kernel_laws if bound_law.law.state > 0]
     if not laws:
         return {}
-    records = outcome.record.contact_state[: outcome.records]
+    records = outcome.histories["contact_state"][: outcome.records]
     most = max(bound_law.law.state for bound_law in laws)
-    states = np.full((outcome.records, len(march.order), most), np.nan)
+    states = np.full((outcome.records, len(march.model.contact_pairs), most), np.nan)
     dissipated = np.zeros(outcome.records)
     first = 0
     for bound_law in laws:
@@ -250,6 +249,7 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
     )
     if snapshots == 0:  # stopped before the first snapshot
         return {}
+    of_elements = outcome.histories.get("field_state", np.zeros((snapshots, 0)))
     stress: list[Floats] = []
     names: list[str] = []
     positions: list[Floats] = []
@@ -260,7 +260,7 @@ def _fields(march: March, outcome: Outcome) -> dict[str, Any]:
         u = record.field[:snapshots, first : first + nodes.size * dim].reshape(snapshots, *nodes.shape, dim)
         first += nodes.size * dim
         points, state = body.volumes.shape[1], body.spec.material.state
-        states = record.field_state[:snapshots, first_state : first_state + elements.size * points * state]
+        states = of_elements[:snapshots, first_state : first_state + elements.size * points * state]
         first_state += elements.size * points * state
         stress.append(stress_field(body, elements, u, states.reshape(snapshots, elements.size, points, state)))
         names += [body.name] * elements.size

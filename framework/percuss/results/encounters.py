@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.contact.contact_pairs import TOUCHING
+from percuss.march.recording import probe_nodes
 
 if TYPE_CHECKING:
     from percuss.march.march import March, Outcome
@@ -130,8 +131,9 @@ def encounters(march: March, outcome: Outcome, arrays: dict[str, Any]) -> list[s
 
 def _relative(march: March, outcome: Outcome, arrays: dict[str, Any], first: int, second: int) -> Floats:
     """Return the displacement of one node relative to another where it is known, (times, dim)."""
-    if first in march.probes and second in march.probes:
-        of_probes = {node: arrays["displacement"][:, march.probes.index(node)] for node in (first, second)}
+    probes = probe_nodes(march.model)
+    if first in probes and second in probes:
+        of_probes = {node: arrays["displacement"][:, probes.index(node)] for node in (first, second)}
         relative: Floats = of_probes[second] - of_probes[first]
         return relative
     last: Floats = outcome.final_displacement.reshape(-1, march.dim)

@@ -2,7 +2,7 @@
 
 By the energy identity (see `percuss.results.ledger`) kinetic plus elastic energy less external work changes by the
 contact work alone. The loop adds the energy stored in closed contacts (see
-`percuss.contact.equation.stored_energy`) and follows the sum over every step. For a contact point whose
+`percuss.step.account.stored_energy`) and follows the sum over every step. For a contact point whose
 force follows from the gap at the end of the step, ``lambda = kappa <-g_{n+1}>``, the sum changes in a step by
 ``-kappa/4 (<-g_{n+1}> - <-g_{n-1}>)^2`` if the gap was closed before, and by less if it was open: it never grows. Where
 lambda follows from the current gap, the sum is constant while the contact stays closed.
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from percuss.case.quantities import percent
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS
-from percuss.contact.equation import BY_CURRENT, BY_END, BY_END_FORCE, ROUNDING
+from percuss.contact.points import BY_CURRENT, BY_END, BY_PART
+from percuss.step.account import ROUNDING
 
 if TYPE_CHECKING:
     from percuss.certificate.verdict import Certificate
@@ -58,9 +59,9 @@ def growth_summary(march: March, outcome: Outcome, certificate: Certificate, sca
         "quantity": "contact work"
         if march.model.multistage
         else quantity(
-            outcome.points,
+            outcome.law,
             linear=not march.model.sums_internal_work,
-            by_laws=march.state_variables.stored_by_laws.size > 0,
+            by_laws=march.arrays.variables.stored_by_laws.size > 0,
         ),
         "largest": rise,
         "step": step,
@@ -81,7 +82,7 @@ def quantity(points: Any, *, linear: bool = True, by_laws: bool = False) -> str:
         parts.append("kappa/4 (<-g_n+1>^2 + <-g_n>^2)")
     if (points.stores == BY_CURRENT).any():
         parts.append("(eps_s g_n g_n+1 + eps_m r_n+1/2^2)/2 while closed")
-    if (points.stores == BY_END_FORCE).any():
+    if (points.stores == BY_PART).any():
         parts.append("what contacts store of the gap that they see - softens F_n F_n+1 / 2")
     if by_laws:
         parts.append(STORED_BY_LAWS)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.case.quantities import percent
-from percuss.contact.equation import ROUNDING
+from percuss.step.account import ROUNDING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,7 +53,9 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
         ``energy_growth``, the growth of contact work plus contact energy since the first step; (records,) each, at
         t_{n+1/2}.
     """
-    kinetic, elastic, external, contact, stored, internal, dissipated = outcome.record.energy[: outcome.records].T
+    recorded = outcome.record.energy[: outcome.records]
+    kinetic, elastic, external = recorded.kinetic_energy, recorded.elastic_energy, recorded.external_work
+    contact, stored, internal = recorded.contact_work, recorded.contact_energy, recorded.internal_work
     sums_internal_work, energy_before = march.model.sums_internal_work, outcome.totals.energy_before
     in_bodies = internal if sums_internal_work else elastic
     before = outcome.kinetic_before if sums_internal_work else energy_before
@@ -68,8 +70,8 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
     if march.model.viscosity > 0 or march.model.implicit:
         # What the work of the internal forces has not stored in linear bodies.
         bodies["dissipated_energy"] = internal - (elastic - (energy_before - outcome.kinetic_before))
-    elif march.state_variables.dissipated.size > 0:
-        bodies["dissipated_energy"] = dissipated
+    elif march.arrays.variables.dissipated.size > 0:
+        bodies["dissipated_energy"] = recorded.dissipated_energy
     return {
         "kinetic_energy": kinetic,
         "elastic_energy": elastic,
@@ -85,7 +87,8 @@ def energies(march: March, outcome: Outcome) -> dict[str, Floats]:
 def largest(outcome: Outcome) -> float:
     """Return the largest energy or work of a run among its records and the maxima that the time loop keeps."""
     total = outcome.totals
-    recorded = np.abs(outcome.record.energy[: outcome.records, :4])
+    energy = outcome.record.energy[: outcome.records]
+    recorded = np.abs([energy.kinetic_energy, energy.elastic_energy, energy.external_work, energy.contact_work])
     largest_recorded = float(np.max(recorded, initial=0.0, where=np.isfinite(recorded)))
     return float(max(largest_recorded, total.energy_before, total.largest_work, total.step_energy))
 
@@ -187,14 +190,14 @@ def momentum_summary(march: March, outcome: Outcome, largest_energy: float) -> M
     for constraint, reaction in zip(model.constraints, outcome.reactions, strict=True):
         supports += model.dt * reaction * constraint.direction
     walls = np.zeros(dim)
-    for index, impulse in zip(march.order, outcome.points.impulse, strict=True):
+    for index, impulse in enumerate(outcome.sums.impulse):
         contact_pair = model.contact_pairs[index]
         if len(contact_pair.nodes) == 1:
             walls -= impulse * contact_pair.normal
     closure = after - before - outcome.load_impulse - supports - walls
     moving = float((model.mass * np.linalg.norm(outcome.final_velocity.reshape(-1, dim), axis=1)).sum())
     started = float((model.mass * np.linalg.norm(outcome.starting_velocity.reshape(-1, dim), axis=1)).sum())
-    contacts = float(np.abs(outcome.points.impulse).sum())
+    contacts = float(np.abs(outcome.sums.impulse).sum())
     # The magnitudes are summed, as the reactions at the two ends of a stretched bar are large and cancel.
     support_impulse = model.dt * float(np.abs(outcome.reactions).sum())
     scale = max(
@@ -268,10 +271,9 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
     """Return impulse, peak force, times of closing and opening, and penetration of each contact."""
     model, dt = march.model, march.model.dt
     summaries: dict[str, ContactSummary] = {}
-    for position, index in sorted(enumerate(march.order), key=lambda pair: pair[1]):
-        point = outcome.points[position]
+    for contact_pair, law, point in zip(model.contact_pairs, outcome.law, outcome.sums, strict=True):
         was_closed = point.first >= 0
-        summaries[model.contact_pairs[index].name] = {
+        summaries[contact_pair.name] = {
             "impulse": float(point.impulse),
             "peak_force": float(point.peak),
             "first_closed": float(point.first * dt) if was_closed else None,
@@ -280,9 +282,7 @@ def contact_summary(march: March, outcome: Outcome) -> dict[str, ContactSummary]
             "penetration": {
                 "largest": float(point.deepest),
                 "time_mean": float(point.overlap / max(outcome.done, 1)),
-                "energy": float(0.5 * point.end_stiffness * point.deepest**2)
-                if np.isfinite(point.end_stiffness)
-                else 0.0,
+                "energy": float(0.5 * law.end_stiffness * point.deepest**2) if np.isfinite(law.end_stiffness) else 0.0,
             },
         }
     return summaries

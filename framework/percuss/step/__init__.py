@@ -1,6 +1,6 @@
-"""One time step: the loop of leap-frog schemes, the stages of multi-stage schemes, and how kernels are bound in.
+"""One time step: that of leap-frog schemes, the stages of multi-stage schemes, and how kernels are bound in.
 
-`loop` is the page of the step and `stages` that of a stage; `bulk` advances the bodies; each optional feature is a
-file in `parts`. `build` binds the kernels of a run, `linked`, `linking` and `calls` call them by address. A new feature
-of the step is a new file in `parts`; the loop itself stays as it is.
+`loop` is the page of the step, `stages` that of a stage; `equation`, `loads`, `account`, `record` are its paragraphs.
+Bodies (`bulk`), laws with a kernel and optional parts (`parts`) enter as `actions`; `build` binds them, `linked`,
+`linking` and `calls` call them by address. A new feature is a new file in `parts`; the loop stays as it is.
 """

@@ -1,8 +1,8 @@
-"""The bulk update: all bodies advance by a step without contact, in blocks of nodes.
+"""The bulk update: the bodies of a block advance by a step without contact.
 
-Every function of the loop runs compiled and as plain Python, from the same source. The arrays of displacement and
-velocity are flat, node by node with `dim` components each, with displacement at t_n and velocity at t_n - dt/2. Arrays
-called `boundary_dofs` hold the same for the few nodes with contacts, supports, drives, end loads or probes.
+The arrays of displacement and velocity are flat, node by node with `dim` components each, with displacement at t_n and
+velocity at t_n - dt/2. Rows of two-node elements are advanced in pieces of some nodes, which stay in the first-level
+cache; bodies of cells of any kind gather, call the kernel of their element, scatter, and then advance.
 """
 
 from __future__ import annotations
@@ -10,127 +10,197 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from percuss.compiler.marks import called
-from percuss.mesh.cell_kernels import add_up_forces
+from percuss.mesh.block import Block
+from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.materials import MaterialPoints
 from percuss.methods.slots import energy, internal_force, unbound
 
 if TYPE_CHECKING:
-    from percuss.mesh.block import Group
-    from percuss.methods.interfaces import Floats, Integers
+    from percuss.methods.interfaces import Floats
 
-BLOCK = 1024  # nodes in a block, whose displacement, velocity, mass and force stay in the first-level cache
+PIECE = 1024  # nodes in a piece of a row, whose displacement, velocity, mass and force stay in the first-level cache
 
 
 class Bulk(NamedTuple):
-    """Nodal masses, and work space for the forces of the bulk update."""
+    """The bodies of a block, and what their update reads and writes."""
 
-    mass: Floats  # (nodes * dim,)
+    block: Block
+    mass: Floats  # (nodes * dim,) nodal masses
     inverse_mass: Floats  # (nodes * dim,)
-    force: Floats  # ((BLOCK + 2) * dim,) work space
-    viscous_time: float  # time by which internal forces look ahead along the velocity of half a step before
-    ahead: Floats  # ((BLOCK + 2) * dim,) work space for that, or (0,) without viscosity
-    # Of masses that couple nodes, else empty, as `percuss.mesh.coupled_masses.arrays_for_the_loop` has them.
-    stride: int  # number of degrees of freedom of a node
-    coupling: Floats  # (2 k + 1, nodes * dim) M^-1 diag(m) - I
-    factor: Floats  # (k + 1, nodes * dim) 1/D and L of M^-1 = L D L^T
-    correction: Floats  # (nodes * dim,) work space
-    before: Floats  # (nodes * dim,) displacements before the step, or (0,)
-    change: Floats  # (nodes * dim,) change of the velocities that `mass` alone would give, or (0,)
-    number: Integers  # (1,) number of the present step
-    body_acceleration: Floats  # (dim,) work space
+    force: Floats  # ((PIECE + 2) * dim,) work space, or for bodies of cells (nodes of the largest * dim,)
+    accelerations: Floats  # (bodies * dim,) of each body by loads in the present step
+    acceleration: Floats  # (dim,) work space
     momentum: Floats  # (bodies * dim,) of each body at n + 1/2, empty where no load acts on whole bodies
+    totals: Any  # percuss.step.records.TOTAL
+    dim: int
+    dt: float
+    lag: float  # time by which velocities lag behind displacements
+    part: Any  # arrays and numbers of a part of the step that fills one of the slots below
 
 
-def is_due(own_step: int, number: int) -> bool:
-    """Return whether the internal forces of a body act in a step."""
-    return own_step == 1 or number % own_step == 0
+# ---------------------------------------------------------------------------------------------------------- slots
 
 
-def advance_bodies(group: Group, bulk: Bulk, u: Floats, v: Floats, body_acceleration: Floats, dt: float) -> None:
-    """Advance the bodies of one group by a step without contact, in place, block by block.
+def advance_body(data: Bulk, b: int, steps: int, u: Floats, v: Floats) -> None:
+    """Advance body `b` of a block by some steps at a time (slot for `advance_row` or `advance_cells`)."""
+    unbound()
 
-    The element between two blocks belongs to the first of them; its force on the first node of the next block is
-    carried over. `body_acceleration` is that of each body by loads on the whole body, (bodies * dim,). The
-    momentum of each body after the update is added to `Bulk.momentum`, where that is not empty.
 
-    A body whose internal forces act in every m-th step alone is advanced by m steps then, and left as it is in the
-    steps between, in which none of its nodes changes its velocity but for those of the boundary. These are written
-    back after every step.
+def energy_of_body(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> float:
+    """Return the strain energy of body `b` of a block (slot for `energy_of_row` or `energy_of_cell_body`)."""
+    unbound()
+
+
+def strained(data: Bulk, u: Floats, v: Floats) -> Floats:
+    """Return the displacement at which internal forces are computed: u, if no part of the step fills this slot."""
+    return u
+
+
+def add_internal_work(data: Bulk, force: Floats, v: Floats, dt: float) -> None:
+    """Add half of the internal work on some nodes, before and after their update; nothing, if no part fills this."""
+
+
+# -------------------------------------------------------------------------------------------- actions of the blocks
+
+
+def advance_block(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Advance the bodies of a block by a step without contact, in place.
+
+    The momentum of each body after the update is added to `Bulk.momentum`, where that is not empty.
     """
-    force, dim = bulk.force, bulk.stride
-    # The force kernel overwrites the forces of all nodes of a block; the carried force is stored after them.
-    storage = (BLOCK + 1) * dim
-    for b in range(group.body.size):
-        lo = group.start[b]
-        stop = group.stop[b]
-        material = MaterialPoints(group.parameters[b], group.before, group.after)
-        offset = group.first[b] - lo
-        body = group.body[b] * dim
-        if not is_due(group.own_step[b], bulk.number[0]):
-            add_momentum_of_row(bulk, body, lo * dim, stop * dim, v, dim)
-            continue
-        for d in range(dim):
-            bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
-            force[d] = 0.0
-        while lo < stop:
-            hi = min(lo + BLOCK, stop)
-            count = hi - lo - 1 if hi == stop else hi - lo
-            if count > 0:
-                for d in range(dim):
-                    force[storage + d] = force[d]
-                first, after = lo * dim, (lo + count + 1) * dim
-                set_force(group, material, bulk, offset + lo, dim, u[first:after], v[first:after])
-                for d in range(dim):
-                    force[d] += force[storage + d]
-            advance_nodes(group, bulk, force[: (hi - lo) * dim], lo * dim, u, v, dim, group.own_step[b] * dt)
-            if count > 0:
-                for d in range(dim):
-                    force[d] = force[count * dim + d]
-            add_momentum_of_row(bulk, body, lo * dim, hi * dim, v, dim)
-            lo = hi
+    for b in range(data.block.body.size):
+        advance_body(data, b, 1, u, v)
 
 
-def advance_nodes(
-    group: Group, bulk: Bulk, force: Floats, first: int, u: Floats, v: Floats, dim: int, dt: float
-) -> None:
-    """Advance consecutive nodes by forces on them, v += dt (M^-1 f + b) and u += dt v, and add the internal work."""
-    stop = first + force.size
-    add_internal_work(group.work, force, v[first:stop], dt)
+@called
+def add_strain_energy(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the staggered strain energy of the bodies of a block, ``u_n K u_{n+1} / 2`` of a linear body.
+
+    The two displacements are those one step of the body apart, along its velocities.
+    """
+    total = 0.0
+    for b in range(data.block.body.size):
+        total += energy_of_body(data, b, u, v, data.lag)
+    data.totals[0].elastic_energy += total
+
+
+@called
+def set_forces(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set `a` to the internal force on the nodes of a block of rows of two-node elements."""
+    block = data.block
+    for b in range(block.body.size):
+        lo = block.start[b] * data.dim
+        hi = block.stop[b] * data.dim
+        material = MaterialPoints(block.parameters[b], block.before, block.after)
+        internal_force(block.element, material, block.first[b], data.dim, u[lo:hi], a[lo:hi])
+
+
+@called
+def set_forces_of_cells(data: Bulk, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set `a` to the internal force on the nodes of a block of cells."""
+    block = data.block
+    for b in range(block.body.size):
+        lo, hi = block.start[b] * data.dim, block.stop[b] * data.dim
+        material = MaterialPoints(block.parameters[b], block.before, block.after)
+        add_up_forces(block.element, material, b, u[lo:hi], a[lo:hi])
+
+
+# ------------------------------------------------------------------------------------------- rows of two-node elements
+
+
+def advance_row(data: Bulk, b: int, steps: int, u: Floats, v: Floats) -> None:
+    """Advance a body that is a row of two-node elements, piece by piece.
+
+    The element between two pieces belongs to the first of them; its force on the first node of the next piece is
+    carried over.
+    """
+    block, force, dim = data.block, data.force, data.dim
+    # The force kernel overwrites the forces of all nodes of a piece; the carried force is stored after them.
+    storage = (PIECE + 1) * dim
+    lo = block.start[b]
+    stop = block.stop[b]
+    material = MaterialPoints(block.parameters[b], block.before, block.after)
+    offset = block.first[b] - lo
+    body = block.body[b] * dim
+    for d in range(dim):
+        data.acceleration[d] = data.accelerations[body + d] / steps
+        force[d] = 0.0
+    while lo < stop:
+        hi = min(lo + PIECE, stop)
+        count = hi - lo - 1 if hi == stop else hi - lo
+        if count > 0:
+            for d in range(dim):
+                force[storage + d] = force[d]
+            first, after = lo * dim, (lo + count + 1) * dim
+            at = strained(data, u[first:after], v[first:after])
+            internal_force(block.element, material, offset + lo, dim, at, force[: after - first])
+            for d in range(dim):
+                force[d] += force[storage + d]
+        advance_nodes(data, force[: (hi - lo) * dim], lo * dim, u, v, steps * data.dt)
+        if count > 0:
+            for d in range(dim):
+                force[d] = force[count * dim + d]
+        add_momentum(data, body, lo * dim, hi * dim, v)
+        lo = hi
+
+
+def energy_of_row(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> float:
+    """Return the strain energy of a body that is a row of two-node elements."""
+    block = data.block
+    lo = block.start[b] * data.dim
+    hi = block.stop[b] * data.dim
+    material = MaterialPoints(block.parameters[b], block.before, block.after)
+    return energy(block.element, material, block.first[b], data.dim, u[lo:hi], v[lo:hi], dt)
+
+
+# ------------------------------------------------------------------------------------------------- bodies of cells
+
+
+def advance_cells(data: Bulk, b: int, steps: int, u: Floats, v: Floats) -> None:
+    """Advance a body of cells."""
+    block, dim = data.block, data.dim
+    lo, hi = block.start[b] * dim, block.stop[b] * dim
+    body = block.body[b] * dim
+    for d in range(dim):
+        data.acceleration[d] = data.accelerations[body + d] / steps
+    force = data.force[: hi - lo]
+    material = MaterialPoints(block.parameters[b], block.before, block.after)
+    add_up_forces(block.element, material, b, strained(data, u[lo:hi], v[lo:hi]), force)
+    advance_nodes(data, force, lo, u, v, steps * data.dt)
+    add_momentum(data, body, lo, hi, v)
+
+
+def energy_of_cell_body(data: Bulk, b: int, u: Floats, v: Floats, dt: float) -> float:
+    """Return the strain energy of a body of cells."""
+    block = data.block
+    lo, hi = block.start[b] * data.dim, block.stop[b] * data.dim
+    material = MaterialPoints(block.parameters[b], block.before, block.after)
+    return energy_of_cells(block.element, material, b, u[lo:hi], v[lo:hi], dt)
+
+
+# ---------------------------------------------------------------------------------------------------------- nodes
+
+
+def advance_nodes(data: Bulk, force: Floats, first: int, u: Floats, v: Floats, dt: float) -> None:
+    """Advance consecutive nodes by forces on them, v += dt (M^-1 f + b) and u += dt v."""
+    stop, dim = first + force.size, data.dim
+    add_internal_work(data, force, v[first:stop], dt)
     if dim == 1:
-        update_line(bulk.inverse_mass[first:stop], force, u[first:stop], v[first:stop], bulk.body_acceleration[0], dt)
+        update_line(data.inverse_mass[first:stop], force, u[first:stop], v[first:stop], data.acceleration[0], dt)
     else:
         for i in range(force.size // dim):
             for d in range(dim):
                 j = first + i * dim + d
-                v[j] += dt * (bulk.inverse_mass[j] * force[i * dim + d] + bulk.body_acceleration[d])
+                v[j] += dt * (data.inverse_mass[j] * force[i * dim + d] + data.acceleration[d])
                 u[j] += dt * v[j]
-    add_internal_work(group.work, force, v[first:stop], dt)
+    add_internal_work(data, force, v[first:stop], dt)
 
 
-def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, body_acceleration: float, dt: float) -> None:
+def update_line(inverse_mass: Floats, force: Floats, u: Floats, v: Floats, acceleration: float, dt: float) -> None:
     """Advance consecutive nodes in one dimension, where the compiler handles several nodes at a time."""
     for i in range(u.size):
-        v[i] += dt * (inverse_mass[i] * force[i] + body_acceleration)
+        v[i] += dt * (inverse_mass[i] * force[i] + acceleration)
         u[i] += dt * v[i]
-
-
-def set_force(group: Group, material: Any, bulk: Bulk, first: int, dim: int, u: Floats, v: Floats) -> None:
-    """Set the first entries of `bulk.force` to the internal force of elements from `first` on, of a few nodes.
-
-    With viscosity it is the force of the displacement that lies ahead by its time, along the velocity.
-    """
-    strained = u
-    if bulk.ahead.size > 0:
-        strained = bulk.ahead[: u.size]
-        for i in range(u.size):
-            strained[i] = u[i] + bulk.viscous_time * v[i]
-    internal_force(group.element, material, first, dim, strained, bulk.force[: u.size])
-
-
-def add_internal_work(work: Floats, force: Floats, v: Floats, dt: float) -> None:
-    """Add half of a step's internal work, by forces on consecutive nodes; it is called before and after the update."""
-    if work.size > 0:
-        work[0] -= 0.5 * dt * power(force, v)
 
 
 def power(force: Floats, v: Floats) -> float:
@@ -155,19 +225,27 @@ def momentum_along(mass: Floats, v: Floats, component: int, dim: int) -> float:
 momentum_along.reduction = True  # type: ignore[attr-defined]
 
 
-def add_momentum(momentum: Floats, first: int, mass: Floats, v: Floats, dim: int) -> None:
-    """Add the momentum of consecutive nodes to the entries from `first` on; do nothing where no momenta are kept."""
-    if momentum.size > 0:
-        for d in range(dim):
-            momentum[first + d] += momentum_along(mass, v, d, dim)
+def add_momentum(data: Bulk, body: int, first: int, stop: int, v: Floats) -> None:
+    """Add the momentum of consecutive nodes to that of a body; do nothing where no momenta are kept."""
+    if data.momentum.size == 0:
+        return
+    if data.dim == 1:  # where the compiler handles several nodes at a time
+        data.momentum[body] += momentum_along(data.mass[first:stop], v[first:stop], 0, 1)
+    else:
+        for d in range(data.dim):
+            data.momentum[body + d] += momentum_along(data.mass[first:stop], v[first:stop], d, data.dim)
 
 
-def add_momentum_of_row(bulk: Bulk, body: int, first: int, stop: int, v: Floats, dim: int) -> None:
-    """Add the momentum of consecutive nodes to that of a body, in one dimension several nodes at a time."""
-    if dim > 1:
-        add_momentum(bulk.momentum, body, bulk.mass[first:stop], v[first:stop], dim)
-    elif bulk.momentum.size > 0:
-        bulk.momentum[body] += momentum_along(bulk.mass[first:stop], v[first:stop], 0, 1)
+class Masses(NamedTuple):
+    """Nodal masses, and where the kinetic energy goes."""
+
+    mass: Floats  # (nodes * dim,)
+    totals: Any  # percuss.step.records.TOTAL
+
+
+def add_kinetic_energy(data: Masses, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the kinetic energy ``v M v / 2`` of nodal masses."""
+    data.totals[0].kinetic_energy += kinetic(data.mass, v[: data.mass.size])
 
 
 def kinetic(mass: Floats, v: Floats) -> float:
@@ -179,61 +257,3 @@ def kinetic(mass: Floats, v: Floats) -> float:
 
 
 kinetic.reduction = True  # type: ignore[attr-defined]
-
-
-def advance_cells(group: Group, bulk: Bulk, u: Floats, v: Floats, body_acceleration: Floats, dt: float) -> None:
-    """Advance the bodies of one group by a step without contact, in place, as `advance_bodies` does."""
-    dim, momentum = bulk.stride, bulk.momentum
-    for b in range(group.body.size):
-        lo, hi = group.start[b] * dim, group.stop[b] * dim
-        body = group.body[b] * dim
-        if not is_due(group.own_step[b], bulk.number[0]):
-            add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
-            continue
-        for d in range(dim):
-            bulk.body_acceleration[d] = body_acceleration[body + d] / group.own_step[b]
-        force = group.element.body_force[: hi - lo]
-        material = MaterialPoints(group.parameters[b], group.before, group.after)
-        velocity = v[lo:hi] if bulk.ahead.size > 0 else v[:0]
-        add_up_forces(group.element, material, b, dim, u[lo:hi], velocity, bulk.viscous_time, force)
-        advance_nodes(group, bulk, force, lo, u, v, dim, group.own_step[b] * dt)
-        add_momentum(momentum, body, bulk.mass[lo:hi], v[lo:hi], dim)
-
-
-@called
-def elastic_group(group: Group, u: Floats, v: Floats, dim: int, dt: float) -> float:
-    """Return the staggered strain energy of the bodies of one group, ``u_n K u_{n+1} / 2`` of a linear body.
-
-    The two displacements are those one step of the body apart, along its velocities.
-    """
-    total = 0.0
-    for b in range(group.body.size):
-        lo = group.start[b] * dim
-        hi = group.stop[b] * dim
-        material = MaterialPoints(group.parameters[b], group.before, group.after)
-        total += energy(group.element, material, group.first[b], dim, u[lo:hi], v[lo:hi], group.own_step[b] * dt)
-    return total
-
-
-# Groups of another element or material have compiled code of their own: pairs of a group and the groups behind it.
-
-
-def first_group(group: Any, *arguments: Any) -> Any:
-    """Treat the first group of bodies (slot)."""
-    unbound()
-
-
-def other_groups(groups: Any, *arguments: Any) -> Any:
-    """Treat the other groups (slot)."""
-    unbound()
-
-
-def each_group(groups: Any, *arguments: Any) -> None:
-    """Treat a pair (group, other groups)."""
-    first_group(groups[0], *arguments)
-    other_groups(groups[1], *arguments)
-
-
-def sum_over_groups(groups: Any, *arguments: Any) -> float:
-    """Return the sum of a quantity over a pair (group, other groups)."""
-    return first_group(groups[0], *arguments) + other_groups(groups[1], *arguments)  # type: ignore[no-any-return]

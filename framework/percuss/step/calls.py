@@ -7,7 +7,7 @@ does not import the compiler.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numba
@@ -88,14 +88,17 @@ def at(_typing: Any, data: Any) -> Any:
     return data.dtype(data), generate
 
 
-def compiled(entrances: Sequence[tuple[Kernel, str, str]], data: Any, of: str) -> tuple[str, list[int]]:
-    """Return the form of a block of data, and the addresses of compiled functions that read it; store their code.
+def compiled(kernel: Kernel, kind: str, key: str, data: Any, of: str) -> tuple[str, int]:
+    """Return the form of a block of data, and the address of a compiled function that reads it; store its code.
 
     Parameters
     ----------
-    entrances
-        The entrance of each function, its kind, a key of `signatures`, and the key under which its machine code is
-        stored, empty where it is not.
+    kernel
+        The entrance of the function.
+    kind
+        Its kind, a key of `signatures`.
+    key
+        The key under which its machine code is stored, empty where it is not.
     data
         The value that a block will hold.
     of
@@ -106,29 +109,24 @@ def compiled(entrances: Sequence[tuple[Kernel, str, str]], data: Any, of: str) -
     except ValueError as error:  # as for an array of objects
         raise CannotLink(f"{of} cannot be compiled: {error}") from None
     form = form_of(data_type)
-    return form, [_address_of(kernel, kind, data_type, key, form) for kernel, kind, key in entrances]
-
-
-def _address_of(kernel: Kernel, kind: str, data_type: Any, key: str, form: str) -> int:
-    """Return the address of the machine code of a function, and store that code."""
     result, arguments = signatures()[kind]
     passed = types.misc.CPointer(data_type), arguments
     dispatcher: Any = kernel
     if passed not in dispatcher.overloads:
         dispatcher.compile(result(*passed))
-    compiled = dispatcher.overloads[passed]
-    if compiled.signature.return_type != result:
-        raise TypingError(f"{kind}: the kernel returns {compiled.signature.return_type}, expected {result}")
-    symbol = compiled.fndesc.llvm_func_name
-    address = int(compiled.library.get_pointer_to_function(symbol))
+    made = dispatcher.overloads[passed]
+    if made.signature.return_type != result:
+        raise TypingError(f"{kind}: the kernel returns {made.signature.return_type}, expected {result}")
+    symbol = made.fndesc.llvm_func_name
+    address = int(made.library.get_pointer_to_function(symbol))
     if address == 0:  # the loop would take it for a kernel that is not there
-        raise CannotLink(f"{kind} cannot be compiled: its machine code has no address")
+        raise CannotLink(f"{of} cannot be compiled: its machine code has no address")
     compilers = pipelines()
     if key and compilers is not None:
-        object_code, outside = compilers.object_code(compiled.library)
+        object_code, outside = compilers.object_code(made.library)
         if object_code and machine_code.refers_to_c_alone(outside):
             machine_code.store(key, machine_code.MachineCode(symbol, form, object_code))
-    return address
+    return form, address
 
 
 @functools.cache

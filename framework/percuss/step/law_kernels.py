@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from percuss.compiler.fingerprint import layout
-from percuss.compiler.specialise import Specialiser
-from percuss.contact.equation import OTHER, POINT
+from percuss.contact.points import STATE, Points
 from percuss.methods.interfaces import Trial
+from percuss.step.actions import LAWS, Action
 
 if TYPE_CHECKING:
     from percuss.contact.bound_law import BoundLaw
-    from percuss.methods.interfaces import Floats
+    from percuss.methods.interfaces import Floats, Integers
 
-Response = tuple[float, float]
+
+class KernelLaw(NamedTuple):
+    """A law with a kernel, as its action reads it. The views of its points and their times are those of a step."""
+
+    bound: Any  # the arrays that the law has bound
+    trial: Trial
+    multiplier: Floats  # of its points
+    first: int  # number of its first point
+    pushed: int  # 1 if its kernel uses the coupling and other laws act on its ends
+    first_other: Integers  # (its points + 1,) index of the first entry of S of each point
+    others: Any  # percuss.contact.points.OTHER
+    states: Any  # percuss.contact.points.STATE, of all points
+    now: Any  # percuss.step.records.NOW
 
 
 def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
@@ -24,100 +35,82 @@ def multipliers(bound: Any, trial: Trial, multiplier: Floats) -> None:
     raise NotImplementedError
 
 
-def remaining_laws(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Apply the laws that are left (slot); do nothing where there is none."""
-
-
-def apply_law(law: Any, points: Any, others: Any, dt: float, time: float, response: Response, first: int) -> None:
-    """Let one law set the multipliers of its points, which start at index `first`, then apply the laws after it."""
-    views, multiplier = law[1], law[2]
-    stop = first + multiplier.size
+def apply_law(law: KernelLaw, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Let one law set the multipliers of its points."""
+    views, now, count = law.trial, law.now[0], law.multiplier.size
     # The kernel uses the coupling and other laws act on the same ends: sum the gap accelerations by their multipliers.
-    if law[3] == 1:
-        for i in range(first, stop):
-            point = points[i]
-            point.pushed_by_others = 0.0
-            for k in range(point.other_start, point.other_stop):
-                neighbour = others[k].point
-                if neighbour < first or neighbour >= stop:
-                    point.pushed_by_others += others[k].value * points[neighbour].multiplier
+    if law.pushed == 1:
+        for i in range(count):
+            pushed = 0.0
+            for k in range(law.first_other[i], law.first_other[i + 1]):
+                neighbour = law.others[k].point
+                if neighbour < law.first or neighbour >= law.first + count:
+                    pushed += law.others[k].value * law.states[neighbour].multiplier
+            law.states[law.first + i].pushed_by_others = pushed
     # A multiplier that the kernel does not set remains nan and stops the run.
-    for i in range(multiplier.size):
-        multiplier[i] = np.nan
-        if views.shift.size > 0:
-            views.shift[i] = 0.0
+    for i in range(count):
+        law.multiplier[i] = np.nan
+    for i in range(views.shift.size):
+        views.shift[i] = 0.0
     # What the kernel does not write of the state remains as it was.
     for i in range(views.before.shape[0]):
         for k in range(views.before.shape[1]):
             views.after[i, k] = views.before[i, k]
     trial = Trial(
-        views.gap, views.predicted_gap, views.rate, views.predicted_rate, views.delassus, dt, time, response[0],
-        response[1], views.first_neighbour, views.neighbour, views.coupling, views.pushed_by_others,
-        views.before, views.after, views.shift,
+        views.gap, views.predicted_gap, views.rate, views.predicted_rate, views.delassus, now.dt, now.time,
+        now.gap_response, now.rate_response, views.first_neighbour, views.neighbour, views.coupling,
+        views.pushed_by_others, views.before, views.after, views.shift,
     )  # fmt: skip
-    multipliers(law[0], trial, multiplier)
-    remaining_laws(law[4], points, others, dt, time, response, stop)
+    multipliers(law.bound, trial, law.multiplier)
 
 
-def apply_laws(laws: Any, points: Any, others: Any, dt: float, time: float, response: Response) -> None:
-    """Let every law with a kernel set its multipliers, one law after the other.
-
-    `response` is the change of the predicted gap and of the predicted gap rate by a multiplier of 1/s.
-    """
-    remaining_laws(laws[2], points, others, dt, time, response, laws[1])
-
-
-def nest(laws: Sequence[BoundLaw], points: Any, others: Any, state_before: Floats, state_after: Floats) -> Any:
-    """Return the nested tuple from which the loop calls the kernels of laws.
+def kernel_laws(
+    laws: Sequence[BoundLaw], points: Points, now: Any, variables: tuple[Floats, Floats], shifts: Floats
+) -> Iterator[Action]:
+    """Yield the actions of the laws with a kernel, and set whether they are solved in turn with the contact equation.
 
     Parameters
     ----------
     laws
         The bound laws with a kernel, in the order of their points, which are the last points of the loop.
-    points : (P,) POINT
+    points
         All contact points of the loop.
-    others : OTHER
-        The off-diagonal entries of S.
-    state_before, state_after
-        State variables of the laws, one law after the other, point by point.
-
-    Returns
-    -------
-    tuple
-        (1 if kernels and the contact equation have to be solved in turn, index of the first point, first law). A law is
-        (bound arrays, `Trial`, multipliers, 1 if other laws act on the ends of its points, next law).
+    now
+        The step, `percuss.step.records.NOW`.
+    variables
+        State variables of the laws before and after a step, one law after the other, point by point.
+    shifts : (P,)
+        Shifts of all points.
     """
-    stop = points.size
-    first = stop - sum(len(bound_law.where) for bound_law in laws)
-    nested: Any = (0,)
-    in_turn = 0
-    end = state_before.size
-    for bound_law in reversed(laws):
-        first_point = stop - len(bound_law.where)
-        coupled = bool(bound_law.law.uses_coupling)
-        start = end - len(bound_law.where) * bound_law.law.state
-        before, after = (
-            array[start:end].reshape(len(bound_law.where), bound_law.law.state) for array in (state_before, state_after)
-        )
-        views, pushed = _trial(points, others, first_point, stop, coupled)
+    first = points.law.size - sum(len(bound_law.where) for bound_law in laws)
+    start = 0
+    for bound_law in laws:
+        count, law = len(bound_law.where), bound_law.law
+        stop, end = first + count, start + count * law.state
+        trial, pushed = _trial(points, first, stop, coupled=bool(law.uses_coupling))
+        before, after = (array[start:end].reshape(count, law.state) for array in variables)
         before.flags.writeable = False
-        shift = points["shift"][first_point : stop if bound_law.law.shifts else first_point]
-        views = views._replace(before=before, after=after, shift=shift)
-        in_turn = max(in_turn, pushed)
-        nested = (bound_law.kernel_data, views, points["multiplier"][first_point:stop], pushed, nested)
-        stop, end = first_point, start
-    return (in_turn, first, nested)
+        trial = trial._replace(before=before, after=after, shift=shifts[first : stop if law.shifts else first])
+        now["in_turn"] = max(int(now["in_turn"][0]), pushed)
+        first_other = np.append(points.law["other_start"][first:stop], points.law["other_stop"][stop - 1])
+        data = KernelLaw(
+            bound_law.kernel_data, trial, points.state["multiplier"][first:stop], first, pushed, first_other,
+            points.others, points.state, now,
+        )  # fmt: skip
+        kernel: Any = bound_law.kernel
+        yield Action(LAWS, apply_law, data, {multipliers: kernel}, of_plugin=True, name=f"contact law {law.name}")
+        first, start = stop, end
 
 
-def _trial(points: Any, others: Any, first: int, stop: int, coupled: bool) -> tuple[Trial, int]:
+def _trial(points: Points, first: int, stop: int, *, coupled: bool) -> tuple[Trial, int]:
     """Return the states of the points from `first` to `stop`, and 1 if other laws act on their ends, else 0.
 
-    The arrays are views of the records of the points. Times and responses are those of a step, which the loop sets. A
+    The arrays are views of the records of the points. Times and responses are those of a step, which its action sets. A
     law that does not use the coupling gets no neighbours, and 0.
     """
     starts, neighbours, values, pushed = [0], [], [], 0
-    for point in points[first:stop]:
-        for entry in others[point.other_start : point.other_stop] if coupled else ():
+    for point in points.law[first:stop]:
+        for entry in points.others[point.other_start : point.other_stop] if coupled else ():
             if first <= entry.point < stop:
                 neighbours.append(entry.point - first)
                 values.append(entry.value)
@@ -125,9 +118,10 @@ def _trial(points: Any, others: Any, first: int, stop: int, coupled: bool) -> tu
                 pushed = 1
         starts.append(len(neighbours))
     views: dict[str, Any] = {
-        name: points[name][first:stop] for name in Trial._fields if name in (POINT.names or ()) and name != "shift"
+        name: points.state[name][first:stop] for name in Trial._fields if name in (STATE.names or ())
     }
     rows: dict[str, Any] = {
+        "delassus": points.law["delassus"][first:stop],
         "first_neighbour": np.array(starts, dtype=np.int64),
         "neighbour": np.array(neighbours, dtype=np.int64),
         "coupling": np.array(values, dtype=np.float64),
@@ -137,23 +131,3 @@ def _trial(points: Any, others: Any, first: int, stop: int, coupled: bool) -> tu
     nothing = np.zeros((stop - first, 0))
     of_step: dict[str, Any] = dict.fromkeys(("dt", "time", "gap_response", "rate_response"), 0.0)
     return Trial(**views, **rows, **of_step, before=nothing, after=nothing, shift=np.zeros(0)), pushed
-
-
-def bind(maker: Specialiser, laws: Sequence[tuple[Any, str]], *, entry: bool = False) -> Callable[..., None]:
-    """Return the function that calls the kernels of all laws in turn; with `entry`, Python can call it.
-
-    Each law is given by its kernel and the layout of what this kernel reads.
-    """
-    return maker.with_slots(maker.chain(apply_law, multipliers, remaining_laws, laws)).bind(apply_laws, entry=entry)
-
-
-def compile_alone(bound_law: BoundLaw) -> None:
-    """Compile the kernel of a bound law by itself; raise the compiler's error if it cannot be compiled."""
-    points = np.recarray(len(bound_law.where), dtype=POINT)
-    points[:] = np.ones((), dtype=POINT)
-    points["other_start"] = points["other_stop"] = 0
-    others = np.recarray(0, dtype=OTHER)
-    size = len(bound_law.where) * bound_law.law.state
-    nested = nest([bound_law], points, others, np.zeros(size), np.zeros(size))
-    law = bound_law.kernel, layout(bound_law.kernel_data)
-    bind(Specialiser(counting=True), [law], entry=True)(nested, points, others, 1.0, 0.0, (1.0, 1.0))

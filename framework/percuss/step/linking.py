@@ -12,13 +12,12 @@ What is not stored yet is compiled by `percuss.step.calls`.
 
 from __future__ import annotations
 
-import copy
 import ctypes
 import itertools
 import pickle
 import struct
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple, Self
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from percuss.compiler import machine_code
 from percuss.compiler.fingerprint import layout
 from percuss.compiler.machine_code import CannotLink
 from percuss.compiling import compiler
-from percuss.step.linked import LinkedBodies, LinkedKernel, LinkedLaws, LinkedSystem
 
 Kernel = Callable[..., Any]
 # The values that data may contain, in tuples; a subclass may mean more than its numbers, as a masked array does.
@@ -143,45 +141,55 @@ def _raised(exception: Any) -> BaseException:
     return CompiledError("an exception was raised in compiled code")
 
 
-# --------------------------------------------------------------------------------------------------------- the loop
+# --------------------------------------------------------------------------------------------------------- entrances
 
 
-class Entrances:
-    """The entrances of the kernels and loops of one kind of model.
+class Entrance:
+    """The compiled code of one kernel, by its address.
 
     Parameters
     ----------
-    tags
-        Digest of all the code that is reached from the entrance of each kind; empty where it cannot be stored.
+    kind
+        Kind of the kernel, a key of `percuss.step.linked.EXAMPLES`.
+    tag
+        Digest of all the code that is reached from it; empty where it cannot be stored.
     bind
-        Returns the entrances, bound for the compiler. It is called when the machine code of one is not stored.
+        Returns it bound for the compiler. It is called when its machine code is not stored.
     """
 
-    def __init__(self, tags: Mapping[str, str], bind: Callable[[], Mapping[str, Kernel]]) -> None:
-        self.tags, self._bind = tags, bind
-        self._bound: Mapping[str, Kernel] = {}
+    def __init__(self, kind: str, tag: str, bind: Callable[[], Kernel]) -> None:
+        self.kind, self.tag, self._bind = kind, tag, bind
+        self._bound: Kernel | None = None
+        self._known: dict[Any, tuple[str, int]] = {}  # form of the block and address, by structure of the data
 
-    def addresses(self, kinds: tuple[str, ...], data: Any, of: str) -> tuple[str, list[int]]:
-        """Return the form of a block of `data`, and the addresses of the machine code of several kinds that read it."""
-        about = f"{structure(data)!r};{layout(data)}"
-        keys = [machine_code.key_of(self.tags[kind], kind, about) if self.tags[kind] else "" for kind in kinds]
+    def address(self, data: Any, of: str) -> tuple[str, int]:
+        """Return the form of a block of `data`, and the address of the machine code that reads it.
+
+        Raises
+        ------
+        CannotLink
+            If compiled code cannot read the data, which belong to what `of` names.
+        """
+        try:
+            key = structure(data)
+        except CannotLink as error:
+            raise CannotLink(f"{of} cannot be compiled: compiled kernels read numbers and arrays, {error}") from None
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = self._compiled(data, f"{key!r};{layout(data)}", of)
+        return known
+
+    def _compiled(self, data: Any, about: str, of: str) -> tuple[str, int]:
+        stored_as = machine_code.key_of(self.tag, self.kind, about) if self.tag else ""
         with compiler():
-            stored = [machine_code.address_of_stored(key) if key else None for key in keys]
-            found = [each for each in stored if each is not None]
-            if len(found) == len(keys):
-                return found[0][1], [address for address, _ in found]
+            stored = machine_code.address_of_stored(stored_as) if stored_as else None
+            if stored is not None:
+                address, form = stored
+                return form, address
             from percuss.step import calls
 
             self._bound = self._bound or self._bind()
-            entrances = [(self._bound[kind], kind, key) for kind, key in zip(kinds, keys, strict=True)]
-            return calls.compiled(entrances, data, of)
-
-
-class _Links:
-    """What the loop receives in the place of a value, and everything that has to stay in memory meanwhile."""
-
-    def __init__(self, value: Any, links: Any, *kept: object) -> None:
-        self.value, self.links, self._kept = value, links, kept
+            return calls.compiled(self._bound, self.kind, stored_as, data, of)
 
 
 class _Call(NamedTuple):
@@ -206,46 +214,23 @@ class _Call(NamedTuple):
 
 
 class LinkedLoop:
-    """The compiled loop of leap-frog schemes, linked to the kernels and arrays of one model.
+    """A compiled loop, called from Python.
 
     Parameters
     ----------
-    entrances
-        Entrances of the kernels and of the loop.
+    entrance
+        The entrance of the loop.
     """
 
-    update = "bulk update"  # kind of the kernel that treats all bodies
+    def __init__(self, entrance: Entrance) -> None:
+        self._entrance = entrance
+        self._last: _Call | None = None  # another thread may replace it: a caller holds it until the call has returned
 
-    def __init__(self, entrances: Entrances) -> None:
-        self.entrances = entrances
-        # Form of the block, and addresses of the kernels, of each structure of data that was met.
-        self._known: dict[Any, tuple[str, list[int]]] = {}
-        # The links to the values that came last. Another thread may replace them at any time: a caller of compiled code
-        # has to hold the links until the call has returned.
-        self._last: dict[str, _Links] = {}
-        self._calls: dict[str, _Call] = {}
-
-    def for_another_model(self) -> Self:
-        """Return the same loop, without links to the arrays of this model."""
-        loop = copy.copy(self)
-        loop._last, loop._calls = {}, {}
-        return loop
-
-    def advance(self, loop: Any, *others: Any) -> int:
-        """Make steps; arguments and result are those of `percuss.step.loop.advance`."""
-        return self._call("leap-frog loop", (self._once("loop", loop, self._loop).links, *others))
-
-    def _loop(self, loop: Any) -> _Links:
-        link_bodies = self._uniform_bodies if loop.uniform.size > 0 else self._bodies
-        bodies, laws = self._once("bodies", loop.groups, link_bodies), self._once("laws", loop.laws, self._laws)
-        loads = self._once("loads", loop.loads, self._loads)
-        linked = loop._replace(groups=bodies.links, laws=laws.links, loads=loads.links)
-        return _Links(loop, linked, bodies, laws, loads)
-
-    def _call(self, kind: str, arguments: tuple[Any, ...]) -> int:
-        last = self._calls.get(kind)
+    def __call__(self, *arguments: Any) -> int:
+        """Call the loop; numbers and arrays of its arguments are written to a block, unless they are those before."""
+        last = self._last
         if last is None or not last.fits(arguments):
-            form, (address,) = self._known_link(arguments, "the loop", kind)
+            form, address = self._entrance.address(arguments, "the loop")
             numbers = [_numbers(argument) for argument in arguments]
             last = _Call(arguments, numbers, form, address, Block(arguments, form, itertools.chain(*numbers)))
         elif not all(new is old for new, old in zip(arguments, last.arguments, strict=True)):
@@ -253,81 +238,5 @@ class LinkedLoop:
             numbers = [numbers if new is old else _numbers(new) for new, old, numbers in given]
             block = Block(arguments, last.form, itertools.chain(*numbers))
             last = last._replace(arguments=arguments, numbers=numbers, block=block)
-        self._calls[kind] = last
+        self._last = last
         return call_at(last.address, last.block)
-
-    def _once(self, name: str, value: Any, link: Callable[[Any], _Links]) -> _Links:
-        links = self._last.get(name)
-        if links is None or links.value is not value:
-            links = self._last[name] = link(value)
-        return links
-
-    def _bodies(self, groups: Any) -> _Links:
-        block, addresses = self._link(groups, "the bodies", self.update, "strain energy")
-        return _Links(groups, LinkedBodies(block.address, *addresses), block)
-
-    def _uniform_bodies(self, groups: Any) -> _Links:
-        """Return the links of uniform bars, which the loop advances itself, without the kernel of their update."""
-        block, (energy,) = self._link(groups, "the bodies", "strain energy")
-        return _Links(groups, LinkedBodies(block.address, 0, energy), block)
-
-    def _laws(self, laws: Any) -> _Links:
-        if "contact laws" not in self.entrances.tags:
-            return _Links(laws, LinkedLaws(0, 0, 0))
-        block, addresses = self._link(laws, "the contact laws", "contact laws")
-        return _Links(laws, LinkedLaws(laws[0], block.address, *addresses), block)
-
-    def _loads(self, loads: Any) -> _Links:
-        if "following loads" not in self.entrances.tags:
-            return _Links(loads, LinkedKernel(0, 0))
-        block, addresses = self._link(loads, "the loads", "following loads")
-        return _Links(loads, LinkedKernel(block.address, *addresses), block)
-
-    def _link(self, data: Any, of: str, *kinds: str) -> tuple[Block, list[int]]:
-        """Return a block with the data of one or more kernels, and the addresses of these kernels."""
-        form, addresses = self._known_link(data, of, *kinds)
-        return Block(data, form), addresses
-
-    def _known_link(self, data: Any, of: str, *kinds: str) -> tuple[str, list[int]]:
-        """Return the form of a block with such data, and the addresses of the kernels that read it."""
-        try:
-            key = kinds, structure(data)
-        except CannotLink as error:
-            raise CannotLink(f"{of} cannot be compiled: compiled kernels read numbers and arrays, {error}") from None
-        known = self._known.get(key)
-        if known is None:
-            known = self._known[key] = self.entrances.addresses(kinds, data, of)
-        return known
-
-
-class LinkedStages(LinkedLoop):
-    """The compiled loop of multi-stage schemes, linked to the kernels and arrays of one model."""
-
-    update = "internal forces"
-
-    def advance(self, system: Any, numbers: Any, *others: Any) -> int:
-        """Make steps; arguments and result are those of `percuss.step.stages.advance`."""
-        linked = self._once("system", system, self._system)
-        step = self._last.get("step")
-        if step is None or step.value[0] is not linked or step.value[1] is not numbers:
-            step = self._last["step"] = self._step(linked, numbers)
-        return self._call("multi-stage loop", (linked.links[0], step.links, *others))
-
-    def begin(self, system: Any, *others: Any) -> None:
-        """Set the first accelerations; arguments are those of `percuss.step.stages.begin`."""
-        linked = self._once("system", system, self._system)
-        self._call("first accelerations", (linked.links[1], *others))
-
-    def _system(self, system: Any) -> _Links:
-        bodies, laws = self._once("bodies", system.groups, self._bodies), self._once("laws", system.laws, self._laws)
-        loads = self._once("loads", system.loads, self._loads)
-        aside = self._once("bodies aside", system.groups_aside, self._bodies)
-        linked = system._replace(groups=bodies.links, groups_aside=aside.links, laws=laws.links, loads=loads.links)
-        kinds = ("accelerations of a stage", "internal forces of a stage")
-        block, addresses = self._link(linked, "the system", *(kind for kind in kinds if kind in self.entrances.tags))
-        own = LinkedSystem(block.address, addresses[0], addresses[1] if len(addresses) == len(kinds) else 0)
-        return _Links(system, (linked, own), bodies, aside, laws, loads, block)
-
-    def _step(self, system: _Links, numbers: Any) -> _Links:
-        block, addresses = self._link((numbers, system.links[1]), "the step", "step of a scheme")
-        return _Links((system, numbers), LinkedKernel(block.address, *addresses), block)

@@ -1,4 +1,4 @@
-"""Bars of equal elements in one dimension, whose step needs one number in the place of arrays.
+"""Rows of equal two-node elements in one dimension, whose step needs one number in the place of arrays.
 
 All inner nodes of such a bar have the same mass and all elements the same stiffness: a step without contact is
 ``v += rate ((u_{i+1} - u_i) - (u_i - u_{i-1}))``, then ``u += dt v``. Plain Python rounds the products before it adds
@@ -7,13 +7,19 @@ them and differs by round-off.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from percuss.compiler.marks import fused
+from percuss.compiler.record_arrays import record_array
+from percuss.methods.blame import is_third_party
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.mesh.body import Body
     from percuss.methods.interfaces import Floats
 
 UNIFORM_BAR = np.dtype(
@@ -31,32 +37,41 @@ UNIFORM_BAR = np.dtype(
 )
 
 
-def advance_whole(bars: Any, u: Floats, v: Floats, dt: float) -> None:
-    """Advance all nodes of all bars, records `UNIFORM_BAR`, by a step, as if nothing acted on the ends.
+class UniformRows(NamedTuple):
+    """All bodies of a model that has nothing but bars of equal elements."""
+
+    bars: Any  # UNIFORM_BAR
+    totals: Any  # percuss.step.records.TOTAL
+    dt: float
+
+
+def advance_whole(data: UniformRows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Advance all nodes of all bars by a step, as if nothing acted on the ends.
 
     Beyond an end of half the mass of an inner node, an element with the opposite elongation would have the same effect.
     """
-    for b in range(bars.size):
-        bar = bars[b]
+    for b in range(data.bars.size):
+        bar = data.bars[b]
         first = bar.start
         stop = bar.stop
         behind = -bar.left * (u[first + 1] - u[first])
         ahead = -bar.right * (u[stop - 1] - u[stop - 2])
-        advance_row(u[first:stop], v[first:stop], behind, ahead, bar.rate, dt)
+        advance_row(u[first:stop], v[first:stop], behind, ahead, bar.rate, data.dt)
 
 
-def energies(bars: Any, u: Floats, v: Floats, dt: float) -> tuple[float, float]:
-    """Return the kinetic energy of all bars and their staggered strain energy, ``u_n K u_{n+1} / 2``."""
+def add_energies(data: UniformRows, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the kinetic energy of all bars and their staggered strain energy, ``u_n K u_{n+1} / 2``."""
     kinetic = 0.0
     elastic = 0.0
-    for b in range(bars.size):
-        bar = bars[b]
+    for b in range(data.bars.size):
+        bar = data.bars[b]
         first = bar.start
         last = bar.stop - 1
         kinetic += bar.mass * sum_of_squares(v[first + 1 : last])
         kinetic += bar.first_mass * v[first] * v[first] + bar.last_mass * v[last] * v[last]
-        elastic += bar.stiffness * sum_of_elongations(u[first : last + 1], v[first : last + 1], dt)
-    return 0.5 * kinetic, 0.5 * elastic
+        elastic += bar.stiffness * sum_of_elongations(u[first : last + 1], v[first : last + 1], data.dt)
+    data.totals[0].kinetic_energy += 0.5 * kinetic
+    data.totals[0].elastic_energy += 0.5 * elastic
 
 
 def sum_of_squares(v: Floats) -> float:
@@ -103,3 +118,54 @@ def advance_row(u: Floats, v: Floats, behind: float, ahead: float, rate: float, 
         behind = elongation
     v[last] += rate * (ahead - behind)
     u[last] += dt * v[last]
+
+
+def uniform_bars(model: ModelArrays, boundary_nodes: Sequence[int]) -> Any:
+    """Return the bodies of a model as records `UNIFORM_BAR`; none if there is a body of another kind.
+
+    Parameters
+    ----------
+    model
+        The model of the run.
+    boundary_nodes
+        The nodes at which contacts, loads, supports or probes act.
+    """
+    bodies = list(model.bodies.values())
+    ends = {node for body in bodies for node in (body.start, body.stop - 1)}
+    bars = []
+    if (
+        model.dim == 1
+        and not model.multistage
+        and not model.viscosity
+        and not model.own_steps
+        and not model.implicit
+        and not model.body_forces
+        and not model.shifts
+        and ends.issuperset(boundary_nodes)
+        and all(map(_is_uniform, bodies))
+    ):
+        for body in bodies:
+            mass, inner = body.mass, body.mass[body.mass.size // 2]
+            rate = model.dt * body.stiffness[0] / inner
+            shares = inner / mass[0] - 1.0, inner / mass[-1] - 1.0
+            bars.append((body.start, body.stop, rate, *shares, inner, mass[0], mass[-1], body.stiffness[0]))
+    return record_array(bars, UNIFORM_BAR)
+
+
+def _is_uniform(body: Body) -> bool:
+    """Return whether a body is linear, with two-node elements of one stiffness and inner nodes of one mass.
+
+    The kernels of a third-party plug-in are called in every step, whatever they declare: the run shows what they
+    compute.
+    """
+    if body.mesh.cells:
+        return False
+    stiffness, inner_mass = body.stiffness, body.mass[1:-1]
+    return not (
+        body.why_not_linear
+        or body.ends_without_mass
+        or body.inverse.size
+        or any(is_third_party(type(part).__module__) for part in (body.spec.element, body.spec.material))
+        or np.any(stiffness != stiffness[0])
+        or np.any(inner_mass != inner_mass[:1])
+    )

@@ -1,4 +1,4 @@
-"""Masses that couple neighbouring nodes, in the time loop.
+"""Masses that couple neighbouring nodes.
 
 The bulk update advances all bodies with their nodal masses m, which changes the velocities by ``dt diag(m)^-1 f``. With
 ``M^-1 diag(m)``, whose rows have the sum 1, this becomes ``dt M^-1 f``; body forces, which accelerate all nodes alike,
@@ -7,57 +7,142 @@ are left as they are. What acts on an end moves the nodes beside it too: `carry_
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from percuss.compiler.record_arrays import record_array
 from percuss.errors import refuse_if_any
+from percuss.mesh.coupled_masses import arrays_for_the_loop
+from percuss.step.actions import (
+    AFTER_BULK,
+    AFTER_FORCES,
+    AFTER_SUPPORTS,
+    BEFORE_BULK,
+    BEFORE_CONTACT,
+    BEFORE_LOADS,
+    BEFORE_SUPPORTS,
+    KINETIC_ENERGY,
+    Action,
+)
+from percuss.step.bulk import add_kinetic_energy
+from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
-    from percuss.step.bulk import Bulk
 
 # A node beside an end on which a load, a support or a drive acts, one record for each direction.
 NEIGHBOUR = np.dtype(
     [
-        ("place", "i8"),  # index in `boundary_dofs`
+        ("place", "i8"),  # index of its boundary degree of freedom
         ("end", "i8"),  # that of the end
         ("share", "f8"),  # of the change of velocity of the end by a force there
     ]
 )
 
 
-def keep_state(masses: Bulk, u: Floats, v: Floats) -> None:
+class Coupling(NamedTuple):
+    """What couples the nodes, and what the part keeps within a step."""
+
+    coupling: Floats  # (2 k + 1, nodes * dim) M^-1 diag(m) - I
+    factor: Floats  # (k + 1, nodes * dim) 1/D and L of M^-1 = L D L^T
+    correction: Floats  # (nodes * dim,) work space
+    before: Floats  # (nodes * dim,) displacements before the step
+    change: Floats  # (nodes * dim,) change of the velocities that nodal masses alone would give
+    mass: Floats  # (nodes * dim,) nodal masses
+    neighbours: Any  # NEIGHBOUR
+    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    totals: Any  # percuss.step.records.TOTAL
+    dim: int
+    dt: float
+    sums_work: bool  # whether the internal work is summed up
+
+
+class CoupledMasses(Part):
+    """The part of a step with masses that couple nodes."""
+
+    def __init__(self, data: Coupling, *, multistage: bool) -> None:
+        self.data, self.multistage = data, multistage
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part, None where all masses are diagonal."""
+        model, step = setting.model, setting.step
+        if not model.couples_nodes:
+            return None
+        rows = [
+            (setting.place[node] + d, setting.place[end] + d, value / response[end])
+            for end in dict.fromkeys(model.acted_nodes)
+            for response in (model.body_of(end).response(end),)
+            for node, value in response.items()
+            if node != end
+            for d in range(model.dim)
+        ]
+        mass = np.repeat(model.mass, model.dim)
+        neighbours, sums_work = record_array(rows, NEIGHBOUR), model.sums_internal_work
+        if before is not None:
+            data = before.data._replace(boundary=step.boundary, totals=step.totals, neighbours=neighbours)
+            return cls(data, multistage=model.multistage)
+        coupling, factor = arrays_for_the_loop(model.bodies.values(), model.dim)
+        correction, former, change = (np.zeros(coupling.shape[1]) for _ in range(3))
+        data = Coupling(
+            coupling, factor, correction, former, change, mass, neighbours, step.boundary, step.totals, model.dim,
+            model.dt, sums_work,
+        )  # fmt: skip
+        return cls(data, multistage=model.multistage)
+
+    def actions(self) -> Iterator[Action]:
+        """Yield the actions of a step or of a stage."""
+        if self.multistage:
+            yield Action(AFTER_FORCES, couple_accelerations, self.data)
+            yield Action(BEFORE_LOADS, keep_ends, self.data)
+            yield Action(AFTER_SUPPORTS, move_neighbours, self.data)
+        else:
+            yield Action(BEFORE_BULK, keep_state, self.data)
+            yield Action(AFTER_BULK, couple_nodes, self.data)
+            yield Action(BEFORE_SUPPORTS, tell_change, self.data)
+            yield Action(BEFORE_CONTACT, carry_to_neighbours, self.data)
+        yield Action(KINETIC_ENERGY, add_coupled_kinetic_energy, self.data)
+
+    def changed(self, action: Action) -> Action | None:
+        """Return any action but that of the kinetic energy of nodal masses, which this part has of its own."""
+        return None if action.kernel is add_kinetic_energy else action
+
+
+# ------------------------------------------------------------------------------------------------- leap-frog schemes
+
+
+def keep_state(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Keep displacements and velocities before the bulk update."""
-    for i in range(masses.change.size):
-        masses.change[i] = v[i]
-        masses.before[i] = u[i]
+    for i in range(data.change.size):
+        data.change[i] = v[i]
+        data.before[i] = u[i]
 
 
-def couple_nodes(masses: Bulk, u: Floats, v: Floats, internal_work: Floats, dt: float) -> None:
-    """Turn the bulk update with nodal masses into that with M, in place; `masses.change` is its change of velocity."""
-    change = masses.change
+def couple_nodes(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Turn the bulk update with nodal masses into that with M, in place; `change` is its change of velocity."""
+    change = data.change
     for i in range(change.size):
         change[i] = v[i] - change[i]
-    set_correction(masses)
+    set_correction(data)
     # Displacements are made anew: a correction of them would round twice, to one side.
-    correct(masses.correction, masses.before, u, v, dt)
-    if internal_work.size > 0:  # body forces do no work on corrections, which leave the momentum as it is
+    correct(data.correction, data.before, u, v, data.dt)
+    if data.sums_work:  # body forces do no work on corrections, which leave the momentum as it is
         for i in range(change.size):
-            internal_work[0] -= 0.5 * masses.mass[i] * change[i] * masses.correction[i]
+            data.totals[0].internal_work -= 0.5 * data.mass[i] * change[i] * data.correction[i]
 
 
-def set_correction(masses: Bulk) -> None:
-    """Set `masses.correction` to ``(M^-1 diag(m) - I)`` times `masses.change`, one diagonal after the other."""
-    change, coupling, correction = masses.change, masses.coupling, masses.correction
+def set_correction(data: Coupling) -> None:
+    """Set `correction` to ``(M^-1 diag(m) - I)`` times `change`, one diagonal after the other."""
+    change, coupling, correction = data.change, data.coupling, data.correction
     size = change.size
     reach = coupling.shape[0] // 2
-    stride = masses.stride
     for i in range(size):
         correction[i] = coupling[reach, i] * change[i]
     for k in range(1, reach + 1):
-        shift = min(k * stride, size)
+        shift = min(k * data.dim, size)
         add_products(coupling[reach + k, : size - shift], change[shift:], correction[: size - shift])
         add_products(coupling[reach - k, shift:], change[: size - shift], correction[shift:])
 
@@ -75,58 +160,75 @@ def correct(correction: Floats, before: Floats, u: Floats, v: Floats, dt: float)
         u[i] = before[i] + dt * v[i]
 
 
-def carry_to_neighbours(neighbours: Any, boundary_dofs: Any) -> None:
+def tell_change(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Tell the boundary the changes of velocity that nodal masses alone would have given, without the coupling."""
+    for i in range(data.boundary.size):
+        q = data.boundary[i]
+        q.change = data.change[q.dof]
+
+
+def carry_to_neighbours(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Change the velocities beside ends on which loads, supports and drives act: that of the end has been changed."""
-    for i in range(neighbours.size):
-        neighbour = neighbours[i]
-        q = boundary_dofs[neighbour.end]
-        boundary_dofs[neighbour.place].new_v += neighbour.share * (q.new_v - q.bulk_v)
+    for i in range(data.neighbours.size):
+        neighbour = data.neighbours[i]
+        q = data.boundary[neighbour.end]
+        data.boundary[neighbour.place].new_v += neighbour.share * (q.new_v - q.bulk_v)
 
 
-def couple_accelerations(masses: Bulk, a: Floats) -> None:
-    """Turn the accelerations of nodal masses, ``diag(m)^-1 f``, into ``M^-1 f``, in place, if masses couple nodes."""
-    change = masses.change
-    if change.size == 0:
-        return
-    for i in range(change.size):
-        change[i] = a[i]
-    set_correction(masses)
-    for i in range(change.size):
-        a[i] += masses.correction[i]
+# ----------------------------------------------------------------------------------------------- multi-stage schemes
 
 
-def keep_ends(neighbours: Any, boundary_dofs: Any, values: Floats) -> None:
-    """Keep a nodal quantity of the ends on which loads, supports and drives are about to act."""
-    for i in range(neighbours.size):
-        q = boundary_dofs[neighbours[i].end]
-        q.bulk_v = values[q.dof]
+def couple_accelerations(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Turn the accelerations of nodal masses, ``diag(m)^-1 f``, into ``M^-1 f``, in place."""
+    for i in range(data.change.size):
+        data.change[i] = a[i]
+    set_correction(data)
+    for i in range(data.change.size):
+        a[i] += data.correction[i]
 
 
-def move_neighbours(neighbours: Any, boundary_dofs: Any, values: Floats) -> None:
-    """Change a nodal quantity beside the ends where it has changed since `keep_ends`."""
-    for i in range(neighbours.size):
-        neighbour = neighbours[i]
-        q = boundary_dofs[neighbour.end]
-        values[boundary_dofs[neighbour.place].dof] += neighbour.share * (values[q.dof] - q.bulk_v)
+def keep_ends(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Keep the accelerations of the ends on which loads, supports and drives are about to act."""
+    for i in range(data.neighbours.size):
+        q = data.boundary[data.neighbours[i].end]
+        q.bulk_v = a[q.dof]
 
 
-def coupled_kinetic(masses: Bulk, v: Floats, work_space: Floats) -> float:
+def move_neighbours(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Change the accelerations beside the ends where they have changed since `keep_ends`."""
+    for i in range(data.neighbours.size):
+        neighbour = data.neighbours[i]
+        q = data.boundary[neighbour.end]
+        a[data.boundary[neighbour.place].dof] += neighbour.share * (a[q.dof] - q.bulk_v)
+
+
+# ------------------------------------------------------------------------------------------------------------ energy
+
+
+def add_coupled_kinetic_energy(data: Coupling, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the kinetic energy ``v M v / 2``."""
+    data.totals[0].kinetic_energy += coupled_kinetic(data.factor, v[: data.mass.size], data.dim, data.correction)
+
+
+def coupled_kinetic(factor: Floats, v: Floats, dim: int, work_space: Floats) -> float:
     """Return the kinetic energy ``v M v / 2`` by forward substitution, with ``M^-1 = L D L^T``.
 
     It is ``y D^-1 y / 2`` of ``y = L^-1 v``, which is left in `work_space`.
     """
-    factor, stride = masses.factor, masses.stride
     bands = factor.shape[0]
     total = 0.0
     for i in range(v.size):
         value = v[i]
         for k in range(1, bands):
-            j = i - k * stride
+            j = i - k * dim
             if j >= 0:
                 value -= factor[k, j] * work_space[j]
         work_space[i] = value
         total += factor[0, i] * value * value
     return 0.5 * total
+
+
+# ---------------------------------------------------------------------------------------------------------- refusals
 
 
 def refuse_coupled_ends(model: ModelArrays) -> None:

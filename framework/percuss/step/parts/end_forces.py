@@ -1,19 +1,39 @@
 """Laws that see or push more than the gap: the end force ``F = Sigma^T u`` of their contact points.
 
+The end force of a contact point is the mean normal force of the end elements of its sides, tension positive. Each side
+has a weight proportional to 1/m of its end node: ``F = N^T M^-1 f / s`` with the forces f of these elements on the end
+nodes, negative where they press the ends together.
+
 Such a law is evaluated at ``G^T u + g_0``, ``G = N + sees Sigma``, and pushes ``P = N + pushes Sigma``. The entries of
 a contact point contain ``M^-1 P``, also at the nodes beside its ends, so that multipliers act as those of any law. What
 the law sees stands in the place of the gap while the contact equation is solved; the gap comes back after that. In the
-functions, `e` is the record of such a point, `p` that of its contact point and `q` that of a boundary degree of
-freedom.
+functions of the loop `e` is the record of such a point.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.contact.equation import BY_CURRENT, NEVER, ROUNDING, stored_energy
+from percuss.compiler.record_arrays import record_array
+from percuss.contact.bound_law import OF_END_FORCE
+from percuss.contact.contact_rows import Side
+from percuss.contact.points import BY_CURRENT, BY_PART, NEVER, NOTHING, Points
+from percuss.errors import RefusedPair
+from percuss.methods.blame import breach
+from percuss.step.account import ROUNDING, stored_energy
+from percuss.step.actions import AFTER_SOLUTION, BEFORE_ACCOUNT, BEFORE_SOLUTION, BEFORE_SUPPORTS, Action
+from percuss.step.part import Part, Setting
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.methods.interfaces import Floats
 
 END_FORCE = np.dtype(
     [
@@ -40,113 +60,301 @@ END_FORCE_ENTRY = np.dtype(
 )  # in `boundary_dofs`, Sigma, M^-1 Sigma
 
 
-def soften_end_elements(points: Any, end_forces: Any, rows: Any, boundary_dofs: Any, dt: float) -> None:
+class EndForces(NamedTuple):
+    """All contact points whose law sees or pushes more than the gap."""
+
+    of_points: Any  # END_FORCE
+    rows: Any  # END_FORCE_ENTRY
+    points: Points
+    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    totals: Any  # percuss.step.records.TOTAL
+    dt: float
+
+
+class EndForcesOfLaws(Part):
+    """The part of a step with laws that see or push more than the gap."""
+
+    def __init__(self, data: EndForces) -> None:
+        self.data = data
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part, None where all laws see and push the gap alone."""
+        found = end_forces(setting.model, setting.midpoint)
+        if not found:
+            return None
+        step, law = setting.step, setting.step.points.law
+        records: list[tuple[Any, ...]] = []
+        entries: list[tuple[Any, ...]] = []
+        for number, point in enumerate(setting.order):
+            if point not in found:
+                continue
+            end_force = found[point]
+            start = len(entries)
+            entries += [
+                (setting.place[node] + d, value, value / setting.model.mass[node])
+                for node, row in end_force.rows.items()
+                for d, value in enumerate(row)
+            ]
+            multiples = end_force.sees, end_force.pushes, end_force.softens
+            # Work and stored energy belong together where the law pushes what it sees.
+            stores = law["stores"][number] if end_force.sees == end_force.pushes else NOTHING
+            records.append((number, start, len(entries), *multiples, stores, *([0.0] * 8), 0))
+            law["stores"][number], law["end_stiffness"][number] = BY_PART, np.nan
+        made = record_array(records, END_FORCE)
+        if before is not None:
+            for name in ("stored", "active"):
+                made[name] = before.data.of_points[name]
+        rows = record_array(entries, END_FORCE_ENTRY)
+        return cls(EndForces(made, rows, step.points, step.boundary, step.totals, setting.model.dt))
+
+    def actions(self) -> Iterator[Action]:
+        """Yield the actions of a step."""
+        yield Action(BEFORE_SUPPORTS, soften_end_elements, self.data)
+        yield Action(BEFORE_SOLUTION, show_end_forces, self.data)
+        yield Action(AFTER_SOLUTION, show_gaps, self.data)
+        yield Action(BEFORE_ACCOUNT, add_work_and_energy, self.data)
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the records of the points."""
+        return [self.data.of_points]
+
+
+# ------------------------------------------------------------------------------------------------------- in the loop
+
+
+def soften_end_elements(data: EndForces, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Find the end forces at t_n, and add the velocity change by what acts whether contacts are closed or open."""
+    end_forces, rows, boundary = data.of_points, data.rows, data.boundary
     for i in range(end_forces.size):
         e = end_forces[i]
         e.force = 0.0
         for k in range(e.start, e.stop):
-            e.force += rows[k].row * boundary_dofs[rows[k].place].old_u
+            e.force += rows[k].row * boundary[rows[k].place].old_u
     for i in range(end_forces.size):
         e = end_forces[i]
-        force = softening(points, e) * e.force
+        force = softening(data.points.law[e.point], e) * e.force
         if force != 0.0:
             for k in range(e.start, e.stop):
-                boundary_dofs[rows[k].place].new_v += dt * rows[k].response * force
+                boundary[rows[k].place].new_v += data.dt * rows[k].response * force
 
 
-def softening(points: Any, e: Any) -> float:
+def softening(law: Any, e: Any) -> float:
     """Return the factor of Sigma Sigma^T that a point takes from the stiffness; 0 while its law does not act."""
-    return 0.0 if points[e.point].always == NEVER else e.softens
+    return 0.0 if law.always == NEVER else e.softens
 
 
-def show_end_forces(points: Any, end_forces: Any, rows: Any, boundary_dofs: Any, dt: float) -> None:
+def show_end_forces(data: EndForces, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Put what the laws see in the place of gaps and gap rates, which are kept."""
-    for i in range(end_forces.size):
-        e = end_forces[i]
-        p = points[e.point]
+    rows = data.rows
+    for i in range(data.of_points.size):
+        e = data.of_points[i]
+        state = data.points.state[e.point]
         rate = 0.0
         predicted_force = 0.0
         predicted_rate = 0.0
         for k in range(e.start, e.stop):
-            q = boundary_dofs[rows[k].place]
+            q = data.boundary[rows[k].place]
             rate += rows[k].row * q.old_v
-            predicted_force += rows[k].row * (q.old_u + dt * q.new_v)
+            predicted_force += rows[k].row * (q.old_u + data.dt * q.new_v)
             predicted_rate += rows[k].row * q.new_v
-        e.gap = p.gap
-        e.predicted_gap = p.predicted_gap
-        e.rate = p.rate
-        e.predicted_rate = p.predicted_rate
-        p.gap += e.sees * e.force
-        p.predicted_gap += e.sees * predicted_force
-        p.rate += e.sees * rate
-        p.predicted_rate += e.sees * predicted_rate
-        e.seen_gap = p.gap
-        e.seen_rate = p.rate
+        e.gap = state.gap
+        e.predicted_gap = state.predicted_gap
+        e.rate = state.rate
+        e.predicted_rate = state.predicted_rate
+        state.gap += e.sees * e.force
+        state.predicted_gap += e.sees * predicted_force
+        state.rate += e.sees * rate
+        state.predicted_rate += e.sees * predicted_rate
+        e.seen_gap = state.gap
+        e.seen_rate = state.rate
 
 
-def show_gaps(points: Any, end_forces: Any) -> None:
+def show_gaps(data: EndForces, n: int, u: Floats, v: Floats, a: Floats) -> None:
     """Put gaps and gap rates back."""
-    for i in range(end_forces.size):
-        e = end_forces[i]
-        p = points[e.point]
-        p.gap = e.gap
-        p.predicted_gap = e.predicted_gap
-        p.rate = e.rate
-        p.predicted_rate = e.predicted_rate
+    for i in range(data.of_points.size):
+        e = data.of_points[i]
+        state = data.points.state[e.point]
+        state.gap = e.gap
+        state.predicted_gap = e.predicted_gap
+        state.rate = e.rate
+        state.predicted_rate = e.predicted_rate
 
 
-def work_and_energy(
-    points: Any, end_forces: Any, rows: Any, entries: Any, boundary_dofs: Any, total: Any, dt: float
-) -> tuple[float, float, float]:
-    """Return the work of what is pushed beyond the gap, the stored energy, and its steady change, after a step.
+def add_work_and_energy(data: EndForces, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the work of what is pushed beyond the gap, the stored energy, and its steady change, after a step.
 
     The force ``c Sigma F_n`` does the work ``c F_n (F_{n+1} - F_{n-1}) / 2`` and stores ``-c F_n F_{n+1} / 2``, both
     without loss. A law that pushes what it sees stores the energy of any law, of what it sees. The steady change is
     that of work and stored energy at points with BY_CURRENT that neither open nor close.
     """
-    work = 0.0
-    energy_sum = 0.0
-    steady_change = 0.0
-    for i in range(end_forces.size):
-        e = end_forces[i]
-        p = points[e.point]
+    total, rows, boundary, dt = data.totals[0], data.rows, data.boundary, data.dt
+    total.any_contact = 1
+    for i in range(data.of_points.size):
+        e = data.of_points[i]
+        law, state = data.points.law[e.point], data.points.state[e.point]
         before = 0.0
         after = 0.0
         size = 0.0
         reach = 0.0
         for k in range(e.start, e.stop):
-            q = boundary_dofs[rows[k].place]
+            q = boundary[rows[k].place]
             before += rows[k].row * q.old_v
             after += rows[k].row * q.new_v
             size += abs(rows[k].row)
             reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
         seen_rate = e.sees * after
-        for k in range(p.start, p.stop):
-            seen_rate += entries[k].normal * boundary_dofs[entries[k].place].new_v
-        softens = softening(points, e)
-        point_work = 0.5 * dt * (e.pushes * p.multiplier + softens * e.force) * (before + after)
+        for k in range(law.start, law.stop):
+            seen_rate += data.points.entries[k].normal * boundary[data.points.entries[k].place].new_v
+        softens = softening(law, e)
+        point_work = 0.5 * dt * (e.pushes * state.multiplier + softens * e.force) * (before + after)
         energy = -0.5 * softens * e.force * (e.force + dt * after)
-        # The energy of a law is computed from what it sees, which stands in the place of the gap again.
-        gap, stores = p.gap, p.stores
-        p.gap = e.seen_gap
-        p.stores = e.stores
-        law_energy = stored_energy(p, seen_rate, dt)
-        p.gap = gap
-        p.stores = stores
-        active = 1 if p.multiplier != 0.0 or law_energy != 0.0 else 0
+        law_energy = stored_energy(law, state, e.stores, e.seen_gap, seen_rate, dt)
+        active = 1 if state.multiplier != 0.0 or law_energy != 0.0 else 0
         energy += law_energy
-        noise = size * (abs(e.pushes * p.multiplier) + abs(softens * e.force))
+        noise = size * (abs(e.pushes * state.multiplier) + abs(softens * e.force))
         if e.stores == BY_CURRENT:
             if e.active == active:
-                by_gap = 0.5 * dt * p.multiplier * (p.rate + seen_rate - e.sees * after)
-                steady_change += by_gap + point_work + energy - e.stored
+                by_gap = 0.5 * dt * state.multiplier * (state.rate + seen_rate - e.sees * after)
+                total.steady_change += by_gap + point_work + energy - e.stored
             noise += (1.0 + abs(e.sees) * size) * (
-                p.weight_gap * dt / p.sigma * (abs(e.seen_rate) + abs(seen_rate)) + ROUNDING * reach * p.kappa
+                law.weight_gap * dt / law.sigma * (abs(e.seen_rate) + abs(seen_rate)) + ROUNDING * reach * law.kappa
             )
         total.round_off += reach * noise
-        work += point_work
-        energy_sum += energy
+        total.work_of_contacts += point_work
+        total.stored_by_points += energy
         e.stored = energy
         e.active = active
-    return work, energy_sum, steady_change
+
+
+# ------------------------------------------------------------------------------------------- rows, and what is refused
+
+
+@dataclass(frozen=True)
+class EndForce:
+    """What the law of a contact point sees and pushes: multiples of Sigma, its rows, and the sides of the point."""
+
+    sees: float
+    pushes: float
+    softens: float
+    rows: Mapping[int, Floats]  # of Sigma, (dim,) for each node
+    sides: list[Side]
+
+    @property
+    def nodes(self) -> list[int]:
+        """The end nodes and the nodes beside them."""
+        return list(self.rows)
+
+
+def sees_end_force(bound_law: BoundLaw) -> bool:
+    """Return whether a law sees or pushes more than the gap."""
+    linear = bound_law.linear
+    return linear is not None and any(np.any(getattr(linear, name)) for name in OF_END_FORCE)
+
+
+def end_forces(model: ModelArrays, midpoint: float) -> dict[int, EndForce]:
+    """Return what laws see and push at the contact points where that is more than the gap, for the supports at a time.
+
+    Raises
+    ------
+    PluginError
+        If no force follows from a law, as sigma and the response of what it sees to what it pushes are not positive.
+    """
+    found: dict[int, EndForce] = {}
+    sides = None
+    for bound_law in filter(sees_end_force, model.laws):
+        sides = sides or model.contact_rows(midpoint).sides
+        linear: Any = bound_law.linear
+        for place, point in enumerate(bound_law.where):
+            sees, pushes, softens = (float(getattr(linear, name)[place]) for name in OF_END_FORCE)
+            rows = _end_force_rows(model, sides[point])
+            opened = [_opened(model, midpoint, node, row, sides[point], (sees, pushes)) for node, row in rows.items()]
+            found[point] = EndForce(sees, pushes, softens, rows, opened)
+            state = getattr(model.tables[-1], linear.at)
+            weights = linear.gap[place], linear.rate[place], linear.acceleration[place]
+            response = sum(weight * unit for weight, unit in zip(weights, state.response, strict=True))
+            if linear.sigma[place] + response * sum(float(side.sees @ side.response) for side in opened) <= 0.0:
+                message = "sigma plus the response of what the law sees to what it pushes is not positive"
+                raise breach(bound_law.law, "bind", f"{message}, so no force follows")
+    return found
+
+
+def _weights(sides: Sequence[Side]) -> list[float]:
+    """Return the weight of each side in the end force, proportional to 1/m of its end node; they sum to 1."""
+    mobility = [float(side.normal @ side.response) for side in sides]
+    return [value / sum(mobility) for value in mobility]
+
+
+def _end_force_rows(model: ModelArrays, sides: Sequence[Side]) -> dict[int, Floats]:
+    """Return the rows of Sigma by node: end force by displacement."""
+    rows: dict[int, Floats] = {}
+    for weight, side in zip(_weights(sides), sides, strict=True):
+        body = model.body_of(side.node)
+        row = weight * float(body.stiffness[body.end_element(side.node)]) * side.normal
+        beside = side.node + 1 if side.node == body.start else side.node - 1
+        for node, sign in ((side.node, -1.0), (beside, 1.0)):
+            rows[node] = rows.get(node, np.zeros(model.dim)) + sign * row
+    return rows
+
+
+def _opened(
+    model: ModelArrays, midpoint: float, node: int, row: Floats, sides: Sequence[Side], multiples: tuple[float, float]
+) -> Side:
+    """Return the side of a contact point at an end or the node beside it, with what the law sees and pushes there."""
+    normal = next((side.normal for side in sides if side.node == node), np.zeros(model.dim))
+    seen, pushed = (normal + multiple * row for multiple in multiples)
+    free = pushed
+    for constraint in model.constraints:
+        if constraint.node == node and constraint.active(midpoint):
+            free = free - (constraint.direction @ free) * constraint.direction
+    return Side(node, normal, free / model.mass[node], seen=seen, pushed=pushed)
+
+
+def trace_stiffness(model: ModelArrays, midpoint: float) -> Floats:
+    """Return `percuss.ContactPoints.trace_stiffness` of all contact points, for the supports active at a time, (P,)."""
+    return np.array(
+        [
+            sum(
+                weight**2 * model.body_of(side.node).end_stiffness(side.node)
+                for weight, side in zip(_weights(sides), sides, strict=True)
+            )
+            for sides in model.contact_rows(midpoint).sides
+        ]
+    )
+
+
+def refuse_end_forces(model: ModelArrays) -> None:
+    """Refuse laws that see or push end forces where these are not those of linear two-node elements at ends with mass.
+
+    Raises
+    ------
+    RefusedPair
+        For the first such law.
+    """
+    integrator = model.case.method.integrator.name
+    for bound_law in filter(sees_end_force, model.laws):
+        law, reason, refusing = bound_law.law.name, "", bound_law.law.name
+        what = f"{law} sees or pushes the force of end elements"
+        bodies = {model.body_of(node).name: node for p in bound_law.where for node in model.contact_pairs[p].nodes}
+        if model.multistage:
+            reason = f"{what}, which is evaluated in leap-frog schemes alone"
+        elif model.viscosity:
+            reason = f"{what}, and that of {integrator} has a viscous part, which is not known when it is evaluated"
+        elif model.implicit or model.own_steps:
+            reason = f"{what}, and under {integrator} the internal forces of a step are not those at its begin"
+        elif model.couples_nodes:
+            reason = f"{what}, which moves other nodes than its own where the mass couples nodes"
+        elif model.points_without_mass[list(bound_law.where)].any():
+            reason = f"{what}, and an end without mass is in static balance with it"
+        for node in bodies.values():
+            body = model.body_of(node)
+            if body.mesh.cells:
+                reason = f"{what}, which is known of two-node elements alone: body '{body.name}' has {_kinds(body)}"
+            elif body.why_not_linear:
+                reason = f"{what} by their stiffness, and {body.why_not_linear}"
+        if reason:
+            raise RefusedPair(integrator, law, reason, refusing)
+
+
+def _kinds(body: Any) -> str:
+    return f"cells {', '.join(body.mesh.cells)}"

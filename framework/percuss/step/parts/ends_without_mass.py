@@ -8,20 +8,24 @@ stiffness k. The contact equation is therefore that of the gap at the end of the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from percuss.compiler.record_arrays import record_array
-from percuss.contact.equation import WITHOUT_MASS, solve
+from percuss.contact.contact_rows import law_records
+from percuss.contact.points import BY_CURRENT, BY_END, FROM_PART, NOTHING, Points
 from percuss.errors import InputError, RefusedPair
 from percuss.mesh.ends_without_mass import BALANCE
+from percuss.methods.interfaces import ContactState, LeapFrog
+from percuss.step.account import takes_part
+from percuss.step.actions import AFTER_STEP, BEFORE_ACCOUNT, BEFORE_CONTACT, Action
+from percuss.step.equation import see, solve
+from percuss.step.part import Part, Setting
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from percuss.contact.bound_law import BoundLaw
-    from percuss.contact.contact_rows import Side
     from percuss.contact.model_arrays import ModelArrays
     from percuss.methods.interfaces import Floats
 
@@ -29,72 +33,169 @@ if TYPE_CHECKING:
 END_WITHOUT_MASS = np.dtype(
     [
         ("point", "i8"),  # index of the contact point
-        ("place", "i8"),  # index of the end in `boundary_dofs`
+        ("place", "i8"),  # index of the boundary degree of freedom of the end
         ("beside", "i8"),  # index of the node beside it in the global arrays
         ("response", "f8"),  # N / (k dt^2)
     ]
 )
 
 
-def recall_multipliers(points: Any) -> None:
-    """Set the multipliers of ends without mass to those that the step before has found for this step."""
-    for i in range(points.size):
-        p = points[i]
-        if p.source == WITHOUT_MASS:
-            p.multiplier = p.coming
+class Balance(NamedTuple):
+    """All ends without mass, and the multipliers that they know already."""
+
+    ends: Any  # END_WITHOUT_MASS
+    coming: Floats  # (P,) multiplier of the next step of each point
+    points: Points
+    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    totals: Any  # percuss.step.records.TOTAL
+    now: Any  # percuss.step.records.NOW
 
 
-def push_ends_with_mass(points: Any, entries: Any, boundary_dofs: Any, dt: float) -> None:
-    """Add the velocity change ``dt M^-1 N lambda`` of ends with mass by the ends without mass that meet them."""
-    for i in range(points.size):
-        p = points[i]
-        if p.source == WITHOUT_MASS and p.multiplier != 0.0:
-            for k in range(p.start, p.stop):
-                boundary_dofs[entries[k].place].new_v += dt * entries[k].response * p.multiplier
+class EndsWithoutMass(Part):
+    """The part of a step with ends without mass."""
+
+    def __init__(self, data: Balance) -> None:
+        self.data = data
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part, None where all ends in contact have mass."""
+        step = setting.step
+        rows = [
+            (point, setting.place[side.node] + d, side.beside * side.normal.size + d, response)
+            for point, sides in enumerate(setting.sides)
+            for side in sides
+            if side.beside is not None
+            for d, response in enumerate(side.response)
+        ]
+        if not rows:
+            return None
+        coming = np.zeros(len(setting.sides)) if before is None else before.data.coming
+        return cls(
+            Balance(record_array(rows, END_WITHOUT_MASS), coming, step.points, step.boundary, step.totals, step.now)
+        )
+
+    def actions(self) -> Iterator[Action]:
+        """Yield the actions of a step."""
+        yield Action(BEFORE_CONTACT, push_ends_with_mass, self.data)
+        yield Action(AFTER_STEP, balance_ends, self.data)
+        yield Action(BEFORE_ACCOUNT, add_round_off, self.data)
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the multipliers of the next step."""
+        return [self.data.coming]
+
+    def balance_at_rest(self, u: Floats, v: Floats) -> None:
+        """Put the ends into static balance with what a law presses or pulls before the first step."""
+        boundary, speed = self.data.boundary, v.copy()
+        boundary["old_u"], boundary["old_v"] = u[boundary["dof"]], v[boundary["dof"]]
+        boundary["new_v"] = 0.0
+        balance_ends(self.data, 0, u, v, v)
+        v[:] = speed
 
 
-def follow_bodies(ends: Any, boundary_dofs: Any, u: Floats, dt: float) -> None:
+def push_ends_with_mass(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set the multipliers that the step before has found, and push the ends with mass that they meet.
+
+    What they move of these comes before the gaps of other contacts are predicted.
+    """
+    points, dt = data.points, data.now[0].dt
+    for i in range(points.law.size):
+        if points.law[i].source == FROM_PART:
+            points.state[i].multiplier = data.coming[i]
+    for i in range(points.law.size):
+        law, multiplier = points.law[i], points.state[i].multiplier
+        if law.source == FROM_PART and multiplier != 0.0:
+            for k in range(law.start, law.stop):
+                data.boundary[points.entries[k].place].new_v += dt * points.entries[k].response * multiplier
+
+
+def balance_ends(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Move the ends to their static balance after the step."""
+    now = data.now[0]
+    follow_bodies(data, u, now.dt)
+    see(data.points, data.boundary, now.dt)
+    if not find_coming_multipliers(data, now.dt):
+        now.solved = 0
+    compress_elements(data, u, v, now.dt)
+
+
+def follow_bodies(data: Balance, u: Floats, dt: float) -> None:
     """Move the ends to where their elements are free of stress, as if nothing touched them."""
-    for i in range(ends.size):
-        q = boundary_dofs[ends[i].place]
-        q.new_v = (u[ends[i].beside] - q.old_u) / dt
+    for i in range(data.ends.size):
+        end = data.ends[i]
+        q = data.boundary[end.place]
+        q.new_v = (u[end.beside] - q.old_u) / dt
 
 
-def find_coming_multipliers(points: Any, others: Any, dt: float) -> bool:
+def find_coming_multipliers(data: Balance, dt: float) -> bool:
     """Find the multipliers of the next step; return whether the solution converged. Those of this step stay."""
-    sound = solve(points, others, dt, WITHOUT_MASS)
-    for i in range(points.size):
-        p = points[i]
-        if p.source == WITHOUT_MASS:
-            multiplier = p.multiplier
-            p.multiplier = p.coming
-            p.coming = multiplier
+    sound = solve(data.points, dt, FROM_PART)
+    for i in range(data.points.law.size):
+        if data.points.law[i].source == FROM_PART:
+            state = data.points.state[i]
+            multiplier = state.multiplier
+            state.multiplier = data.coming[i]
+            data.coming[i] = multiplier
     return sound
 
 
-def compress_elements(points: Any, ends: Any, boundary_dofs: Any, u: Floats, v: Floats, dt: float) -> None:
+def compress_elements(data: Balance, u: Floats, v: Floats, dt: float) -> None:
     """Move the ends by the compression of their elements under the coming multipliers; write their state back."""
+    ends, boundary = data.ends, data.boundary
     for i in range(ends.size):
-        u[boundary_dofs[ends[i].place].dof] = u[ends[i].beside]
+        u[boundary[ends[i].place].dof] = u[ends[i].beside]
     for i in range(ends.size):
         end = ends[i]
-        u[boundary_dofs[end.place].dof] += dt * dt * end.response * points[end.point].coming
+        u[boundary[end.place].dof] += dt * dt * end.response * data.coming[end.point]
     for i in range(ends.size):
-        q = boundary_dofs[ends[i].place]
+        q = boundary[ends[i].place]
         q.new_v = (u[q.dof] - q.old_u) / dt
         v[q.dof] = q.new_v
 
 
-def end_records(sides: Sequence[Sequence[Side]], place: dict[int, int]) -> Any:
-    """Return the records of the sides without mass, `END_WITHOUT_MASS`; parameters are those of `point_records`."""
-    rows = [
-        (point, place[side.node] + d, side.beside * side.normal.size + d, response)
-        for point, point_sides in enumerate(sides)
-        for side in point_sides
-        if side.beside is not None
-        for d, response in enumerate(side.response)
-    ]
-    return record_array(rows, END_WITHOUT_MASS)
+def add_round_off(data: Balance, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the round-off of the end elements, which turn the error of a displacement into one of a force."""
+    points, dt = data.points, data.now[0].dt
+    for i in range(points.law.size):
+        law, state = points.law[i], points.state[i]
+        if law.source == FROM_PART and takes_part(law, state, points.sums[i]):
+            rate = 0.0
+            reach = 0.0
+            for k in range(law.start, law.stop):
+                q = data.boundary[points.entries[k].place]
+                rate += points.entries[k].normal * q.new_v
+                reach = max(reach, abs(q.old_u) + dt * abs(q.new_v))
+            data.totals[0].round_off += reach * (abs(state.rate) + abs(rate)) / (dt * law.delassus)
+
+
+def lines_in_balance(bound_law: BoundLaw, records: Any, delassus: Floats, massless: Any, dt: float) -> Any:
+    """Return the records of a law with the force of static balance at its points without mass, (P,) `LAW`.
+
+    There it has the force at the end of the step, whatever the integrator.
+
+    Parameters
+    ----------
+    bound_law
+        The law.
+    records : (P,) LAW
+        Its records at ends with mass.
+    delassus : (P,) array
+        Diagonal of S at its points [1/mass].
+    massless : (P,) bool array
+        Its points with a side without mass.
+    dt
+        Time step.
+    """
+    state = ContactState("predicted", "predicted", "none", (dt * dt, dt, 0.0))
+    balanced = law_records(bound_law, LeapFrog(state, state), delassus)
+    balanced["source"] = FROM_PART
+    balanced["stores"] = np.where(balanced["stores"] == BY_END, BY_CURRENT, NOTHING)
+    # The gap that decides is that of the balance, which other contacts of the end change: a spring that acts while its
+    # gap is negative is one that never pulls.
+    springs = (balanced["always"] == 0) & (balanced["weight_rate"] == 0.0)
+    balanced["always"][springs] = balanced["never_pulls"][springs] = 1
+    return np.where(massless, balanced, records)
 
 
 def refuse_without_mass(model: ModelArrays) -> None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from percuss.compiler.fingerprint import layout
-from percuss.compiler.specialise import Specialiser
+from percuss.compiler.record_arrays import record_array
 from percuss.methods.slots import follow
+from percuss.step.actions import BEFORE_SUPPORTS, LOADS_OF_A_STAGE, WORK_OF_LOADS, Action
+from percuss.step.loads import work_along
+from percuss.step.part import Part, Setting
+from percuss.step.records import Loads
 
 if TYPE_CHECKING:
-    from percuss.mesh.loads import Follower
+    from percuss.methods.interfaces import Floats
 
 # The force of a load that follows the motion of a node along `axes` from index `axis` on.
 FOLLOWER = np.dtype(
@@ -34,6 +37,157 @@ FOLLOWER = np.dtype(
 DOUBLINGS = 60
 HALVINGS = 200
 ROUND_OFF = 1e-15
+
+
+class Following(NamedTuple):
+    """All loads of a run that follow the motion of an end."""
+
+    followers: Any  # FOLLOWER
+    boundary: Any  # percuss.step.records.BOUNDARY_DOF
+    loads: Loads
+    totals: Any  # percuss.step.records.TOTAL
+    now: Any  # percuss.step.records.NOW
+    velocities: Floats  # (stages,) c, as in `percuss.methods.interfaces.Stages`
+
+
+class FollowingLoad(NamedTuple):
+    """One of these loads: what its kernel reads, and its record."""
+
+    numbers: tuple[float, ...]
+    followers: Any  # FOLLOWER, a single record
+    now: Any  # percuss.step.records.NOW
+
+
+class Followers(Part):
+    """The part of a step with loads that follow the motion of an end."""
+
+    def __init__(self, setting: Setting, data: Following) -> None:
+        self.loads, self.data, self.multistage = setting.model.followers, data, setting.model.multistage
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part, None where no load follows the motion of an end."""
+        model, step, rows = setting.model, setting.step, []
+        if not model.followers:
+            return None
+        first = step.loads.axes.size // model.dim - len(model.followers)  # their axes are the last ones
+        for i, follower in enumerate(model.followers, start=first):
+            place, mobility = setting.place[follower.node], model.mobility(follower.node)
+            times = follower.switched_on, follower.load.stop
+            rows.append((place, i * model.dim, mobility, follower.column, *times, *([0.0] * 6)))
+        followers = record_array(rows, FOLLOWER)
+        if before is not None:
+            followers["impulse"] = before.data.followers["impulse"]
+        velocities = np.array(model.stages.velocity or [0.0] * len(model.stages.times) if model.stages else ())
+        return cls(setting, Following(followers, step.boundary, step.loads, step.totals, step.now, velocities))
+
+    def actions(self) -> Iterator[Action]:
+        """Yield the actions of a step or of a stage: see the motion, compute the forces, push."""
+        place = LOADS_OF_A_STAGE if self.multistage else BEFORE_SUPPORTS
+        yield Action(place, see_in_stage if self.multistage else see_ends, self.data)
+        for i, follower in enumerate(self.loads):
+            data = FollowingLoad(follower.numbers, self.data.followers[i : i + 1], self.data.now)
+            name = f"load {follower.load.load.name}"
+            yield Action(place, find_force, data, {follow: follower.kernel}, of_plugin=True, name=name)
+        yield Action(place, push_in_stage if self.multistage else push_ends, self.data)
+        yield Action(WORK_OF_LOADS, add_work, self.data)
+
+    def impulse(self) -> Floats | None:
+        """Return the impulse of the loads so far, (dim,)."""
+        impulses = zip(self.loads, self.data.followers, strict=True)
+        return np.asarray(sum(record.impulse * follower.direction for follower, record in impulses))
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the records of the loads."""
+        return [self.data.followers]
+
+
+# ------------------------------------------------------------------------------------------------- leap-frog schemes
+
+
+def see_ends(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set displacement and velocity of the ends, those at t_n."""
+    now, axes = data.now[0], data.loads.axes
+    for i in range(data.followers.size):
+        follower = data.followers[i]
+        displacement = 0.0
+        velocity = 0.0
+        for d in range(now.dim):
+            q = data.boundary[follower.place + d]
+            displacement += axes[follower.axis + d] * q.old_u
+            velocity += axes[follower.axis + d] * 0.5 * (q.old_v + q.new_v)
+        follower.displacement = displacement
+        follower.velocity = velocity
+        follower.response = 0.5 * now.dt * follower.inverse_mass
+        follower.share = data.loads.amplitudes[follower.column]
+
+
+def push_ends(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the velocity change by the forces; the amplitude of a load becomes its force."""
+    now, axes = data.now[0], data.loads.axes
+    for i in range(data.followers.size):
+        follower = data.followers[i]
+        follower.impulse += now.dt * follower.force
+        data.loads.amplitudes[follower.column] = follower.force
+        scale = now.dt * follower.inverse_mass * follower.force
+        for d in range(now.dim):
+            q = data.boundary[follower.place + d]
+            q.load += follower.force * axes[follower.axis + d]
+            q.new_v += scale * axes[follower.axis + d]
+
+
+def add_work(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the work of the forces."""
+    data.totals[0].work_of_loads += work_along(data.followers, data.loads, data.boundary, data.now[0])
+
+
+# ----------------------------------------------------------------------------------------------- multi-stage schemes
+
+
+def see_in_stage(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set displacement and velocity of the ends in stage n, and what a force adds to the velocity.
+
+    The forces act at the velocity ``v + c a`` of the stage, to which each of them adds ``c / m`` of its own.
+    """
+    ahead, axes, dim = data.velocities[n], data.loads.axes, data.now[0].dim
+    for i in range(data.followers.size):
+        follower = data.followers[i]
+        displacement = 0.0
+        velocity = 0.0
+        acceleration = 0.0
+        for d in range(dim):
+            dof = data.boundary[follower.place + d].dof
+            displacement += axes[follower.axis + d] * u[dof]
+            velocity += axes[follower.axis + d] * v[dof]
+            acceleration += axes[follower.axis + d] * a[dof]
+        follower.displacement = displacement
+        follower.velocity = velocity
+        follower.response = 0.0
+        if ahead > 0.0:
+            follower.velocity += ahead * acceleration
+            follower.response = ahead * follower.inverse_mass
+        follower.share = data.loads.amplitudes[follower.column]
+
+
+def push_in_stage(data: Following, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Add the accelerations by the forces; the amplitude of a load becomes its force."""
+    axes, dim = data.loads.axes, data.now[0].dim
+    for i in range(data.followers.size):
+        follower = data.followers[i]
+        data.loads.amplitudes[follower.column] = follower.force
+        for d in range(dim):
+            dof = data.boundary[follower.place + d].dof
+            a[dof] += follower.inverse_mass * follower.force * axes[follower.axis + d]
+
+
+# ------------------------------------------------------------------------------------------------------------- forces
+
+
+def find_force(load: FollowingLoad, n: int, u: Floats, v: Floats, a: Floats) -> None:
+    """Set the force of one load, for the motion in its record."""
+    follower = load.followers[0]
+    clock = min(max(load.now[0].time, follower.start), follower.stop) - follower.start
+    follower.force = force_of(load.numbers, clock, follower)
 
 
 def residual(numbers: Any, clock: float, follower: Any, force: float) -> float:
@@ -72,44 +226,3 @@ def force_of(numbers: Any, clock: float, follower: Any) -> float:
             low, at_low = high, at_high
         high, at_high = force, at_force
     return high
-
-
-def remaining_loads(load: Any, followers: Any, time: float, i: int) -> None:
-    """Set the forces of the loads that are left (slot); do nothing where there is none."""
-
-
-def apply_load(load: Any, followers: Any, time: float, i: int) -> None:
-    """Set the force of load `i`, then those of the loads after it."""
-    follower = followers[i]
-    clock = min(max(time, follower.start), follower.stop) - follower.start
-    follower.force = force_of(load[0], clock, follower)
-    remaining_loads(load[1], followers, time, i + 1)
-
-
-def apply_loads(loads: Any, followers: Any, time: float) -> None:
-    """Set the forces of all loads that follow the motion of an end, for the motion in their records."""
-    remaining_loads(loads, followers, time, 0)
-
-
-def nest(followers: Sequence[Follower]) -> Any:
-    """Return the nested tuple (numbers, next load) from which the loop calls the kernels."""
-    nested: Any = (0,)
-    for follower in reversed(followers):
-        nested = (follower.numbers, nested)
-    return nested
-
-
-def bind(maker: Specialiser, loads: Sequence[tuple[Any, str]], *, entry: bool = False) -> Callable[..., None]:
-    """Return the function that calls the kernels of all loads in turn; with `entry`, Python can call it.
-
-    Each load is given by its kernel and the layout of the numbers that this reads.
-    """
-    return maker.with_slots(maker.chain(apply_load, follow, remaining_loads, loads)).bind(apply_loads, entry=entry)
-
-
-def compile_alone(follower: Follower) -> None:
-    """Compile the kernel of a load by itself; raise the compiler's error if it cannot be compiled."""
-    followers = np.recarray(1, dtype=FOLLOWER)
-    followers[:] = np.zeros((), dtype=FOLLOWER)
-    load = follower.kernel, layout(follower.numbers)
-    bind(Specialiser(counting=True), [load], entry=True)(nest([follower]), followers, 0.0)

@@ -11,14 +11,12 @@ import numpy as np
 from percuss.compiler.specialise import Specialiser
 from percuss.errors import RunError
 from percuss.mesh.banded_matrices import reversed_band, times
-from percuss.mesh.block import Group
-from percuss.mesh.cell_kernels import elastic_cells, force_cells
+from percuss.mesh.cell_kernels import add_up_forces, energy_of_cells
 from percuss.mesh.cells import (
     PROBING_STRAIN,
     cell_arrays,
     cells_of,
     element_slots,
-    energy_slots,
     has_cells,
     lumping_of,
     mesh_of_element,
@@ -120,16 +118,10 @@ class _BodyKernels:
         self.along = (self.body.mesh.nodes - self.body.mesh.nodes[0]) @ mesh.direction
         self.points = points_at_rest(material, volumes_of(element, self.body).size)
         specialiser = Specialiser({**material_slots(material), **element_slots(element)}, jit=False)
-        self.group: Any = None
+        self.cells: Any = None
         if has_cells(element):
-            specialiser = specialiser.with_slots(energy_slots(specialiser, element))
-            ends = np.array([0]), np.array([self.along.size])
-            arrays = cell_arrays(element, [self.body])
-            self.group = Group(
-                arrays, self.points.parameters[None], ends[0], *ends, ends[0], *self.points[1:], np.zeros(0),
-                np.ones(1, dtype=np.int64),
-            )  # fmt: skip
-            self._force, self._energy = specialiser.bind(force_cells), specialiser.bind(elastic_cells)
+            self.cells = cell_arrays(element, [self.body])
+            self._force, self._energy = specialiser.bind(add_up_forces), specialiser.bind(energy_of_cells)
         else:
             self.bound = element.bind(self.body)
             self._force, self._energy = specialiser.bind(element.internal_force), specialiser.bind(element.energy)
@@ -137,9 +129,9 @@ class _BodyKernels:
     def force(self, displacement: Any) -> Any:
         """Return the internal force, (nodes * dim,); nan where the kernel leaves an entry unset."""
         force = np.full(displacement.size, np.nan)
-        if self.group is not None:
-            self.group.element.force[:] = np.nan
-            self._force(self.group, displacement, force, self.dim)
+        if self.cells is not None:
+            self.cells.force[:] = np.nan
+            self._force(self.cells, self.points, 0, displacement, force)
         else:
             self._force(self.bound, self.points, 0, self.dim, displacement, force)
         return force
@@ -153,8 +145,8 @@ class _BodyKernels:
     def energy(self, displacement: Any) -> float:
         """Return the strain energy at rest."""
         rest = np.zeros(displacement.size)
-        if self.group is not None:
-            return float(self._energy(self.group, displacement, rest, self.dim, 0.0))
+        if self.cells is not None:
+            return float(self._energy(self.cells, self.points, 0, displacement, rest, 0.0))
         return float(self._energy(self.bound, self.points, 0, self.dim, displacement, rest, 0.0))
 
 

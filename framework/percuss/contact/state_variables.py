@@ -1,4 +1,4 @@
-"""The state variables of a run, those of contact laws and those of materials, in two arrays of one number each."""
+"""Where the state variables of contact laws and of materials lie: in two arrays of one number each."""
 
 from __future__ import annotations
 

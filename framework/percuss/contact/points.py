@@ -1,0 +1,88 @@
+"""The records of contact points that the step reads and writes: law, state and sums of each point, and the rows of N.
+
+A row has entries over the boundary degrees of freedom (`percuss.step.records`), as many as it needs: one or two at the
+ends of bars, more where a point lies on a facet of several nodes.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+# How a closed contact stores energy at half steps. BY_END: the force follows from the gap at the end of the step, and
+# the contact is a spring whose energy is the mean of those at both ends of the step. BY_CURRENT: the force follows from
+# the current gap, and the energy is that of a stiffness and an inertia between two steps. BY_PART: a part of the step
+# says what is stored.
+NOTHING, BY_END, BY_CURRENT, BY_PART = 0, 1, 2, 3
+NEVER = -1  # value of `always` for a law outside its intervals of time, which is active at no gap
+
+# Where the multiplier of a point comes from: from its linear law, from the kernel of its law, or from a part of the
+# step, which also moves the ends.
+FROM_LINE, FROM_KERNEL, FROM_PART = 0, 1, 2
+
+# The coefficients of the law of each point, and its rows: what no step changes.
+LAW = np.dtype(
+    [
+        ("weight_gap", "f8"),
+        ("weight_rate", "f8"),
+        ("weight_acceleration", "f8"),
+        ("sigma", "f8"),
+        ("response", "f8"),  # w, the factor of S in the contact equation
+        ("end_stiffness", "f8"),  # 1/sigma of explicit laws, nan for other laws
+        ("sees_predicted_gap", "i8"),  # 1 if the law uses the predicted gap, 0 for the current gap
+        ("sees_predicted_rate", "i8"),  # 1 if the law uses the predicted gap rate, 0 for the current rate
+        ("sees_acceleration", "i8"),  # 1 if the law uses the bulk acceleration of the gap
+        ("always", "i8"),  # 1 if the law is active at any gap, 0 if only at a negative one, or NEVER
+        ("never_pulls", "i8"),  # 1 if the multiplier must not be negative
+        ("source", "i8"),  # where the multiplier comes from: FROM_LINE, FROM_KERNEL or FROM_PART
+        ("stores", "i8"),  # how the contact stores energy: NOTHING, BY_END, BY_CURRENT or BY_PART
+        ("surplus", "f8"),  # w minus its value for the gap at the end of the step
+        ("number", "i8"),  # of the point in the order of the case
+        ("initial_gap", "f8"),
+        ("delassus", "f8"),  # diagonal of S
+        ("kappa", "f8"),  # effective stiffness, force over overlap at the end of the step, of points that store BY_END
+        ("start", "i8"),  # its entries of N are those from start to stop
+        ("stop", "i8"),
+        ("other_start", "i8"),  # its off-diagonal entries of S are those from other_start to other_stop
+        ("other_stop", "i8"),
+    ]
+)
+# The state of each point in a step.
+STATE = np.dtype(
+    [
+        ("gap", "f8"),  # at t_n
+        ("predicted_gap", "f8"),  # after the bulk update
+        ("rate", "f8"),  # at n - 1/2
+        ("predicted_rate", "f8"),  # after the bulk update
+        ("multiplier", "f8"),
+        ("found_before", "f8"),  # multiplier of the sweep before, if kernels and contact equation are solved in turn
+        ("pushed_by_others", "f8"),  # gap acceleration by the multipliers of other laws, for kernels that use it
+    ]
+)
+# What is summed up over the steps of a run, or is carried from one step to the next.
+SUMS = np.dtype(
+    [
+        ("stored", "f8"),  # stored energy at n - 1/2, after the step that at n + 1/2
+        ("active", "i8"),  # 1 if the contact had a force or stored energy in the step before
+        ("impulse", "f8"),
+        ("peak", "f8"),
+        ("deepest", "f8"),  # largest overlap
+        ("overlap", "f8"),  # sum of the overlaps over the steps
+        ("closed", "i8"),  # number of steps with a force
+        ("first", "i8"),  # first step with a force, -1 if there was none
+        ("last", "i8"),  # last step with a force, -1 if there was none
+    ]
+)
+ENTRY = np.dtype([("place", "i8"), ("normal", "f8"), ("response", "f8")])  # index of a boundary dof, N, M^-1 N
+OTHER = np.dtype([("point", "i8"), ("value", "f8")])  # off-diagonal entries of S
+
+
+class Points(NamedTuple):
+    """The contact points of a step: one record of each kind for each point, their entries of N, and those of S."""
+
+    law: Any  # (P,) LAW
+    state: Any  # (P,) STATE
+    sums: Any  # (P,) SUMS
+    entries: Any  # ENTRY
+    others: Any  # OTHER

@@ -1,0 +1,305 @@
+"""The arrays of a run: those that no step changes, its histories, and what a step of each stretch works on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from percuss.compiler.record_arrays import empty_records, record_array
+from percuss.contact.contact_rows import carry_over, point_records
+from percuss.contact.points import NEVER
+from percuss.contact.state_variables import StateVariables
+from percuss.march.recording import empty_record, probe_nodes, recorded_elements
+from percuss.mesh.block import Block
+from percuss.mesh.cells import cell_arrays, element_slots, has_cells
+from percuss.mesh.materials import material_slots
+from percuss.methods.interfaces import BodyMesh
+from percuss.methods.plugin_calls import answer
+from percuss.step import bulk, uniform_rows
+from percuss.step.actions import BULK, INTERNAL_FORCES, INTERNAL_FORCES_ASIDE, KINETIC_ENERGY, STRAIN_ENERGY, Action
+from percuss.step.law_kernels import kernel_laws
+from percuss.step.part import Part, Setting
+from percuss.step.parts.coupled_masses import CoupledMasses
+from percuss.step.parts.end_forces import EndForcesOfLaws
+from percuss.step.parts.ends_without_mass import EndsWithoutMass
+from percuss.step.parts.followers import Followers
+from percuss.step.parts.internal_work import InternalWork
+from percuss.step.parts.own_steps import OwnSteps
+from percuss.step.parts.shifts import Shifts
+from percuss.step.parts.state_variables import StateVariablesKept
+from percuss.step.parts.viscosity import Viscosity
+from percuss.step.records import BOUNDARY_DOF, CONSTRAINT, NODAL_FORCE, NOW, SHARE, TOTAL, Loads, Step
+
+if TYPE_CHECKING:
+    from percuss.contact.bound_law import BoundLaw
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats
+
+# The optional parts of a step, in the order in which they act at one place.
+PARTS: tuple[type[Part], ...] = (
+    CoupledMasses,
+    Followers,
+    EndForcesOfLaws,
+    EndsWithoutMass,
+    InternalWork,
+    Shifts,
+    Viscosity,
+    OwnSteps,
+    StateVariablesKept,
+)
+
+
+class Arrays:
+    """The arrays of a run.
+
+    Parameters
+    ----------
+    model
+        The model of the run.
+
+    Attributes
+    ----------
+    order
+        Numbers of the contact points in the order of the loop.
+    kernel_laws
+        The laws with a kernel.
+    place
+        Map from each boundary node to the index of its first boundary degree of freedom.
+    record, time
+        The histories, and the time of each of their rows.
+    blocks
+        The bodies of one kind of element and material, with an element and a material of this kind.
+    step
+        What the present stretch works on; it has no actions.
+    parts
+        The optional parts of its step.
+    actions
+        What its step does.
+    uniform
+        Whether all bodies are advanced as bars of equal elements.
+    """
+
+    step: Step
+    parts: Sequence[Part]
+    actions: Sequence[Action]
+    uniform: bool
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.order, self.law_records = model.law_records()
+        self.kernel_laws: Sequence[BoundLaw] = [bound_law for bound_law in model.laws if bound_law.linear is None]
+        self.variables = StateVariables.of(model, self.kernel_laws)
+        self.columns = len(model.case.loads) + 1
+        self.place = _places(model)
+        self.recorded = recorded_elements(model)
+        self.record, self.time = empty_record(model, self.place)
+        self.mass: Floats = np.repeat(model.mass, model.dim)
+        self.blocks = list(_blocks(model, self.variables))
+
+    def begin(self, momenta: Floats) -> None:
+        """Make what the first stretch works on, with the momenta of the bodies half a step before t = 0."""
+        for array in (self.variables.before, self.variables.after):
+            array[:] = 0.0
+        model, dim = self.model, self.model.dim
+        dofs: list[tuple[Any, ...]] = []
+        for node in self.place:
+            body = model.body_of(node).number
+            dofs += [(node * dim + axis, model.mass[node], body * dim + axis, *([0.0] * 6)) for axis in range(dim)]
+        boundary, now = record_array(dofs, BOUNDARY_DOF), empty_records(1, NOW)
+        now["dt"], now["span"], now["dim"] = model.dt, model.dt, dim
+        now["gap_response"], now["rate_response"] = model.dt * model.dt, model.dt
+        bodies = len(model.bodies) * dim
+        leap_frog = not model.multistage
+        amplitudes = np.zeros(2 * self.columns + bodies if leap_frog else self.columns)
+        momentum = np.zeros(bodies if model.body_forces and leap_frog else 0)
+        nothing = record_array([], SHARE)
+        loads = Loads(
+            nothing, nothing, nothing, np.zeros(0), amplitudes, amplitudes[2 * self.columns :], momentum, momenta
+        )
+        points = point_records(self.law_records[:0], [], [], [], self.place)
+        self.step = Step(boundary, points, loads, empty_records(1, TOTAL), now, None)
+        self.parts = ()
+        self._stretch(0.5 * model.dt, first=True)
+
+    def switch(self, midpoint: float) -> None:
+        """Change to the supports, drives and laws that are active at a time, and continue all sums over the steps."""
+        self._stretch(midpoint, first=False)
+
+    def _stretch(self, midpoint: float, *, first: bool) -> None:
+        model = self.model
+        constraints = [
+            (index, constraint)
+            for index, constraint in enumerate(model.constraints)
+            if model.keeps_constraints or constraint.active(midpoint)
+        ]
+        self.active_constraints = [index for index, _ in constraints]
+        of_points = model.sides(midpoint)
+        sides = [of_points[point] for point in self.order]
+        laws = self.law_records
+        if inactive := model.inactive_points(midpoint):
+            laws = laws.copy()
+            laws["always"][np.isin(self.order, inactive)] = NEVER
+        gaps = [model.contact_pairs[point].gap for point in self.order]
+        points = point_records(laws, self.order, gaps, sides, self.place)
+        if not first:
+            carry_over(self.step.points, points)
+        self.step = self.step._replace(points=points, loads=self._loads(constraints, sides, midpoint))
+        self.step.now["in_turn"] = 0
+        setting = Setting(
+            model, midpoint, self.place, self.order, sides, self.step, self.record, self.variables, self.recorded
+        )
+        known = {type(part): part for part in self.parts}
+        made = (kind.of(setting, known.get(kind)) for kind in PARTS)
+        self.parts = [part for part in made if part is not None]
+        self.actions = list(self._actions())
+
+    def _loads(self, constraints: Sequence[tuple[int, Any]], sides: Any, midpoint: float) -> Loads:
+        """Return supports and loads with the constraints of a stretch, whose reactions start at zero."""
+        model, dim = self.model, self.model.dim
+        first = 0 if model.multistage else self.columns  # column of the first prescribed velocity
+        held = [
+            (self.place[constraint.node], i * dim, model.mass_held(constraint.node), first + constraint.column, 0.0)
+            for i, (_, constraint) in enumerate(constraints)
+        ]
+        shares = [
+            (i, point, float(constraint.direction @ side.pushes))
+            for i, (_, constraint) in enumerate(constraints)
+            for point, point_sides in enumerate(sides)
+            for side in point_sides
+            if side.node == constraint.node and constraint.active(midpoint)
+        ]
+        forces = [
+            (self.place[force.node], i * dim, model.mobility(force.node), force.column)
+            for i, force in enumerate(model.nodal_forces, start=len(constraints))
+        ]
+        axes = [
+            *(constraint.direction for _, constraint in constraints),
+            *(force.force for force in model.nodal_forces),
+            *(follower.direction for follower in model.followers),
+        ]
+        return self.step.loads._replace(
+            constraints=record_array(held, CONSTRAINT),
+            shares=record_array(shares, SHARE),
+            nodal_forces=record_array(forces, NODAL_FORCE),
+            axes=np.array(axes, dtype=float).ravel(),
+        )
+
+    def _actions(self) -> Iterator[Action]:
+        """Yield what a step of this stretch does."""
+        for action in self._of_bodies():
+            changed: Action | None = action
+            for part in self.parts:
+                changed = part.changed(changed) if changed is not None else None
+            if changed is not None:
+                yield changed
+        shifts = next(
+            (part.data.of_points for part in self.parts if isinstance(part, Shifts)), np.zeros(len(self.order))
+        )
+        yield from kernel_laws(self.kernel_laws, self.step.points, self.step.now, self.variables.of_laws(), shifts)
+        for part in self.parts:
+            yield from part.actions()
+
+    def _of_bodies(self) -> Iterator[Action]:
+        """Yield the actions of the bodies: their update or their forces, and their energies."""
+        model, step = self.model, self.step
+        bars = uniform_rows.uniform_bars(model, list(self.place))
+        self.uniform = bars.size > 0
+        if self.uniform:
+            rows = uniform_rows.UniformRows(bars, step.totals, model.dt)
+            yield Action(BULK, uniform_rows.advance_whole, rows)
+            yield Action(STRAIN_ENERGY, uniform_rows.add_energies, rows)
+            return
+        yield Action(KINETIC_ENERGY, bulk.add_kinetic_energy, bulk.Masses(self.mass, step.totals))
+        inverse = np.divide(1.0, self.mass, out=np.zeros_like(self.mass), where=self.mass > 0.0)
+        for block, element, material in self.blocks:
+            cells = has_cells(element)
+            largest = int((block.stop - block.start).max()) if cells else bulk.PIECE + 2
+            data = bulk.Bulk(
+                block, self.mass, inverse, np.zeros(largest * model.dim), step.loads.accelerations, np.zeros(model.dim),
+                step.loads.momentum, step.totals, model.dim, model.dt, 0.0 if model.multistage else model.dt, (),
+            )  # fmt: skip
+            filled: Mapping[Callable[..., Any], Any] = {
+                **material_slots(type(material)),
+                **element_slots(type(element)),
+                bulk.advance_body: bulk.advance_cells if cells else bulk.advance_row,
+                bulk.energy_of_body: bulk.energy_of_cell_body if cells else bulk.energy_of_row,
+            }
+            name = f"element {element.name} with material {material.name}"
+            if model.multistage:
+                forces = bulk.set_forces_of_cells if cells else bulk.set_forces
+                aside = data._replace(block=block._replace(after=np.zeros_like(block.after)))
+                yield Action(INTERNAL_FORCES, forces, data, filled, name=name)
+                yield Action(INTERNAL_FORCES_ASIDE, forces, aside, filled, name=name)
+            else:
+                yield Action(BULK, bulk.advance_block, data, filled, name=name)
+            yield Action(STRAIN_ENERGY, bulk.add_strain_energy, data, filled, name=name)
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the arrays that a step changes, always in the same order, without displacements and velocities."""
+        step, loads = self.step, self.step.loads
+        own = [
+            step.points.state,
+            step.points.sums,
+            step.totals,
+            loads.constraints,
+            loads.momentum,
+            loads.momentum_before,
+        ]
+        return own + [array for part in self.parts for array in part.changing_arrays()]
+
+    def histories(self) -> dict[str, Floats]:
+        """Return the histories that the parts record, by name."""
+        return {name: array for part in self.parts for name, array in part.results().items()}
+
+
+def _places(model: Model) -> dict[int, int]:
+    """Return the boundary nodes, each with the index of its first boundary degree of freedom."""
+    contact_nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
+    acted_nodes = model.acted_nodes
+    beside = [
+        node
+        for end in (*contact_nodes, *acted_nodes)
+        if model.couples_nodes
+        for node in model.body_of(end).response(end)
+    ]
+    beside += [side.node for sides in model.sides(0.5 * model.dt) for side in sides]
+    nodes = dict.fromkeys([*contact_nodes, *acted_nodes, *beside, *probe_nodes(model)])
+    return {node: k * model.dim for k, node in enumerate(nodes)}
+
+
+def _blocks(model: Model, variables: StateVariables) -> Iterator[tuple[Block, Any, Any]]:
+    """Yield the bodies of each kind of element and material, with an element and a material of this kind."""
+    kinds: dict[tuple[type, type, Any], list[Any]] = {}
+    for body in model.bodies.values():
+        element = body.spec.element
+        options = element if has_cells(element) else None  # bodies of cells share what follows from the options
+        kinds.setdefault((type(element), type(body.spec.material), options), []).append(body)
+    for bodies in kinds.values():
+        element, meshes = bodies[0].spec.element, [BodyMesh(body.mesh, body.spec.area) for body in bodies]
+        if has_cells(element):
+            arrays: Any = cell_arrays(element, meshes)
+        else:
+            bound = [answer(body.spec.element, "bind", mesh) for body, mesh in zip(bodies, meshes, strict=True)]
+            arrays = type(bound[0])(*(_read_only(np.concatenate(columns)) for columns in zip(*bound, strict=True)))
+        counts = [body.volumes.size for body in bodies]
+        yield (
+            Block(
+                arrays,
+                _read_only(np.array([answer(body.spec.material, "parameters") for body in bodies], dtype=float)),
+                np.array([body.number for body in bodies], dtype=np.int64),
+                np.array([body.start for body in bodies], dtype=np.int64),
+                np.array([body.stop for body in bodies], dtype=np.int64),
+                np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64),
+                *variables.of_bodies(bodies),
+            ),
+            element,
+            bodies[0].spec.material,
+        )
+
+
+def _read_only(array: Any) -> Any:
+    array = np.ascontiguousarray(array)
+    array.flags.writeable = False
+    return array

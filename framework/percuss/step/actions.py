@@ -1,0 +1,105 @@
+"""What a step does at each of its places: kernels with the arrays that only they read.
+
+The bodies, the contact laws with a kernel and the optional parts of a step all enter it this way. A step performs the
+actions of one place after the other and knows none of them. In plain Python a place has a list of kernels with their
+data; in compiled code a list of addresses (`percuss.step.linked`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+# The places of a step, in their order.
+PLACES = (
+    "snapshot",
+    "before bulk",
+    "bulk",
+    "after bulk",
+    "before supports",
+    "before contact",
+    "laws",
+    "before solution",
+    "after solution",
+    "after contact",
+    "work of loads",
+    "after step",
+    "before account",
+    "kinetic energy",
+    "before strain energy",
+    "strain energy",
+    "after strain energy",
+    "record",
+    # the places of a stage of a multi-stage scheme
+    "internal forces",
+    "internal forces aside",
+    "after forces",
+    "before loads",
+    "loads of a stage",
+    "after supports",
+)
+(
+    SNAPSHOT,
+    BEFORE_BULK,
+    BULK,
+    AFTER_BULK,
+    BEFORE_SUPPORTS,
+    BEFORE_CONTACT,
+    LAWS,
+    BEFORE_SOLUTION,
+    AFTER_SOLUTION,
+    AFTER_CONTACT,
+    WORK_OF_LOADS,
+    AFTER_STEP,
+    BEFORE_ACCOUNT,
+    KINETIC_ENERGY,
+    BEFORE_STRAIN_ENERGY,
+    STRAIN_ENERGY,
+    AFTER_STRAIN_ENERGY,
+    RECORD,
+    INTERNAL_FORCES,
+    INTERNAL_FORCES_ASIDE,
+    AFTER_FORCES,
+    BEFORE_LOADS,
+    LOADS_OF_A_STAGE,
+    AFTER_SUPPORTS,
+) = range(len(PLACES))
+
+Kernel = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Action:
+    """What is done at one place of a step.
+
+    Attributes
+    ----------
+    place
+        The place, one of the numbers of `PLACES`.
+    kernel
+        Called as ``kernel(data, n, u, v, a)``: data, the number of the step, or of the stage at a place of a stage, and
+        the displacements, velocities and accelerations of all nodes. A leap-frog scheme has no accelerations, and
+        passes the velocities once more.
+    data
+        Arrays and numbers, in tuples.
+    slots
+        Functions that `kernel` calls without knowing them, as those of an element and a material, with what fills them.
+    of_plugin
+        Whether the slots are those of plug-ins, whose array indices are checked.
+    name
+        Of what it belongs to, for the text of an error.
+    """
+
+    place: int
+    kernel: Kernel
+    data: Any
+    slots: Mapping[Kernel, Kernel] = field(default_factory=dict)
+    of_plugin: bool = False
+    name: str = "the step"
+
+
+def perform(actions: Any, place: int, n: int, u: Any, v: Any, a: Any) -> None:
+    """Perform the actions of one place, in plain Python (a slot in compiled code)."""
+    for kernel, data in actions[place]:
+        kernel(data, n, u, v, a)

@@ -1,0 +1,144 @@
+"""The contact equation of all points of a step, and its solver.
+
+Over the active points of a step ``(diag(sigma) + diag(w) S) lambda = gamma``, with ``S = N^T M^-1 N`` sparse. Where the
+law leaves the sign of the multiplier free this is an equation, where it excludes tension a complementarity condition; a
+case may have both. A point that shares no node with another is solved exactly by one division. Coupled points are
+solved by projected Gauss-Seidel sweeps, which converge for every symmetric positive semi-definite S, until no
+multiplier changes by more than `TOLERANCE` times the largest.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from percuss.contact.points import FROM_LINE, FROM_PART, Points
+from percuss.step.actions import LAWS, perform
+
+TOLERANCE = 1e-14
+SWEEPS = 10_000
+SWEEPS_BETWEEN_LAWS = 1000
+TOLERANCE_BETWEEN_LAWS = 1e-13  # of the largest multiplier
+
+
+def see(points: Points, boundary: Any, dt: float) -> None:
+    """Compute gap and gap rate of each point, the current values and those predicted without contact."""
+    for i in range(points.law.size):
+        law = points.law[i]
+        gap = law.initial_gap
+        predicted_gap = law.initial_gap
+        rate = 0.0
+        predicted_rate = 0.0
+        for k in range(law.start, law.stop):
+            entry = points.entries[k]
+            q = boundary[entry.place]
+            gap += entry.normal * q.old_u
+            predicted_gap += entry.normal * (q.old_u + dt * q.new_v)
+            rate += entry.normal * q.old_v
+            predicted_rate += entry.normal * q.new_v
+        state = points.state[i]
+        state.gap = gap
+        state.predicted_gap = predicted_gap
+        state.rate = rate
+        state.predicted_rate = predicted_rate
+
+
+def find_multipliers(points: Points, now: Any, actions: Any, n: int, u: Any, v: Any) -> bool:
+    """Find the multipliers of all points in a step or stage; return whether the solution converged.
+
+    Laws with a kernel set theirs first, one law after the other; the contact equation is then solved with these forces.
+    Where a kernel that uses the coupling shares an end with another law, both are repeated in turn until no multiplier
+    changes any more.
+    """
+    states = points.state
+    if now.in_turn == 1:
+        for i in range(states.size):
+            states[i].multiplier = 0.0
+    for sweep in range(SWEEPS_BETWEEN_LAWS):
+        perform(actions, LAWS, n, u, v, v)
+        sound = solve(points, now.span, FROM_LINE)
+        if now.in_turn == 0 or not sound:
+            return sound
+        moved = 0.0
+        largest = 0.0
+        for i in range(states.size):
+            state = states[i]
+            if not np.isfinite(state.multiplier):
+                return False
+            moved = max(moved, abs(state.multiplier - state.found_before))
+            largest = max(largest, abs(state.multiplier))
+            state.found_before = state.multiplier
+        if sweep > 0 and moved <= TOLERANCE_BETWEEN_LAWS * largest:
+            return True
+    return False
+
+
+def solve(points: Points, span: float, source: int) -> bool:
+    """Find the multipliers of all points of a source, FROM_LINE or FROM_PART; return whether they converged.
+
+    The multipliers of all other points are given and act on these as external forces.
+    """
+    for i in range(points.law.size):
+        law = points.law[i]
+        if law.source == source:
+            state = points.state[i]
+            state.multiplier = 0.0
+            if is_active(law, state):
+                value = right_side(law, state, span) / (law.sigma + law.response * law.delassus)
+                if value > 0.0 or law.never_pulls == 0:
+                    state.multiplier = value
+    return points.others.size == 0 or sweep_points(points, span, source)
+
+
+def sweep_points(points: Points, span: float, source: int) -> bool:
+    """Sweep over the coupled points of a source until no multiplier changes any more; return whether they converged."""
+    states = points.state
+    for _ in range(SWEEPS):
+        moved = 0.0
+        largest = 0.0
+        for i in range(states.size):
+            law, state = points.law[i], states[i]
+            if law.source == source and law.other_start < law.other_stop and is_active(law, state):
+                gamma = right_side(law, state, span)
+                for k in range(law.other_start, law.other_stop):
+                    other = points.others[k]
+                    gamma -= law.response * other.value * states[other.point].multiplier
+                value = gamma / (law.sigma + law.response * law.delassus)
+                if value < 0.0 and law.never_pulls == 1:
+                    value = 0.0
+                moved = max(moved, abs(value - state.multiplier))
+                state.multiplier = value
+            largest = max(largest, abs(state.multiplier))
+        if moved <= TOLERANCE * largest:
+            return True
+    return False
+
+
+def shown_gap(law: Any, state: Any) -> float:
+    """Return the gap that the law of a point uses, current or predicted."""
+    return state.predicted_gap if law.sees_predicted_gap == 1 else state.gap  # type: ignore[no-any-return]
+
+
+def is_active(law: Any, state: Any) -> bool:
+    """Return whether the law of a point is active at the gap that it uses."""
+    return law.always == 1 or (law.always == 0 and shown_gap(law, state) < 0.0)
+
+
+def right_side(law: Any, state: Any, span: float) -> float:
+    """Return gamma of a point: minus its law's weights times the gap, gap rate and gap acceleration that it uses."""
+    rate = state.predicted_rate if law.sees_predicted_rate == 1 else state.rate
+    gamma = -law.weight_gap * shown_gap(law, state) - law.weight_rate * rate
+    if law.sees_acceleration == 1:
+        gamma -= law.weight_acceleration * (state.predicted_rate - state.rate) / span
+    return gamma  # type: ignore[no-any-return]
+
+
+def push(points: Points, boundary: Any, dt: float) -> None:
+    """Add the velocity change dt M^-1 N lambda by the contact forces."""
+    for i in range(points.law.size):
+        law, multiplier = points.law[i], points.state[i].multiplier
+        if multiplier != 0.0 and law.source != FROM_PART:
+            for k in range(law.start, law.stop):
+                entry = points.entries[k]
+                boundary[entry.place].new_v += dt * entry.response * multiplier

@@ -1,0 +1,100 @@
+"""What an optional part of a step is: one file with all that a feature needs of the step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from percuss.contact.contact_rows import Side
+    from percuss.contact.model_arrays import ModelArrays
+    from percuss.contact.state_variables import StateVariables
+    from percuss.methods.interfaces import Floats, Integers
+    from percuss.step.actions import Action
+    from percuss.step.record import Record
+    from percuss.step.records import Step
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a part is made of: the arrays of one stretch of a run, without its actions.
+
+    Attributes
+    ----------
+    model
+        The model of the run.
+    midpoint
+        A time within the stretch.
+    place
+        Map from each boundary node to the index of its first boundary degree of freedom.
+    order
+        Numbers of the contact points in the order of the loop.
+    sides
+        The sides of each point in this order.
+    step
+        The records of the step.
+    record
+        The histories of the run.
+    variables
+        The state variables of the run.
+    recorded
+        Numbers of the elements of each body whose stress is recorded.
+    """
+
+    model: ModelArrays
+    midpoint: float
+    place: Mapping[int, int]
+    order: Sequence[int]
+    sides: Sequence[Sequence[Side]]
+    step: Step
+    record: Record
+    variables: StateVariables
+    recorded: Mapping[str, Integers]
+
+
+class Part:
+    """An optional part of a step.
+
+    A part of a model that needs it enters the step by its actions, and by what it changes in those of the bodies.
+    """
+
+    @classmethod
+    def of(cls, setting: Setting, before: Self | None) -> Self | None:
+        """Return the part in one stretch of a run, None if the model does not need it.
+
+        Parameters
+        ----------
+        setting
+            The arrays of the stretch.
+        before
+            The part in the stretch before, whose sums are continued; None in the first one.
+        """
+        raise NotImplementedError
+
+    def actions(self) -> Iterator[Action]:
+        """Yield what the part does in a step, or in a stage of a multi-stage scheme."""
+        yield from ()
+
+    def changed(self, action: Action) -> Action | None:
+        """Return an action of the bodies as it is with this part, None if the part acts in its place."""
+        return action
+
+    def changing_arrays(self) -> list[Any]:
+        """Return the arrays that a step changes, without those of the step itself."""
+        return []
+
+    def impulse(self) -> Floats | None:
+        """Return the impulse of the loads of the part so far, (dim,), which a leap-frog scheme does not sum up."""
+        return None
+
+    def results(self) -> Mapping[str, Floats]:
+        """Return the histories that the part records, by name."""
+        return {}
+
+
+def indices(values: Sequence[int]) -> Integers:
+    """Return whole numbers as an array."""
+    return np.array(values, dtype=np.int64)

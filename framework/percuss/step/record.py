@@ -1,0 +1,115 @@
+"""The histories of a run, as a step writes them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from percuss.step.actions import (
+    AFTER_STRAIN_ENERGY,
+    BEFORE_STRAIN_ENERGY,
+    KINETIC_ENERGY,
+    RECORD,
+    SNAPSHOT,
+    STRAIN_ENERGY,
+    perform,
+)
+
+if TYPE_CHECKING:
+    from percuss.methods.interfaces import Floats, Integers
+    from percuss.step.records import Step
+
+# The energies of a record, at n + 1/2 in a leap-frog scheme; each has the name of the total that it is.
+ENERGIES = np.dtype(
+    [
+        ("kinetic_energy", "f8"),
+        ("elastic_energy", "f8"),  # with what materials store in state variables
+        ("external_work", "f8"),
+        ("contact_work", "f8"),
+        ("contact_energy", "f8"),
+        ("internal_work", "f8"),
+        ("dissipated_energy", "f8"),
+    ]
+)
+
+
+class Record(NamedTuple):
+    """Recorded histories: R rows, one for every `every`-th step and one for the last step; points as in the case."""
+
+    every: int
+    last: int  # step of the last record
+    contact_force: Floats  # (R, P)
+    gap: Floats  # (R, P)
+    end_force: Floats  # (R, P)
+    displacement: Floats  # (R, probes * dim)
+    velocity: Floats  # (R, probes * dim)
+    probe: Integers  # (probes * dim,) indices of boundary degrees of freedom
+    energy: Any  # (R,) ENERGIES
+    field_every: int  # steps between two snapshots, 0 for none
+    field: Floats  # (F, recorded nodes * dim) displacement
+    field_dof: Integers  # (recorded nodes * dim,)
+
+
+# The histories that have a column for each contact point, and for each component of the motion of each probe.
+OF_POINTS, OF_PROBES = Record._fields[2:5], Record._fields[5:7]
+
+
+def is_recorded(record: Record, n: int) -> bool:
+    """Return whether a record is written for step n."""
+    return n % record.every == 0 or n == record.last
+
+
+def find_energies(step: Step, n: int, u: Floats, v: Floats) -> None:
+    """Sum up the energies of all bodies after step n in the totals."""
+    total = step.totals[0]
+    total.kinetic_energy = 0.0
+    total.elastic_energy = 0.0
+    total.dissipated_energy = 0.0
+    perform(step.actions, KINETIC_ENERGY, n, u, v, v)
+    perform(step.actions, BEFORE_STRAIN_ENERGY, n, u, v, v)
+    perform(step.actions, STRAIN_ENERGY, n, u, v, v)
+    perform(step.actions, AFTER_STRAIN_ENERGY, n, u, v, v)
+
+
+def snapshot(record: Record, step: Step, n: int, u: Floats, v: Floats) -> None:
+    """Record the displacements from which the stress field is computed."""
+    if record.field_every > 0 and n % record.field_every == 0:
+        r = n // record.field_every
+        for k in range(record.field_dof.size):
+            record.field[r, k] = u[record.field_dof[k]]
+        step.now[0].row = r
+        perform(step.actions, SNAPSHOT, n, u, v, v)
+
+
+def write_record(record: Record, step: Step, n: int, u: Floats, v: Floats, lag: float) -> None:
+    """Write the record of step n: state at t_n, multipliers, and energies after the step.
+
+    Where velocities lag behind displacements, the velocity at t_n is the mean of those before and after the step. The
+    end force is the stiffness of an explicit law times the overlap at the end of the step. `lag` is the time by which
+    velocities lag behind displacements: dt in a leap-frog scheme, 0 in a multi-stage scheme.
+    """
+    points, boundary, total = step.points, step.boundary, step.totals[0]
+    r = n // record.every if n % record.every == 0 else record.energy.size - 1
+    for i in range(points.law.size):
+        law, state = points.law[i], points.state[i]
+        record.contact_force[r, law.number] = state.multiplier
+        record.gap[r, law.number] = state.gap
+        after = law.initial_gap
+        for k in range(law.start, law.stop):
+            after += points.entries[k].normal * u[boundary[points.entries[k].place].dof]
+        record.end_force[r, law.number] = law.end_stiffness * max(-after, 0.0)
+    for k in range(record.probe.size):
+        q = boundary[record.probe[k]]
+        record.displacement[r, k] = q.old_u
+        record.velocity[r, k] = 0.5 * (q.old_v + q.new_v) if lag > 0.0 else q.old_v
+    energy = record.energy[r]
+    energy.kinetic_energy = total.kinetic_energy
+    energy.elastic_energy = total.elastic_energy
+    energy.external_work = total.external_work
+    energy.contact_work = total.contact_work
+    energy.contact_energy = total.contact_energy
+    energy.internal_work = total.internal_work
+    energy.dissipated_energy = total.dissipated_energy
+    step.now[0].row = r
+    perform(step.actions, RECORD, n, u, v, v)
