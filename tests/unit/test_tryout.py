@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from percuss.cli.main import app
+from percuss.methods import first_run
 
 LAW = '''
 from dataclasses import dataclass
@@ -162,3 +163,34 @@ def test_a_mistake_is_one_message(ran, name):
     for one in said:
         assert one in err
     assert not Path("out.nc").exists()
+
+
+class Everything:
+    """The questions that a source has answered, if it has answered all of them."""
+
+    def __contains__(self, question):
+        return True
+
+    def __rsub__(self, questions):
+        return set()
+
+
+# What a run does not find any more once the source has passed its first run; the kit finds it. All others are found in
+# every run, or where the plug-in is loaded.
+BEFORE_THE_FIRST_RUN = ("keeps a list", "draws at random", "an index that turns negative")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WRONG)
+def test_a_mistake_is_found_in_every_run_or_else_by_the_kit(ran, name, monkeypatch, capsys):
+    known = first_run._Answers._noted
+    monkeypatch.setattr(first_run._Answers, "_noted", lambda self: Everything() if self.file else known(self))
+    monkeypatch.setattr("numba.config.DISABLE_JIT", True)
+    text, right, wrong, *_ = WRONG[name]
+    code, *_ = ran(text.replace(right, wrong))
+    assert (code == 0) == (name in BEFORE_THE_FIRST_RUN)
+    if code == 0:
+        with pytest.raises(SystemExit) as left:
+            app(["verify", "--plugin", "mine.py", "--method", "mine"])
+        assert left.value.code != 0
+        assert "mine.py" in "".join(capsys.readouterr())
