@@ -10,7 +10,7 @@ import pytest
 from benchmarks.scale import SERIES, exponent, once
 
 import pages
-from percuss.certificate.black_box import MOST_ALONE
+from percuss.certificate.step_itself import MOST_ALONE
 from percuss.mesh.size_limits import BYTES_PER_NODE
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import percuss
 from amplification import CD, NOH_BATHE, WU, Bodies, largest_radius, radius
-from percuss.certificate.criteria import NOT_EXCLUDED
+from percuss.certificate.operator_criterion import NOT_EXCLUDED
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 

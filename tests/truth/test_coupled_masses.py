@@ -336,8 +336,8 @@ def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_mat
     for name, stiffness, inertia in (("ab", 9.0, 0.3), ("ac", 5.0, 1e-9)):
         case["contacts"][name]["method"] = {"name": "bipenalty", "epsilon_s": stiffness, "epsilon_m": inertia}
     from percuss.certificate.closed_contacts import closed_contacts
-    from percuss.certificate.pencil import Pencil
-    from percuss.certificate.unequal_contacts import ClosedMatrix
+    from percuss.certificate.lines import line_operator
+    from percuss.certificate.operator_criterion import ClosedMatrix
     from percuss.march.model import Model
 
     model = Model(percuss.load(case))
@@ -352,7 +352,7 @@ def test_contacts_that_share_an_end_and_differ_are_examined_by_amplification_mat
     values = np.linalg.eigvals(np.block([[top, -back], [np.eye(size), np.zeros((size, size))]]))
     moving = values[np.abs(values - 1.0) > 1e-5]  # rigid motions are defective eigenvalues at 1
     expected = np.abs(moving).max()
-    assert ClosedMatrix(Pencil(model)).radius(dt, laws, [0, 1]) == pytest.approx(expected, abs=1e-9)
+    assert ClosedMatrix(line_operator(model)).radius(dt, laws, [0, 1]) == pytest.approx(expected, abs=1e-9)
 
 
 # -------------------------------------------------------------------------------------------------------- identities

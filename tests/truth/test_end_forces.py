@@ -16,7 +16,7 @@ import percuss
 from dense import assemble
 from percuss.certificate import verdict
 from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.criteria import BlackBoxCriterion, RunCriterion
+from percuss.certificate.criteria import RunCriterion, step_criterion
 from percuss.certificate.decoupled_gaps import DecoupledGapsCriterion, EnergyAtEndCriterion, closed_form
 from percuss.march.march import March
 from percuss.march.model import Model
@@ -408,7 +408,7 @@ def test_the_closed_form_finds_the_critical_step_of_the_step_itself():
     for case in drawn_rows():
         model = Model(percuss.load(case))
         assert closed_form(model) is DecoupledGapsCriterion
-        by_gaps, step_itself = RunCriterion(model, DecoupledGapsCriterion), RunCriterion(model, BlackBoxCriterion)
+        by_gaps, step_itself = RunCriterion(model, DecoupledGapsCriterion), RunCriterion(model, step_criterion)
         assert by_gaps.critical_step == pytest.approx(step_itself.critical_step, rel=2e-6)
         limits.append(by_gaps.critical_step / by_gaps.free)
         for share in (0.98, *([1.02] if limits[-1] < 0.97 else [])) if limits[-1] else ():
@@ -426,7 +426,7 @@ def test_symmetric_laws_at_the_end_of_the_step_need_no_shorter_step_than_the_bod
         for integrator in (CD, WU):
             model = Model(percuss.load(with_law(case, law, integrator)))
             assert closed_form(model) is EnergyAtEndCriterion
-            limit, step_itself = EnergyAtEndCriterion(model).critical_step, BlackBoxCriterion(model)
+            limit, step_itself = EnergyAtEndCriterion(model).critical_step, step_criterion(model)
             limits.append(limit / step_itself.free)
             if limit > 0.0:
                 assert step_itself.assess_step(0.999 * limit).stable
@@ -467,7 +467,7 @@ def test_the_step_itself_is_not_asked_where_a_perturbation_opens_what_a_law_sees
 def test_a_mode_of_the_free_bar_whose_end_element_a_law_stiffens_is_no_idle_motion():
     law = {"name": "any-end-force", "at": "explicit", "b": -1.0, "c": -1.0, "gamma": 0.9}
     model = single(law, CD)
-    assert not RunCriterion(model, BlackBoxCriterion).assess_step(model.dt).stable
+    assert not RunCriterion(model, step_criterion).assess_step(model.dt).stable
     assert not RunCriterion(model, DecoupledGapsCriterion).assess_step(model.dt).stable
 
 

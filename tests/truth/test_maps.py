@@ -186,7 +186,7 @@ def test_a_wave_packet_gets_through_as_the_interface_says():
         "method": {"integrator": CD, "contact": law},
         "time": {"steps": 1, "courant": courant},
     }
-    from percuss.certificate.black_box import ClosedStep, Motions
+    from percuss.certificate.closed_step import ClosedStep, Motions
 
     model = Model(percuss.load(case))
     step = ClosedStep(Motions(model), model.dt, [0])

@@ -8,7 +8,8 @@ import pytest
 
 import dense
 import percuss
-from percuss.certificate.black_box import Motions, examine
+from percuss.certificate.closed_step import Motions
+from percuss.certificate.step_itself import examine
 from percuss.certificate.verdict import certificate, settled
 from percuss.march.march import March
 from percuss.march.model import Model

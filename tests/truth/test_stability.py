@@ -8,8 +8,9 @@ import pytest
 
 import percuss
 import places
-from percuss.certificate.criteria import PencilCriterion
-from percuss.certificate.pencil import largest_eigenvalue, largest_step, largest_step_below
+from percuss.certificate.criteria import operator_criterion
+from percuss.certificate.operator import largest_eigenvalue
+from percuss.certificate.search import largest_step, largest_step_below
 from percuss.certificate.verdict import certificate
 from percuss.march.model import Model
 from strategies import hunek
@@ -203,10 +204,10 @@ def test_a_search_without_a_limit_says_so():
 def test_a_search_takes_few_trials_where_contact_limits_the_step():
     """Bisection would take 38."""
     model = Model(percuss.load(hunek(40, integrator="central-difference", contact={"name": "penalty", "beta_s": 0.5})))
-    criterion = PencilCriterion(model.stretches()[0].model)
+    criterion = operator_criterion(model.stretches()[0].model)
     trials = []
-    excess = criterion._excess
-    criterion._excess = lambda dt: trials.append(dt) or excess(dt)
+    excess = criterion.excess
+    criterion.excess = lambda dt: trials.append(dt) or excess(dt)
     assert 0.0 < criterion.critical_step < criterion.free
     assert len(trials) <= 16
 

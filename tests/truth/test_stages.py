@@ -11,7 +11,7 @@ from hypothesis import given
 import dense
 import percuss
 import places
-from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
+from percuss.certificate.criteria import operator_criterion, step_criterion
 from percuss.certificate.maps import stability
 from percuss.certificate.verdict import certificate, settled
 from percuss.certificate.waves import waves
@@ -363,7 +363,7 @@ def on_a_wall(name, law, elements=12):
 def test_the_step_itself_has_the_limit_of_the_rows(name, law, files):
     """Growth seen in the step, what is kept between steps included, against oscillators and the closed pencil."""
     model = Model(percuss.load(on_a_wall(name, law), plugins=files))
-    assert BlackBoxCriterion(model).critical_step == pytest.approx(PencilCriterion(model).critical_step, rel=5e-6)
+    assert step_criterion(model).critical_step == pytest.approx(operator_criterion(model).critical_step, rel=5e-6)
 
 
 @pytest.mark.parametrize("courant", [1.8, 1.9])

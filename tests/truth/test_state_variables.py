@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import percuss
-from percuss.certificate.black_box import ClosedStep, Motions
+from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import PluginError
 from percuss.march.march import March
 from percuss.march.model import Model

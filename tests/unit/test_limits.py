@@ -9,7 +9,7 @@ import yaml
 import percuss
 import places
 from command_line import percuss_command
-from percuss.certificate.criteria import PencilCriterion
+from percuss.certificate.operator_criterion import OperatorCriterion
 from percuss.certificate.verdict import certificate, settled
 from percuss.errors import InputError
 from percuss.march.recording import recordable
@@ -213,8 +213,8 @@ def test_matrices_that_overflow_leave_the_certificate_unknown(monkeypatch, integ
     def fails(self, dt):
         raise np.linalg.LinAlgError("Eigenvalues did not converge")
 
-    monkeypatch.setattr(PencilCriterion, "assess_step", fails)
-    monkeypatch.setattr(PencilCriterion, "critical_step", property(lambda self: fails(self, 0.0)))
+    monkeypatch.setattr(OperatorCriterion, "assess_step", fails)
+    monkeypatch.setattr(OperatorCriterion, "critical_step", property(lambda self: fails(self, 0.0)))
     case = percuss.load(hunek(4, end=0.1), {"method.integrator": integrator})
     found = certificate(settled(case).model)
     assert found["stable"] == "unknown"

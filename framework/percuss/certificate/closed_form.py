@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from percuss.certificate.closed_contacts import closed_contacts
-from percuss.certificate.pencil import Pencil, largest_step_below
+from percuss.certificate.lines import held_throughout
+from percuss.certificate.search import largest_step_below
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -71,7 +72,7 @@ class ClosedFormCriterion:
         nodes = [node for contact_pair in model.contact_pairs for node in contact_pair.nodes]
         if len(set(nodes)) < len(nodes):
             raise NoClosedFormError("an end is in several contacts")
-        if {constraint.node for constraint in Pencil(model).constraints} & set(nodes):
+        if {constraint.node for constraint in held_throughout(model)} & set(nodes):
             raise NoClosedFormError("an end in contact is fixed or driven")
         for contact_pair in model.contact_pairs:
             ends = [(model.body_of(node), model.body_of(node).end_element(node)) for node in contact_pair.nodes]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from percuss.certificate.criteria import PencilCriterion, RunCriterion
+from percuss.certificate.criteria import RunCriterion, operator_criterion
 
 if TYPE_CHECKING:
     from percuss.march.model import Model
@@ -41,7 +41,7 @@ def cure_of(criterion: RunCriterion, critical: float) -> str:
     for law in (bound_law.law for bound_law in model.laws):
         for option in law.stiffening:
             value = getattr(law, option, None)
-            if isinstance(value, float) and criterion.by == PencilCriterion.by:
+            if isinstance(value, float) and criterion.kind is operator_criterion:
                 limit = largest_stable_value(criterion, law, option, value)
                 if limit is not None:
                     cures.append(f"set {option} of {law.name} to at most {round_down(limit)}")
@@ -72,7 +72,7 @@ def largest_stable_value(criterion: RunCriterion, law: Any, option: str, value: 
 
     def is_stable(candidate: float) -> bool:
         changed = model.with_laws({law: dataclasses.replace(law, **{option: candidate})})
-        return RunCriterion(changed, PencilCriterion).assess_step(model.dt).stable
+        return RunCriterion(changed, operator_criterion).assess_step(model.dt).stable
 
     if not is_stable(value * 1e-9):
         return None

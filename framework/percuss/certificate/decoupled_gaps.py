@@ -16,14 +16,16 @@ energy never grows, whatever is closed, so that the step is stable where that of
 
 from __future__ import annotations
 
+import dataclasses
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from percuss.certificate.criteria import StepAssessment
+from percuss.certificate.assessment import Assessment
 from percuss.certificate.following_loads import why_beyond_pencil
-from percuss.certificate.pencil import Pencil, largest_eigenvalue, largest_step_below
+from percuss.certificate.lines import LineOperator, line_operator, rows_along
+from percuss.certificate.search import largest_step_below
 from percuss.step.integrator_check import unchecked_scheme
 from percuss.step.parts.end_forces import end_forces, sees_end_force
 
@@ -108,7 +110,6 @@ class DecoupledGapsCriterion:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.pencil = Pencil(model)
         self._end_forces = end_forces(model, 0.5 * model.dt)  # of all contact points
         self._delassus = model.contact_rows(0.5 * model.dt).diagonal
 
@@ -133,48 +134,42 @@ class DecoupledGapsCriterion:
 
     def _stiffening(self, dt: float, softens: Floats) -> float:
         """Return the share of ``(4/dt^2) M - K`` that stiffer end elements of open contacts take; inf without any."""
-        factors = self.pencil.factors(dt)
-        if factors is None:
-            return np.inf
-        harmful = np.flatnonzero(softens < 0.0)
-        if not harmful.size:
-            return 0.0
-        out = np.zeros((harmful.size, harmful.size))
-        for body, factor in zip(self.pencil.bodies, factors, strict=True):
-            axis = self.model.body_of(body.first).mesh.direction
-            columns = np.zeros((body.mass.size, harmful.size))
-            for column, p in enumerate(harmful):
-                for node, row in self._end_forces[int(p)].rows.items():
-                    if body.first <= node < body.first + body.mass.size:
-                        columns[node - body.first, column] += float(row @ axis)
-            if columns.any():
-                out += columns.T @ body.solve(factor, columns)
-        root = np.sqrt(-softens[harmful])
-        return largest_eigenvalue(root[:, None] * out * root)
+        return self._elements.largest_softening(dt, np.maximum(-softens, 0.0), np.zeros_like(softens))
+
+    @cached_property
+    def _elements(self) -> LineOperator:
+        """The bodies with Sigma in place of N."""
+        bodies = line_operator(self.model)
+        entries: dict[int, list[tuple[int, float]]] = {}
+        for p, end_force in self._end_forces.items():
+            for node, row in end_force.rows.items():
+                along = float(row @ self.model.body_of(node).mesh.direction)
+                entries.setdefault(node, []).append((p, along))
+        return dataclasses.replace(bodies, contacts=rows_along(bodies, entries))
 
     @cached_property
     def free(self) -> float:
         """Largest step that is stable without contact and without laws."""
-        return self.pencil.free_step()
+        return self._elements.free_step()
 
-    def assess_step(self, dt: float) -> StepAssessment:
+    def assess_step(self, dt: float) -> Assessment:
         """Return the assessment of a step."""
         frequency_squared, softens = self._oscillators(dt)
         too_soft = np.flatnonzero(frequency_squared <= 0.0)
         if too_soft.size:
             why = "the law takes all stiffness of the end elements: gamma has to exceed theta kappa"
-            return StepAssessment(False, [int(p) for p in too_soft[:1]], doubt=why)
+            return Assessment("grows", [int(p) for p in too_soft[:1]], doubt=why)
         too_stiff = np.flatnonzero(dt**2 * frequency_squared > LIMIT * (1.0 + SAME))
         if too_stiff.size:
-            return StepAssessment(False, [int(p) for p in too_stiff[:1]])
+            return Assessment("grows", [int(p) for p in too_stiff[:1]])
         share = self._stiffening(dt, softens)
         if not share < 1.0:
-            return StepAssessment(False)
+            return Assessment("grows")
         fastest = int(np.argmax(frequency_squared))
-        return StepAssessment(True, [fastest] if dt**2 * frequency_squared[fastest] / LIMIT >= share else [])
+        return Assessment("stable", [fastest] if dt**2 * frequency_squared[fastest] / LIMIT >= share else [])
 
-    def _excess(self, dt: float) -> float:
-        """Return the signed distance of a step from the critical one, as `percuss.certificate.pencil.largest_step`."""
+    def excess(self, dt: float) -> float:
+        """Return the signed distance of a step from the critical one, as `percuss.certificate.search.largest_step`."""
         frequency_squared, softens = self._oscillators(dt)
         share = self._stiffening(dt, softens)
         if (frequency_squared <= 0.0).any() or not np.isfinite(share):
@@ -185,7 +180,7 @@ class DecoupledGapsCriterion:
     @cached_property
     def critical_step(self) -> float:
         """Largest stable step, with laws bound anew for each step tried."""
-        return self.free if self.free in {0.0, np.inf} else largest_step_below(self._excess, self.free)
+        return self.free if self.free in {0.0, np.inf} else largest_step_below(self.excess, self.free)
 
 
 class EnergyAtEndCriterion(DecoupledGapsCriterion):

@@ -19,7 +19,7 @@ from percuss.case.overrides import as_given_by
 from percuss.certificate import following_loads
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import ClosedFormCriterion, NoClosedFormError
-from percuss.certificate.criteria import BlackBoxCriterion, Criterion, PencilCriterion, RunCriterion
+from percuss.certificate.criteria import RunCriterion, operator_criterion, step_criterion
 from percuss.certificate.verdict import settled
 from percuss.errors import InputError, PluginError, Problem, RefusedPair, refuse_if_any, suggestion
 from percuss.files import replacing
@@ -127,8 +127,11 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
     if why := _why_unknown(model, way, doubts):
         return _row(varied, way, None, why)
     try:
-        kind: type[Criterion] = PencilCriterion if way == "pencil" else BlackBoxCriterion
-        criterion: Any = ClosedFormCriterion(model) if way == "closed-form" else RunCriterion(model, kind)
+        criterion: Any
+        if way == "closed-form":
+            criterion = ClosedFormCriterion(model)
+        else:
+            criterion = RunCriterion(model, operator_criterion if way == "pencil" else step_criterion)
         critical = criterion.critical_step
     except (NoClosedFormError, PluginError) as error:
         return _row(varied, way, None, str(error))
@@ -136,7 +139,7 @@ def _critical_row(model: Model, varied: Mapping[str, Any], way: str, doubts: Seq
     if way == "black-box":
         assessment = criterion.assess_step(critical if critical > 0 else model.dt)
         doubt = assessment.doubt
-        if not (assessment.conclusive or assessment.stable) or np.isnan(critical):
+        if assessment.answer == "unknown" or np.isnan(critical):
             return _row(varied, way, None, doubt or "the closed step is not linear")
     row = _row(varied, way, critical, doubt if critical > 0 else "no step is stable", model)
     if set(STEP) & set(varied):

@@ -10,24 +10,20 @@ import numpy as np
 from percuss.blas import one_blas_thread
 from percuss.case.expectations import after_the_end
 from percuss.certificate import following_loads
+from percuss.certificate.assessment import Answer, Assessment, Criterion, quoted
 from percuss.certificate.closed_contacts import BETWEEN, NEVER_GROWS, NOT_GUARANTEED, ClosedContacts, closed_contacts
-from percuss.certificate.criteria import (
-    BlackBoxCriterion,
-    Criterion,
-    PencilCriterion,
-    RunCriterion,
-    StepAssessment,
-    quoted_names,
-)
+from percuss.certificate.criteria import RunCriterion, contact_names, operator_criterion, step_criterion
 from percuss.certificate.cures import capitalised, cure_of, no_step, round_down
 from percuss.certificate.decoupled_gaps import closed_form
-from percuss.certificate.pencil import MARGINAL_DISTANCE
+from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.errors import InputError, refuse_if_any
 from percuss.garbage import collection_paused
 from percuss.march.model import Model
 from percuss.mesh.stresses import tangent_as_declared
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from percuss.case.case import Case
 
 # Share of the free step below which a critical step counts as none, as growth may be too slow to show in one step.
@@ -158,12 +154,10 @@ def _with_step(case: Case) -> SettledRun:
         chosen = (
             criterion.assess_step(SHARE_OF_CRITICAL_STEP * critical)
             if 0.0 < critical < np.inf
-            else StepAssessment(False, conclusive=False)
+            else Assessment("unknown")
         )
         # A tiny critical step is no stability: growth may be too slow to show in a single step of that length.
-        if not SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf or not (
-            chosen.conclusive or chosen.stable
-        ):
+        if not SMALLEST_SHARE_OF_FREE_STEP * criterion.free < critical < np.inf or chosen.answer == "unknown":
             message = "expected methods of which some step is known to be stable"
             advice = f"{capitalised(no_step(model, criterion.free, critical))}." if critical == 0.0 else "Give a step."
             raise InputError([case.problem(("time", "courant"), message, advice)])
@@ -184,9 +178,9 @@ def criterion_of(model: Model, other_step: RunCriterion | None = None) -> RunCri
         The criterion of the same run with another step, if there is one.
     """
     closed = closed_contacts(model, model.dt)
-    kind: type[Criterion] = PencilCriterion
+    kind: Callable[[Model], Criterion] = operator_criterion
     if closed.unknown:
-        kind = closed_form(model) or BlackBoxCriterion
+        kind = closed_form(model) or step_criterion
     return RunCriterion(model, kind, other_step, closed=closed)
 
 
@@ -225,11 +219,12 @@ def certificate(model: Model, criterion: RunCriterion | None = None, *, with_cri
 def _certificate_of_linear_bodies(model: Model, criterion: RunCriterion, with_critical_step: bool) -> Certificate:
     free, assessment = criterion.free, criterion.assess_step(model.dt)
     # Where nothing is certain about the step itself nothing is about longer ones, and a search takes long.
-    searched = assessment.conclusive and (with_critical_step or criterion.by != BlackBoxCriterion.by)
+    searched = assessment.conclusive and (with_critical_step or criterion.kind is not step_criterion)
     critical = criterion.critical_step if searched else np.nan
-    if searched and np.isnan(critical) and criterion.by == BlackBoxCriterion.by and not model.own_steps:
+    if searched and np.isnan(critical) and criterion.kind is step_criterion and not model.own_steps:
+        unsure: Answer = "no growth found" if assessment.stable else "unknown"
         assessment = dataclasses.replace(
-            assessment, conclusive=False, doubt="the closed step is not linear at longer steps"
+            assessment, answer=unsure, doubt="the closed step is not linear at longer steps"
         )
     if assessment.conclusive and assessment.stable and not np.isnan(critical):
         critical = max(critical, min(model.dt, free))
@@ -385,7 +380,7 @@ def _certificate_of_nonlinear_bodies(model: Model) -> Certificate:
     return out
 
 
-def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, critical: float) -> tuple[Verdict, str]:
+def _verdict(criterion: RunCriterion, assessment: Assessment, free: float, critical: float) -> tuple[Verdict, str]:
     """Return the verdict on the closed linear step, and the reason for it in words."""
     model = criterion.model
     if free == 0.0:
@@ -403,7 +398,7 @@ def _verdict(criterion: RunCriterion, assessment: StepAssessment, free: float, c
     noun = "contacts" if len(assessment.worst) > 1 else "contact"
     combination = criterion.nothing_closed(assessment.stretch, "with all contacts open")
     if assessment.worst:
-        combination = f"with closed {noun} {quoted_names(model, assessment.worst)}"
+        combination = f"with closed {noun} {quoted(criterion.names, assessment.worst)}"
     more = f"; theta = {assessment.theta:.6g}" if assessment.theta is not None else ""
     more += f" ({assessment.doubt})" if assessment.doubt else ""
     return _compare_with_critical(model.dt, critical, f"{combination}{when}{more}", stable=assessment.stable)
@@ -425,7 +420,7 @@ def _compare_with_critical(dt: float, critical: float, combination: str, *, stab
     return "yes", f"the step is {margin:.6g} of {critical:.6g}, the critical step {combination}"
 
 
-def _energy_guarantee(criterion: RunCriterion, assessment: StepAssessment, verdict: Verdict) -> tuple[str, str]:
+def _energy_guarantee(criterion: RunCriterion, assessment: Assessment, verdict: Verdict) -> tuple[str, str]:
     """Return the energy guarantee of the pair of methods in this run, and the reason for it in words."""
     model, laws = criterion.model, criterion.closed
     if laws.energy in {NEVER_GROWS, BETWEEN}:
@@ -452,8 +447,9 @@ def _stiffened_contacts(model: Model, laws: ClosedContacts) -> str:
         stiffer = [] if before is None else [int(p) for p in np.flatnonzero(after < before * (1.0 - 1e-12))]
         if stiffer:
             return (
-                f"at {first * model.dt:.6g} a drive starts or ends at contact {quoted_names(model, stiffer)}: what it "
-                "stores while closed rises there, and no work goes with that"
+                f"at {first * model.dt:.6g} a drive starts or ends at contact "
+                f"{quoted(contact_names(model), stiffer)}: what it stores while closed rises there, and no work goes "
+                "with that"
             )
         before = after
     return ""

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from percuss.blas import one_blas_thread
-from percuss.certificate.black_box import ClosedStep, Motions
 from percuss.certificate.closed_contacts import closed_contacts
 from percuss.certificate.closed_form import unlike_plain_bars
+from percuss.certificate.closed_step import ClosedStep, Motions
 from percuss.errors import InputError, PercussError, Problem, suggestion
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ class _Ends:
         step = ClosedStep(motions, model.dt, [p])
         if not step.linear():
             raise PercussError(f"{contact}: the step is not linear while it is closed")
-        held = {constraint.node for constraint in motions.pencil.constraints}
+        held = {constraint.node for constraint in motions.constraints}
         bodies = [model.body_of(node) for node in contact_pair.nodes]
         others = [
             other.name

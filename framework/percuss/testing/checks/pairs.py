@@ -356,7 +356,7 @@ def check_certificate(subject: Subject, case: Any) -> None:
     grow. If the linear laws of a pair do not describe what its runs do, its certificate is wrong.
     """
     from percuss.certificate.closed_contacts import closed_contacts
-    from percuss.certificate.criteria import BlackBoxCriterion, PencilCriterion
+    from percuss.certificate.criteria import operator_criterion, step_criterion
     from percuss.march.model import Model
 
     model = Model(subject.load(subject.placed(case)))
@@ -365,6 +365,6 @@ def check_certificate(subject: Subject, case: Any) -> None:
     contacts = closed_contacts(model, model.dt)
     if contacts.unknown:
         raise NotApplicable(f"the pencil does not cover {', '.join(contacts.unknown)}: only the step itself can decide")
-    by_pencil, by_black_box = PencilCriterion(model).critical_step, BlackBoxCriterion(model).critical_step
+    by_pencil, by_black_box = operator_criterion(model).critical_step, step_criterion(model).critical_step
     if not abs(by_pencil - by_black_box) <= 1e-3 * by_pencil:
         raise CheckFailed(f"the critical step is {by_pencil:.6g} by the pencil, {by_black_box:.6g} by the step itself")

@@ -1,45 +1,34 @@
-"""Amplification matrix of the closed step, measured from the solver's own time step for any integrator and law.
+"""The solver's own time step with some contacts held closed, as a map of states, for any integrator and law.
 
 About a state x0 deep in contact the step is affine, ``step(x0 + e) - step(x0) = A e``, whatever the contact law, as
-long as the law is linear there. A law with a kernel may be linear there and follow another line elsewhere, as one that
-softens, yields or remembers its largest overlap does. The step is therefore examined about other states too: at small
-overlaps, and while the contact opens after a larger overlap. Where these steps differ, growth on one of the lines
-tells that the step is unstable, but nothing tells that it is stable, as a run changes from one line to another.
-
-Two kinds of motion grow linearly in time without being an instability and are deflated: motions without strain that
-change no closed gap (rigid translation, sideways mechanisms) and, at exactly the step 2/omega, the highest mode of a
-free bar. States are weighted by the square root of the mass, (u, dt v), because the step without contact is close to
-orthogonal in these coordinates.
+long as the law is linear there. States are weighted by the square root of the mass, (u, dt v), because the step without
+contact is close to orthogonal in these coordinates.
 
 The state of a multi-stage scheme includes the rows that the scheme keeps between steps, dt^2 times an acceleration.
 Under such a scheme the time loop itself holds every contact with a linear law closed, because within a stage the
-contact force may already have driven the ends apart. Without contact each mode is an independent oscillator, and
-`percuss.certificate.scheme_limit` finds the limit from the kernel of the scheme.
+contact force may already have driven the ends apart. Where bodies have steps of their own, the step is the period after
+which all of them act together, and contacts are held closed in the same way, as they would open and close within it.
 
-Where bodies have steps of their own, the step that is examined is the period after which all of them act together, and
-contacts are held closed in the same way, as they would open and close within it.
+Two kinds of motion grow linearly in time without being an instability: motions without strain that change no closed gap
+(rigid translation, sideways mechanisms) and, at exactly the step 2/omega, the highest mode of a free bar.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from percuss.certificate.following_loads import directions
-from percuss.certificate.pencil import MARGINAL_DISTANCE, Pencil
+from percuss.certificate.lines import LineOperator, held_directions, held_throughout, line_operator
+from percuss.certificate.search import MARGINAL_DISTANCE
 from percuss.contact.points import FROM_LINE, NEVER
-from percuss.errors import PercussError
 from percuss.heartbeat import beat
 from percuss.march.march import March
-from percuss.methods.blame import described
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from percuss.march.model import Model
     from percuss.methods.interfaces import Floats
@@ -48,10 +37,7 @@ if TYPE_CHECKING:
 # unit is the length of the shortest element: what is said of a law with a length of its own depends on no system of
 # units, and an overlap of so many elements is deeper than any of a run.
 BASE_OVERLAP = 64.0
-# Further states about which the step with a kernel law is examined: the unit in shortest elements, and whether contacts
-# open after a larger overlap.
-OTHER_STATES = ((1.0, True), (2.0**-12, False), (2.0**-12, True), (2.0**-24, False), (2.0**-24, True))
-# Overlap of that larger one beyond the base overlap, so that no perturbation brings a contact back to it.
+# Overlap of a larger one beyond the base overlap, so that no perturbation brings a contact back to it.
 LARGER_OVERLAP = 8.0
 # Opening of such a contact in a step, in the same unit: no perturbation lets it close, nor does it open in the step.
 OPENING = 4.0
@@ -59,98 +45,10 @@ OPENING = 4.0
 MOST_SEEN = 0.25 * BASE_OVERLAP
 # Gap of an open contact with a linear law under a multi-stage scheme, so that no stage closes it; in the same unit.
 OPEN_GAP = 1e12
-# Largest state of which all eigenvalues are computed; of a larger one Arnoldi's iteration finds the largest only.
-LARGEST_DENSE_STATE = 240
-# Number of vectors that Arnoldi's iteration keeps.
-KRYLOV_VECTORS = 24
-# Number of restarts of Arnoldi's iteration, halved for states of `LARGE_STATE` entries or more to bound the time.
-ARNOLDI_RESTARTS = 12
-LARGE_STATE = 5000
 # Relative deviation from linearity that counts as round-off.
 LINEARITY_TOLERANCE = 1e-6
 # Relative change of a contact force by a perturbation below which it does not depend on the state.
 FORCE_TOLERANCE = 1e-9
-# Relative change by contact below which a motion counts as unaffected by contact.
-CONTACT_EFFECT_TOLERANCE = 1e-7
-# Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
-# contact; of more contacts, none, each one alone and all of them are closed.
-MOST_TOGETHER = 3
-# Largest number of contacts of which each one is closed alone, as the time grows with their square and more; of more
-# contacts, none and all of them are closed.
-MOST_ALONE = 30
-
-
-@dataclass(frozen=True)
-class ClosedStepStability:
-    """Stability of the step with a given combination of closed contacts.
-
-    Attributes
-    ----------
-    radius
-        Largest modulus of the eigenvalues left after deflation; nan where the step is not linear.
-    theta
-        Largest share of the predicted overlap that contact takes back in a step; None unless the contact force follows
-        from the predicted overlap alone.
-    conclusive
-        Whether the radius is certain; False where it comes from a Krylov iteration, which can miss growth, where the
-        step is not linear, and where it follows several lines.
-    several_lines
-        Whether the step is another one at other overlaps or while contacts open.
-    failure
-        Error that a kernel raised deep in contact; empty if it raised none.
-    felt_radius
-        Above theta = 1 the largest modulus of the motions that contact changes; infinite where it was not computed.
-    distance_to_flip
-        Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: under a leap-frog scheme a
-        motion mostly begins to grow as its two eigenvalues meet at -1. Infinite where it was not computed, and under a
-        multi-stage scheme, where eigenvalues may meet anywhere.
-    """
-
-    radius: float
-    theta: float | None
-    conclusive: bool
-    several_lines: bool = False
-    failure: str = ""
-    felt_radius: float = np.inf
-    distance_to_flip: float = np.inf
-
-    @property
-    def linear(self) -> bool:
-        """Whether the step is linear in the state with these contacts closed."""
-        return not np.isnan(self.radius)
-
-    @property
-    def stable(self) -> bool:
-        """Whether no growth was found.
-
-        Above theta = 1 growth starts so slowly that a modulus of 1 may hide it, so the motions that contact changes
-        must decay there. The other motions are those of free bodies.
-        """
-        return not self.radius > 1.0 + MARGINAL_DISTANCE and not (
-            _above_one(self.theta) and self.felt_radius > 1.0 - MARGINAL_DISTANCE
-        )
-
-    @property
-    def excess(self) -> float:
-        """Signed distance of the step from the critical one, -1 to 1: at most 0 where it is stable, else above 0.
-
-        Under a leap-frog scheme it varies continuously with most steps, which shortens a search.
-        """
-        if not np.isfinite(self.distance_to_flip):
-            return -1.0 if self.linear and self.stable else 1.0
-        growth = self.radius - 1.0
-        above = -np.inf if self.theta is None else self.theta - 1.0
-        distance = max(-self.distance_to_flip if self.stable else growth * growth / self.radius, above)
-        # Above theta = 1 a step may be stable, and rounding must not decide about the sign.
-        distance = min(distance, 0.0) if self.stable else max(distance, np.finfo(float).tiny)
-        if not np.isfinite(distance):
-            return -1.0 if self.stable else 1.0
-        return float(distance / (1.0 + abs(distance)))
-
-
-def _above_one(theta: float | None) -> bool:
-    """Return whether contact takes back more than the predicted overlap."""
-    return theta is not None and theta > 1.0 + MARGINAL_DISTANCE
 
 
 class ClosedStep:
@@ -296,8 +194,9 @@ class Motions:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self.pencil = Pencil(model)
-        self.basis = _basis(model, self.pencil)
+        self.constraints = held_throughout(model)
+        self.held = held_directions(model)
+        self.basis = _basis(model, self.held)
         self.projection = self.basis.T.tocsr()
         self.root = np.sqrt(np.repeat(model.mass, model.dim))
         self.shortest_element = min(float(body.mesh.lengths.min()) for body in model.bodies.values())
@@ -308,12 +207,17 @@ class Motions:
         """Return the march of the model with the time step `dt`, ready for single steps, compiled where possible."""
         if self._march is None or self._march.model.dt != dt:
             inactive = self.model.inactive_points(0.5 * self.model.dt)
-            march = March(self.model.without_loads(dt, self.pencil.constraints, inactive))
+            march = March(self.model.without_loads(dt, self.constraints, inactive))
             march.compile()
             march.arrays.record = march.arrays.record._replace(every=2**62, last=-1, field_every=0)
             march.arrays.step.totals[0].floor = np.inf
             self._march, self.open_points = march, march.arrays.step.points.law.copy()
         return self._march
+
+    @cached_property
+    def operator(self) -> LineOperator:
+        """Masses and stiffness of the bodies, those as one that are tied throughout."""
+        return line_operator(self.model)
 
     @cached_property
     def gaps(self) -> Floats:
@@ -349,7 +253,7 @@ class Motions:
             axis = np.zeros((model.n_nodes, model.dim))
             axis[body.start : body.stop] = body.mesh.direction
             along += np.abs(basis.T @ axis.ravel())
-            held = [direction for node in range(body.start, body.stop) for direction in self.pencil.held.get(node, [])]
+            held = [direction for node in range(body.start, body.stop) for direction in self.held.get(node, [])]
             if all(abs(float(direction @ body.mesh.direction)) < 1e-9 for direction in held):
                 columns.append(basis.T @ (axis.ravel() * self.root))
         across = np.flatnonzero(along < 1e-9)
@@ -363,15 +267,18 @@ class Motions:
         axes = np.concatenate(
             [np.tile(body.mesh.direction, (body.mass.size, 1)) for body in self.model.bodies.values()]
         )
-        for matrix, nodes, rows, signs in self.pencil.parts:
-            largest = (matrix.diagonal / matrix.mass).max()
-            if (matrix.tridiagonal and abs(dt**2 * largest / 2.0 - 1.0) > 0.5) or matrix.mass.size == 1:
+        operator = self.operator
+        for rows, block in operator.blocks():
+            diagonal, mass = block.stiffness[0], block.mass[0]
+            largest = float((diagonal / mass).max())
+            if (block.tridiagonal and abs(dt**2 * largest / 2.0 - 1.0) > 0.5) or block.size == 1:
                 continue  # Gershgorin's bound shows that the highest frequency is far from 2/dt.
-            value, vector = matrix.highest_mode()
+            value = block.highest_of_block()
             if abs(value * dt**2 / 4.0 - 1.0) < 4.0 * MARGINAL_DISTANCE:
+                moving = np.flatnonzero((operator.place >= rows.start) & (operator.place < rows.stop))
+                nodes, mode = operator.nodes[moving], block.highest_mode(value)[operator.place[moving] - rows.start]
                 full = np.zeros((self.model.n_nodes, self.model.dim))
-                share = np.sqrt(self.model.mass[nodes] / matrix.mass[rows])
-                full[nodes] = (signs * share * vector[rows, 0])[:, None] * axes[nodes]
+                full[nodes] = (operator.signs[moving] * mode * np.sqrt(self.model.mass[nodes]))[:, None] * axes[nodes]
                 columns.append(self.projection @ full.ravel())
         return np.array(columns).reshape(-1, self.basis.shape[1]).T
 
@@ -393,7 +300,7 @@ class Motions:
         return np.linalg.qr(kept)[0] if kept.size else kept
 
 
-def _basis(model: Model, pencil: Pencil) -> Any:
+def _basis(model: Model, held_at: dict[int, list[Floats]]) -> Any:
     """Return the examined motions as sparse orthonormal columns, (nodes * dim, n).
 
     A node moves along its bar as far as its supports allow; a node in contact moves in every free direction.
@@ -404,13 +311,13 @@ def _basis(model: Model, pencil: Pencil) -> Any:
     columns: list[tuple[int, Floats]] = []
     for body in model.bodies.values():
         axis = body.mesh.direction
-        special = touched | set(pencil.held)
+        special = touched | set(held_at)
         for node in range(body.start, body.stop):
             if node not in special:
                 columns.append((node, axis))
                 continue
             free = np.eye(model.dim)
-            for held in pencil.held.get(node, []):
+            for held in held_at.get(node, []):
                 free = free - np.outer(free @ held, held)
             directions: list[Floats] = []
             for candidate in [free @ axis, *free] if node in touched else [free @ axis]:
@@ -423,166 +330,3 @@ def _basis(model: Model, pencil: Pencil) -> Any:
     values = np.array([direction for _, direction in columns]).ravel()
     place = np.repeat(np.arange(nodes.size), model.dim)
     return sparse.csr_array((values, (dofs, place)), shape=(model.n_nodes * model.dim, nodes.size))
-
-
-def examine(
-    motions: Motions, dt: float, closed: Sequence[int], *, stable_at_longer_step: bool = False
-) -> ClosedStepStability:
-    """Return the stability of the step of length `dt` with the given contacts closed.
-
-    Parameters
-    ----------
-    motions, dt, closed
-        As for `ClosedStep`.
-    stable_at_longer_step
-        Whether a longer step was found to be stable; a large model is then not searched for growth again.
-    """
-    try:
-        step = ClosedStep(motions, dt, closed)
-        linear = step.linear()
-    except (PercussError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001  A kernel need not be made for overlaps this deep.
-        return ClosedStepStability(np.nan, None, conclusive=False, failure=described(error))
-    if not linear:
-        return ClosedStepStability(np.nan, None, conclusive=False)
-    found = _stability(step, stable_at_longer_step=stable_at_longer_step)
-    for other in _other_lines(step):
-        if not found.stable:
-            break
-        # Where an open contact attracts less and less, bodies come apart at any step: this is no matter of the step.
-        if other.linear() and set(other.acting) <= set(step.closed):
-            on_this = _stability(other, stable_at_longer_step=stable_at_longer_step)
-            if not on_this.stable:
-                return on_this
-        found = dataclasses.replace(found, conclusive=False, several_lines=True)
-    return found
-
-
-def _other_lines(step: ClosedStep) -> Iterator[ClosedStep]:
-    """Yield the steps about other states which are none of the steps about the first, with whichever contacts closed.
-
-    A contact without a force, or with a constant one, is one that is open.
-    """
-    motions, dt = step.motions, step.model.dt
-    if all(bound_law.linear is not None for bound_law in step.model.laws):
-        return
-    state = np.random.default_rng(2).uniform(-1.0, 1.0, step.parts * step.size)
-    images = {tuple(step.acting): step(state)}
-    for unit, opening in OTHER_STATES:
-        other = ClosedStep(motions, dt, step.closed, unit=unit, opening=opening)
-        acting = tuple(other.acting)
-        if acting not in images:
-            images[acting] = ClosedStep(motions, dt, acting)(state)
-        image = images[acting]
-        if not np.abs(other(state) - image).max() <= LINEARITY_TOLERANCE * np.abs(image).max():
-            yield other
-
-
-def _stability(step: ClosedStep, *, stable_at_longer_step: bool) -> ClosedStepStability:
-    """Return the stability of a linear step, as `examine` does."""
-    motions, dt = step.motions, step.model.dt
-    one_force = not (step.model.multistage or step.model.own_steps)
-    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and one_force else None
-    size = step.parts * step.size
-    if size > LARGEST_DENSE_STATE and theta is not None and not step.model.followers:
-        # Up to theta = 1 the closed step is bounded wherever the free step is.
-        zeros = np.zeros(len(motions.model.contact_pairs))
-        return ClosedStepStability(
-            1.0 if motions.pencil.definite(dt, zeros, zeros)[0] else np.inf, theta, conclusive=True
-        )
-    idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
-    if size > LARGEST_DENSE_STATE:
-        return ClosedStepStability(
-            1.0 if stable_at_longer_step else _largest_modulus(step, idle), theta, conclusive=False
-        )
-    matrix = step.matrix()
-    deflated = matrix - idle @ (idle.T @ matrix)
-    deflated -= (deflated @ idle) @ idle.T
-    if not _above_one(theta):
-        values = np.linalg.eigvals(deflated)
-        flip = np.inf if step.model.multistage else _distance_to_flip(values)
-        radius = float(np.abs(values).max(initial=0.0))
-        return ClosedStepStability(radius, theta, conclusive=True, distance_to_flip=flip)
-    values, vectors = np.linalg.eig(deflated)
-    moduli = np.abs(values)
-    # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
-    change = matrix - ClosedStep(motions, dt, ()).matrix()
-    felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
-    return ClosedStepStability(
-        float(moduli.max(initial=0.0)),
-        theta,
-        conclusive=True,
-        felt_radius=float(moduli[felt].max(initial=0.0)),
-        distance_to_flip=_distance_to_flip(values),
-    )
-
-
-def _distance_to_flip(values: Any) -> float:
-    """Return `distance_to_flip` of `ClosedStepStability` from all eigenvalues; those that are deflated are zero."""
-    values = values[np.abs(values) > LINEARITY_TOLERANCE]
-    with np.errstate(over="ignore", invalid="ignore"):  # of growth beyond all numbers
-        return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
-
-
-def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
-    """Return theta of a step whose contact force follows from the predicted overlap alone, or None for any other step.
-
-    Such a step is the free step followed by ``I - [X, 0; X, 0]``, where X is symmetric in the weighted displacements
-    and zero except between the ends in contact; its determinant is the product of all ``1 - theta`` over the
-    eigenvalues theta of X. The largest of them is returned.
-    """
-    n = closed.size
-    ends = np.linalg.qr(closed.motions.gaps.T)[0]
-    x = np.zeros((ends.shape[1], ends.shape[1]))
-    size = 0.0
-    for k, end in enumerate(ends.T):
-        velocity = free(np.concatenate([end, np.zeros(n)]))[n:]
-        # The closed step starts from the two states that the free step takes to (end, 0) and to (0, end).
-        place = closed(np.concatenate([end, -velocity])) - np.concatenate([end, np.zeros(n)])
-        rate = closed(np.concatenate([-end, end + velocity])) - np.concatenate([np.zeros(n), end])
-        x[:, k] = -ends.T @ place[:n]
-        size = max(size, float(np.abs(place).max()))
-        local = max(np.abs(place[:n] - place[n:]).max(), np.abs(place[:n] + ends @ x[:, k]).max())
-        if max(local, np.abs(rate).max()) > LINEARITY_TOLERANCE * size:
-            return None
-    if size < LINEARITY_TOLERANCE or np.abs(x - x.T).max() > LINEARITY_TOLERANCE * size:
-        return None
-    return float(np.linalg.eigvalsh(0.5 * (x + x.T))[-1])
-
-
-def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
-    """Return the largest eigenvalue modulus that Arnoldi's iteration finds, or 0 if no eigenvalue converges."""
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
-
-    size = step.parts * step.size
-
-    def product(state: Floats) -> Floats:
-        state = step(state - idle @ (idle.T @ state))
-        return state - idle @ (idle.T @ state)
-
-    operator: Any = LinearOperator((size, size), matvec=product, dtype=float)
-    values: Any
-    try:
-        values = eigs(
-            operator,
-            k=2,
-            ncv=KRYLOV_VECTORS,
-            which="LM",
-            v0=np.random.default_rng(0).standard_normal(size),
-            maxiter=ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2,
-            tol=1e-9,
-            return_eigenvectors=False,
-        )
-    except ArpackNoConvergence as stopped:
-        values = stopped.eigenvalues
-    return float(np.abs(values).max(initial=0.0))
-
-
-def combinations(count: int) -> list[tuple[int, ...]]:
-    """Return the combinations of closed contacts to be tried among `count` contacts, beginning with none closed."""
-    contacts = range(count)
-    if count <= MOST_TOGETHER:
-        return [closed for k in range(count + 1) for closed in itertools.combinations(contacts, k)]
-    alone = contacts if count <= MOST_ALONE else ()
-    return [(), *((p,) for p in alone), tuple(contacts)]

@@ -1,0 +1,361 @@
+"""The criterion of the sparse operator: exact for linear laws, any mesh and any combination of closed contacts.
+
+Laws evaluated at the current state: `percuss.certificate.operator` decides about central difference. Under a
+multi-stage scheme every mode of bodies and closed contacts is an oscillator, so it decides there too, at the step
+dt / `limit_ratio` at which central difference is at its limit when the scheme is at its own.
+
+Laws evaluated at the predicted gap or at the end of the step: with ``u_{n+1} = u* + dt^2 M^-1 N lambda`` their
+multipliers are ``lambda = -F^-1 g_{n+1}``, ``F = diag(1/eps_s) + diag(eps_m/eps_s - dt^2) S``. Where F is symmetric and
+positive definite, the contacts act as springs at the end of the step and no combination grows: that is where
+``theta = dt^2 lambda_max((I + S D_m)^-1 S D_s)`` is at most 1. F is symmetric where contacts that share an end have the
+same eps_m / eps_s; then no part of such a group is worse than the whole group. Where their ratios differ, a part can be
+worse than the whole, and the step can grow even with every theta at most 1; then the amplification matrices of all sets
+of closed contacts are examined, or the assessment is inconclusive: the closed step is ``u_{n+1} = Q u*`` with
+``Q = I - dt^2 M^-1 N (diag(sigma) + diag(w) S)^-1 N^T``. Here w is eps_m / eps_s for the predicted gap and dt^2 for the
+end of the step, and Q is not symmetric with respect to the mass matrix.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from percuss.certificate.assessment import Assessment, quoted
+from percuss.certificate.search import MARGINAL_DISTANCE, largest_step_below
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from percuss.certificate.assessment import Criterion
+    from percuss.certificate.closed_contacts import ClosedContacts
+    from percuss.certificate.operator import Operator
+    from percuss.methods.interfaces import Floats
+
+UNALIKE = (
+    "contacts {} share an end and differ in eps_m / eps_s: they do not act on one another as equals, and such a step "
+    "can grow at any theta"
+)
+NOT_EXCLUDED = "above theta = 1 of contacts that share an end growth is not certain, and not excluded"
+EQUALS = "give contacts that share an end the same eps_m / eps_s, or evaluate contact at the current gap"
+# A mass that removes the predicted overlap of a step whole makes theta 1, and round-off must not make it unstable.
+THETA_ROUNDING = 1e-12
+# Relative distance above the largest step by theta and the operator at which longer steps are asked about.
+JUST_ABOVE = 1e-6
+# Difference of two eps_m / eps_s, relative to their scale and dt^2, below which it is round-off.
+ROUND_OFF = 1e-9
+# Largest group of contacts of which every part is tried, as the number of parts doubles with each contact.
+MOST_SUBSETS = 10
+# Number of sets of closed contacts from which on the model counts as too large to examine them all.
+MOST_SETS = 4096
+# Growth in a step below which it cannot be told from rounding with certainty.
+GROWTH_RESOLUTION = 1e-7
+# Largest number of sets times the cube of the matrix size for which a step is examined, to bound the time.
+MOST_WORK = 1e8
+
+
+class OperatorCriterion:
+    """Criterion from mass, stiffness and contact rows, and from the linear laws.
+
+    Parameters
+    ----------
+    operator
+        Bodies and contact rows, with bodies as one that are tied throughout.
+    coupling
+        The Delassus operator S: its diagonal, and for each contact the entries beside it by contact.
+    laws_at
+        The closed contacts of a step.
+    names
+        Names of the contacts.
+    limit_ratio
+        Largest stable step of the scheme over that of central difference, for an oscillator.
+    tied
+        Contacts that are tied throughout.
+    apart
+        Bodies and contact rows, with ties among the contacts; the same without ties.
+    above_theta_of_one
+        Makes the criterion of steps above theta = 1, where contact may damp all of a short body: such a step may be
+        stable.
+    why_open
+        Why a step above theta = 1 that the operator finds stable is not known to grow; empty if it is known.
+    """
+
+    by: ClassVar[str] = "pencil"
+
+    def __init__(
+        self,
+        operator: Operator,
+        coupling: tuple[Floats, Sequence[dict[int, float]]],
+        laws_at: Callable[[float], ClosedContacts],
+        names: Sequence[str],
+        *,
+        limit_ratio: float = 1.0,
+        tied: Sequence[int] = (),
+        apart: Callable[[], Operator] | None = None,
+        above_theta_of_one: Callable[[], Criterion] | None = None,
+        why_open: str = "",
+    ) -> None:
+        self.operator = operator
+        self.delassus, self.coupling = coupling
+        self.laws_at, self.names, self.limit_ratio, self.tied = laws_at, names, limit_ratio, tied
+        self._apart = apart or (lambda: operator)
+        self._criterion_above_theta_of_one, self._why_open = above_theta_of_one, why_open
+
+    # ------------------------------------------------------------------------------------------------------- theta
+
+    def _groups(self, laws: ClosedContacts, dt: float) -> list[tuple[Any, bool]]:
+        """Return the groups of contacts that share ends, each with whether its F is symmetric.
+
+        Contacts that share no end with another of these are left out, as are contacts of laws without a `surplus` and
+        contacts that cannot press for want of stiffness.
+        """
+        if not any(self.coupling):
+            return []
+        pressing = [int(p) for p in np.flatnonzero(_pressing(laws))]
+        left = set(pressing)
+        out = []
+        for first in pressing:
+            members, waiting = set(), [first]
+            while waiting:
+                p = waiting.pop()
+                if p in left:
+                    left.discard(p)
+                    members.add(p)
+                    waiting.extend(self.coupling[p])
+            if len(members) > 1:
+                group = np.array(sorted(members))
+                scale = np.abs(laws.surplus[group]).max() + dt * dt
+                out.append((group, bool(np.ptp(laws.surplus[group]) <= ROUND_OFF * scale)))
+        return out
+
+    def _theta_of(self, part: Any, dt: float, laws: ClosedContacts) -> float:
+        """Return ``dt^2 lambda_max((I + S D_m)^-1 S D_s)`` of some contacts evaluated at the predicted gap."""
+        s = np.diag(self.delassus[part])
+        place = {int(p): k for k, p in enumerate(part)}
+        for p, k in place.items():
+            for q, value in self.coupling[p].items():
+                if q in place:
+                    s[k, place[q]] = value
+        left = np.eye(part.size) + s * laws.inertia[part]
+        values = np.linalg.eigvals(np.linalg.solve(left, s * laws.stiffness[part]))
+        return float(dt**2 * np.max(values.real))
+
+    def theta(self, dt: float, laws: ClosedContacts) -> tuple[float | None, list[int]]:
+        """Return the largest theta of the contacts evaluated at the predicted gap, and the contacts it comes from.
+
+        Without such contacts theta is None. Of a group that shares ends, the whole is tried where F is symmetric, else
+        every part; of a group of more than `MOST_SUBSETS` contacts only each contact, each pair and the whole.
+        """
+        largest_theta: float | None = None
+        worst: Any = ()
+        groups = self._groups(laws, dt)
+        alone = laws.predicted & _pressing(laws)
+        for group, _ in groups:
+            alone[group] = False
+        points = np.flatnonzero(alone)
+        if points.size:
+            s, stiffness, inertia = self.delassus[points], laws.stiffness[points], laws.inertia[points]
+            thetas = dt**2 * (s * stiffness / (1.0 + s * inertia))
+            limiting = int(np.argmax(thetas * (1.0 + 1e-12) >= thetas.max()))  # of equal ones the first
+            largest_theta, worst = float(thetas[limiting]), points[limiting : limiting + 1]
+        for group, symmetric in groups:
+            explicit = group[laws.predicted[group]]
+            if explicit.size == 0:
+                continue
+            sizes = range(1, explicit.size + 1)
+            if symmetric:
+                sizes = range(explicit.size, explicit.size + 1)
+            elif explicit.size > MOST_SUBSETS:
+                sizes = range(1, 3)
+            parts = [np.array(part) for size in sizes for part in itertools.combinations(explicit, size)]
+            for part in [*parts, *([explicit] if explicit.size > MOST_SUBSETS else [])]:
+                theta = self._theta_of(part, dt, laws)
+                if largest_theta is None or theta > largest_theta * (1.0 + 1e-12):
+                    largest_theta, worst = theta, part
+        if largest_theta is not None and 1.0 < largest_theta <= 1.0 + THETA_ROUNDING:
+            largest_theta = 1.0
+        return largest_theta, [int(p) for p in worst]
+
+    # ---------------------------------------------------------------------------------------------------- one step
+
+    @cached_property
+    def _above_theta_of_one(self) -> Criterion | None:
+        return self._criterion_above_theta_of_one() if self._criterion_above_theta_of_one else None
+
+    def assess_step(self, dt: float) -> Assessment:
+        """Return the assessment of a step."""
+        laws = self.laws_at(dt)
+        assessment = self._assess_by_theta_and_operator(dt, laws)
+        if assessment.answer == "stable" and (groups := self._unequal_groups(laws, dt)):
+            return dataclasses.replace(self._assess_by_matrix(dt, laws, groups), theta=assessment.theta)
+        return assessment
+
+    def _assess_by_theta_and_operator(self, dt: float, laws: ClosedContacts) -> Assessment:
+        if self.limit_ratio == 0.0:
+            return Assessment("grows")
+        definite, limiting = self.operator.definite(dt / self.limit_ratio, *_at_current_state(laws))
+        theta, group = self.theta(dt, laws)
+        if theta is None or theta <= 1.0:
+            return Assessment("stable" if definite else "grows", limiting, theta)
+        if self._above_theta_of_one is not None:
+            return dataclasses.replace(self._above_theta_of_one.assess_step(dt), theta=theta)
+        if definite and self._why_open:
+            return Assessment("unknown", group, theta, self._why_open)
+        return Assessment("grows", group, theta, NOT_EXCLUDED if len(group) > 1 else "")
+
+    def excess(self, dt: float) -> float:
+        """Return the signed distance of a step from the critical one: -1 to 1, continuous, 0 at the critical step.
+
+        A step above theta = 1 counts as unstable.
+        """
+        if self.limit_ratio == 0.0:
+            return 1.0
+        laws = self.laws_at(dt)
+        theta = self.theta(dt, laws)[0] or 0.0
+        softening = self.operator.largest_softening(dt / self.limit_ratio, *_at_current_state(laws))
+        if not (np.isfinite(softening) and np.isfinite(theta)):
+            return 1.0
+        excess = [(number - 1.0) / (number + 1.0) for number in (softening, max(theta, 0.0))]
+        return max(*excess, np.finfo(float).tiny) if softening >= 1.0 else max(excess)
+
+    # ---------------------------------------------------------------------------------------------- critical step
+
+    @cached_property
+    def free(self) -> float:
+        """Largest step that is stable with no contact closed but ties."""
+        return self.operator.free_step() * self.limit_ratio
+
+    @cached_property
+    def bound(self) -> float:
+        """Largest step that is stable by theta and the operator, short bodies and unequal ratios left aside."""
+        return largest_step_below(self.excess, self.free)
+
+    @cached_property
+    def critical_step(self) -> float:
+        """Largest stable step, with laws bound anew for each step tried; nan where it is not known."""
+        if self.free in {0.0, np.inf}:  # No step is stable, or every step is because all nodes are held.
+            return self.free
+        bound = self.bound
+        beyond = self._above_theta_of_one
+        if beyond is not None and self._longer_steps_may_be_stable(beyond, bound):
+            bound = largest_step_below(beyond.excess, self.free)
+        if not any(self.coupling) or not 0.0 < bound < np.inf:
+            return bound
+        if not self._unequal_groups(self.laws_at(bound), bound):
+            return bound
+        # Growth caused by unequal ratios goes on at shorter steps, ever more slowly: there is no critical step then.
+        return bound if self.assess_step(bound * (1.0 - MARGINAL_DISTANCE)).answer == "stable" else np.nan
+
+    def _longer_steps_may_be_stable(self, beyond: Criterion, bound: float) -> bool:
+        """Return whether theta alone limits the step to `bound`, and the step just above it is stable."""
+        if bound == 0.0:  # Theta is above 1 at every step, and no step just above the bound can tell.
+            return True
+        above = bound * (1.0 + JUST_ABOVE)
+        by_theta = above < self.free and (self.theta(above, self.laws_at(above))[0] or 0.0) > 1.0
+        return by_theta and beyond.excess(above) <= 0.0
+
+    # --------------------------------------------------------------------------------------------- unequal ratios
+
+    def _unequal_groups(self, laws: ClosedContacts, dt: float) -> list[Any]:
+        """Return the groups of contacts that share ends and differ in eps_m / eps_s."""
+        return [group for group, symmetric in self._groups(laws, dt) if not symmetric]
+
+    def _assess_by_matrix(self, dt: float, laws: ClosedContacts, groups: list[Any]) -> Assessment:
+        """Return the assessment by amplification matrices, for groups about which theta alone does not decide."""
+        reason = UNALIKE.format(quoted(self.names, [int(p) for group in groups for p in group]))
+        sets = list(itertools.islice(unequal_sets(groups, laws, self.tied), MOST_SETS))
+        apart = self._apart()
+        if len(sets) == MOST_SETS or len(sets) * (2.0 * apart.size) ** 3 > MOST_WORK:
+            return Assessment("unknown", doubt=f"{reason}; the model is too large to examine all sets of them")
+        matrix = ClosedMatrix(apart)
+        slow: Sequence[int] | None = None
+        for closed in sets:
+            radius = matrix.radius(dt, laws, closed)
+            if radius > 1.0 + GROWTH_RESOLUTION:
+                return Assessment("grows", list(closed), doubt=reason, cure=EQUALS)
+            if radius > 1.0 + MARGINAL_DISTANCE and slow is None:
+                slow = closed
+        if slow is None:
+            return Assessment("stable")
+        may_grow = f"with contacts {quoted(self.names, slow)} closed it may grow, too slowly to be told from rounding"
+        return Assessment("unknown", list(slow), doubt=f"{reason}; {may_grow}")
+
+
+class ClosedMatrix:
+    """Amplification matrices of (u_n, u_{n-1}) with laws at the predicted gap or at the end of the step, dense.
+
+    Parameters
+    ----------
+    operator
+        Bodies and contact rows.
+    """
+
+    def __init__(self, operator: Operator) -> None:
+        stiffness, mass, rows = operator.dense()
+        root = np.linalg.cholesky(mass)
+        self.size = mass.shape[0]
+        self.scaled = np.linalg.solve(root, np.linalg.solve(root, stiffness).T)
+        self.normal = np.linalg.solve(root, rows)
+        rigid = root.T @ operator.rigid()
+        self.rigid = rigid / np.linalg.norm(rigid, axis=0)
+
+    def radius(self, dt: float, laws: ClosedContacts, closed: Sequence[int]) -> float:
+        """Return the largest modulus of the eigenvalues of the step, leaving out motions without strain.
+
+        Parameters
+        ----------
+        dt
+            Time step.
+        laws
+            The closed contacts at this step, as their linear laws describe them.
+        closed
+            Numbers of the closed contacts.
+        """
+        indices = list(closed)
+        normal = self.normal[:, indices]
+        weight = laws.surplus[indices] + dt * dt
+        left = np.diag(laws.compliance[indices]) + weight[:, None] * (normal.T @ normal)
+        back = np.eye(self.size) - dt * dt * normal @ np.linalg.lstsq(left, normal.T, rcond=None)[0]
+        n = self.size
+        matrix = np.zeros((2 * n, 2 * n))
+        matrix[:n, :n] = back @ (2.0 * np.eye(n) - dt * dt * self.scaled)
+        matrix[:n, n:] = -back
+        matrix[n:, :n] = np.eye(n)
+        felt = normal.T @ self.rigid
+        idle = self.rigid
+        if felt.size:
+            _, size, right = np.linalg.svd(felt)
+            idle = self.rigid @ right[int((size > 1e-9 * size.max(initial=0.0)).sum()) :].T
+        keep = np.kron(np.eye(2), idle)
+        matrix -= keep @ (keep.T @ matrix)
+        matrix -= (matrix @ keep) @ keep.T
+        return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0))
+
+
+def unequal_sets(
+    groups: Sequence[Sequence[int]], laws: ClosedContacts, tied: Sequence[int]
+) -> Iterator[tuple[int, ...]]:
+    """Yield the sets of closed contacts in which two contacts of one group differ in `surplus`, smallest sets first.
+
+    Tied contacts are closed in each set.
+    """
+    candidates = [p for p in range(laws.surplus.size) if not np.isnan(laws.surplus[p])]
+    free = [p for p in candidates if p not in tied]
+    for count in range(len(free) + 1):
+        for chosen in itertools.combinations(free, count):
+            closed = sorted({*chosen, *tied})
+            if any(np.ptp(laws.surplus[[p for p in group if p in closed] or [group[0]]]) > 0.0 for group in groups):
+                yield tuple(closed)
+
+
+def _pressing(laws: ClosedContacts) -> Any:
+    """Return which contacts have a `surplus` and can press, (P,): the predicted ones need stiffness for it."""
+    return np.where(laws.predicted, laws.stiffness > 0.0, ~np.isnan(laws.surplus))
+
+
+def _at_current_state(laws: ClosedContacts) -> tuple[Floats, Floats]:
+    """Return eps_s and eps_m of the contacts evaluated at the current state, 0 for the others, (P,) each."""
+    return np.where(laws.predicted, 0.0, laws.stiffness), np.where(laws.predicted, 0.0, laws.inertia)

@@ -1,0 +1,82 @@
+"""Search for the largest stable step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+# Relative distance from the limit within which a step is marginal.
+MARGINAL_DISTANCE = 1e-9
+MOST_TRIALS = 200  # steps tried in the search for the critical one
+SMALLEST_NUMBER = 2.2250738585072014e-308  # of those with all their digits
+SMALLEST_RELATIVE_TOLERANCE = 2.0**-50  # the least that SciPy accepts
+
+
+def largest_step_below(excess: Callable[[float], float], free: float) -> float:
+    """Return the largest stable step, `free` where contact does not lower it; `excess` is that of `largest_step`."""
+    just_below = free * (1.0 - 0.1 * MARGINAL_DISTANCE)
+    return free if excess(just_below) <= 0.0 else largest_step(excess, just_below)
+
+
+def largest_step(
+    excess: Callable[[float], float], start: float, tolerance: float = 1e-11, *, guess: float | None = None
+) -> float:
+    """Return the largest step, within a relative `tolerance`, up to which steps are stable, searching from `start`.
+
+    Parameters
+    ----------
+    excess
+        A number at most 0 where a step is stable, and above 0 where it is not, between -1 and 1. Where it varies
+        continuously with the step a few trials suffice; where it is only -1 or 1 each trial halves the bracket.
+    start
+        Step at which the search begins.
+    tolerance
+        Relative distance from the limit within which the returned step lies. It is stable itself.
+    guess
+        A step that may be the limit: if the steps just below and above it show that it is, two trials are enough.
+    """
+    from scipy.optimize import brentq
+
+    trials: dict[float, float] = {}
+
+    def tried(dt: float) -> float:
+        if dt not in trials:
+            value = excess(dt)
+            # The search ends where a value is 0, although longer steps may be stable, too.
+            trials[dt] = 1.0 if math.isnan(value) else value if value > 0.0 else min(value, -SMALLEST_NUMBER)
+        return trials[dt]
+
+    if guess is not None:
+        below, above = guess * (1.0 - 0.4 * tolerance), guess * (1.0 + 0.4 * tolerance)
+        if tried(below) <= 0.0 < tried(above):
+            return below
+    lo = hi = start
+    while tried(lo) > 0.0:
+        hi, lo = lo, 0.5 * lo
+        if lo < 1e-12 * start:
+            return 0.0
+    while tried(hi) <= 0.0:
+        lo, hi = hi, 2.0 * hi
+        if hi > 1e3 * start:
+            return math.inf
+    distance = 0.25 * tolerance * lo
+    root, _ = brentq(
+        tried,
+        lo,
+        hi,
+        xtol=distance,
+        rtol=SMALLEST_RELATIVE_TOLERANCE,
+        maxiter=MOST_TRIALS,
+        full_output=True,
+        disp=False,
+    )
+    # The limit may have been approached from one side only.
+    near = [root - 2.0 * distance, root + 2.0 * distance]
+    while True:
+        unstable = min(dt for dt, value in trials.items() if value > 0.0)
+        stable = max(dt for dt, value in trials.items() if value <= 0.0 and dt < unstable)
+        middle = 0.5 * (stable + unstable)
+        if unstable - stable <= tolerance * unstable or middle in (stable, unstable):
+            return stable
+        inside = [dt for dt in near if stable < dt < unstable]
+        tried(inside[0] if inside else middle)

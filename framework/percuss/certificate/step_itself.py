@@ -1,0 +1,445 @@
+"""The criterion of the step itself: amplification matrices measured from the solver's own time step, for any method.
+
+A law with a kernel may be linear deep in contact and follow another line elsewhere, as one that softens, yields or
+remembers its largest overlap does. The step is therefore examined about other states too: at small overlaps, and while
+the contact opens after a larger overlap. Where these steps differ, growth on one of the lines tells that the step is
+unstable, but nothing tells that it is stable, as a run changes from one line to another.
+
+Motions that grow linearly in time without being an instability are deflated (`percuss.certificate.closed_step`). Under
+a multi-stage scheme each mode without contact is an oscillator by itself, and the kernel of the scheme tells its limit
+(`percuss.certificate.scheme_limit`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from percuss.certificate.assessment import Assessment, quoted
+from percuss.certificate.closed_step import LINEARITY_TOLERANCE, ClosedStep, Motions
+from percuss.certificate.operator import MOST_TRIED_CONTACTS
+from percuss.certificate.scheme_limit import limit_ratio
+from percuss.certificate.search import MARGINAL_DISTANCE, largest_step
+from percuss.errors import PercussError
+from percuss.methods.blame import described
+from percuss.methods.kernel_trial import changes_with_time
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from percuss.march.model import Model
+    from percuss.methods.interfaces import Floats
+
+# Further states about which the step with a kernel law is examined: the unit in shortest elements, and whether contacts
+# open after a larger overlap.
+OTHER_STATES = ((1.0, True), (2.0**-12, False), (2.0**-12, True), (2.0**-24, False), (2.0**-24, True))
+# Largest state of which all eigenvalues are computed; of a larger one Arnoldi's iteration finds the largest only.
+LARGEST_DENSE_STATE = 240
+# Number of vectors that Arnoldi's iteration keeps.
+KRYLOV_VECTORS = 24
+# Number of restarts of Arnoldi's iteration, halved for states of `LARGE_STATE` entries or more to bound the time.
+ARNOLDI_RESTARTS = 12
+LARGE_STATE = 5000
+# Relative change by contact below which a motion counts as unaffected by contact.
+CONTACT_EFFECT_TOLERANCE = 1e-7
+# Largest number of contacts of which every combination is tried, as the number of combinations doubles with each
+# contact; of more contacts, none, each one alone and all of them are closed.
+MOST_TOGETHER = 3
+# Largest number of contacts of which each one is closed alone, as the time grows with their square and more; of more
+# contacts, none and all of them are closed.
+MOST_ALONE = 30
+NONE_AND_ALL = "no contact and all"
+# Relative tolerance of the critical step in a search with the time step itself, where each trial is expensive.
+SEARCH_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class ClosedStepStability:
+    """Stability of the step with a given combination of closed contacts.
+
+    Attributes
+    ----------
+    radius
+        Largest modulus of the eigenvalues left after deflation; nan where the step is not linear.
+    theta
+        Largest share of the predicted overlap that contact takes back in a step; None unless the contact force follows
+        from the predicted overlap alone.
+    doubt
+        Why the radius is not certain, in words; empty where it is.
+    felt_radius
+        Above theta = 1 the largest modulus of the motions that contact changes; infinite where it was not computed.
+    distance_to_flip
+        Least ``|1 + lambda|^2 / |lambda|`` of the eigenvalues lambda left after deflation: under a leap-frog scheme a
+        motion mostly begins to grow as its two eigenvalues meet at -1. Infinite where it was not computed, and under a
+        multi-stage scheme, where eigenvalues may meet anywhere.
+    """
+
+    radius: float
+    theta: float | None
+    doubt: str = ""
+    felt_radius: float = np.inf
+    distance_to_flip: float = np.inf
+
+    @property
+    def conclusive(self) -> bool:
+        """Whether the radius is certain."""
+        return not self.doubt
+
+    @property
+    def linear(self) -> bool:
+        """Whether the step is linear in the state with these contacts closed."""
+        return not np.isnan(self.radius)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no growth was found.
+
+        Above theta = 1 growth starts so slowly that a modulus of 1 may hide it, so the motions that contact changes
+        must decay there. The other motions are those of free bodies.
+        """
+        return not self.radius > 1.0 + MARGINAL_DISTANCE and not (
+            _above_one(self.theta) and self.felt_radius > 1.0 - MARGINAL_DISTANCE
+        )
+
+    @property
+    def excess(self) -> float:
+        """Signed distance of the step from the critical one, -1 to 1: at most 0 where it is stable, else above 0.
+
+        Under a leap-frog scheme it varies continuously with most steps, which shortens a search.
+        """
+        if not np.isfinite(self.distance_to_flip):
+            return -1.0 if self.linear and self.stable else 1.0
+        growth = self.radius - 1.0
+        above = -np.inf if self.theta is None else self.theta - 1.0
+        distance = max(-self.distance_to_flip if self.stable else growth * growth / self.radius, above)
+        # Above theta = 1 a step may be stable, and rounding must not decide about the sign.
+        distance = min(distance, 0.0) if self.stable else max(distance, np.finfo(float).tiny)
+        if not np.isfinite(distance):
+            return -1.0 if self.stable else 1.0
+        return float(distance / (1.0 + abs(distance)))
+
+
+def _above_one(theta: float | None) -> bool:
+    """Return whether contact takes back more than the predicted overlap."""
+    return theta is not None and theta > 1.0 + MARGINAL_DISTANCE
+
+
+def examine(motions: Motions, dt: float, closed: Sequence[int]) -> ClosedStepStability:
+    """Return the stability of the step of length `dt` with the given contacts closed; parameters as of `ClosedStep`."""
+    names = [contact_pair.name for contact_pair in motions.model.contact_pairs]
+    which = quoted(names, closed) or "none"
+    try:
+        step = ClosedStep(motions, dt, closed)
+        linear = step.linear()
+    except (PercussError, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001  A kernel need not be made for overlaps this deep.
+        return ClosedStepStability(
+            np.nan, None, f"with contacts {which} held closed a kernel fails ({described(error)})"
+        )
+    if not linear:
+        return ClosedStepStability(np.nan, None, f"the step is not linear with contacts {which} closed")
+    found = _stability(step)
+    for other in _other_lines(step):
+        if not found.stable:
+            break
+        # Where an open contact attracts less and less, bodies come apart at any step: this is no matter of the step.
+        if other.linear() and set(other.acting) <= set(step.closed):
+            on_this = _stability(other)
+            if not on_this.stable:
+                return on_this
+        doubt = (
+            f"with contacts {which} closed the step is another one at other overlaps or while they open; on none of "
+            "these lines growth was found"
+        )
+        found = dataclasses.replace(found, doubt=doubt)
+    return found
+
+
+def _other_lines(step: ClosedStep) -> Iterator[ClosedStep]:
+    """Yield the steps about other states which are none of the steps about the first, with whichever contacts closed.
+
+    A contact without a force, or with a constant one, is one that is open.
+    """
+    motions, dt = step.motions, step.model.dt
+    if all(bound_law.linear is not None for bound_law in step.model.laws):
+        return
+    state = np.random.default_rng(2).uniform(-1.0, 1.0, step.parts * step.size)
+    images = {tuple(step.acting): step(state)}
+    for unit, opening in OTHER_STATES:
+        other = ClosedStep(motions, dt, step.closed, unit=unit, opening=opening)
+        acting = tuple(other.acting)
+        if acting not in images:
+            images[acting] = ClosedStep(motions, dt, acting)(state)
+        image = images[acting]
+        if not np.abs(other(state) - image).max() <= LINEARITY_TOLERANCE * np.abs(image).max():
+            yield other
+
+
+def _stability(step: ClosedStep) -> ClosedStepStability:
+    """Return the stability of a linear step, as `examine` does."""
+    motions, dt = step.motions, step.model.dt
+    one_force = not (step.model.multistage or step.model.own_steps)
+    theta = _theta(step, ClosedStep(motions, dt, ())) if step.closed and one_force else None
+    size = step.parts * step.size
+    if size > LARGEST_DENSE_STATE and theta is not None and not step.model.followers:
+        # Up to theta = 1 the closed step is bounded wherever the free step is.
+        zeros = np.zeros(len(motions.model.contact_pairs))
+        return ClosedStepStability(1.0 if motions.operator.definite(dt, zeros, zeros)[0] else np.inf, theta)
+    idle: Floats = np.kron(np.eye(step.parts), motions.idle(dt, step.acting)).astype(np.float64)
+    if size > LARGEST_DENSE_STATE:
+        closed = f" with {NONE_AND_ALL} of its contacts closed" if len(not_tied(motions.model)) > MOST_ALONE else ""
+        doubt = f"the model is large: growth{closed} was looked for by a Krylov iteration, and none found"
+        return ClosedStepStability(_largest_modulus(step, idle), theta, doubt)
+    matrix = step.matrix()
+    deflated = matrix - idle @ (idle.T @ matrix)
+    deflated -= (deflated @ idle) @ idle.T
+    if not _above_one(theta):
+        values = np.linalg.eigvals(deflated)
+        flip = np.inf if step.model.multistage else _distance_to_flip(values)
+        radius = float(np.abs(values).max(initial=0.0))
+        return ClosedStepStability(radius, theta, distance_to_flip=flip)
+    values, vectors = np.linalg.eig(deflated)
+    moduli = np.abs(values)
+    # The gaps of the eigenvectors cannot tell which ones contact changes, because they vanish at theta = 1.
+    change = matrix - ClosedStep(motions, dt, ()).matrix()
+    felt = np.linalg.norm(change @ vectors, axis=0) > CONTACT_EFFECT_TOLERANCE * np.linalg.norm(change)
+    return ClosedStepStability(
+        float(moduli.max(initial=0.0)),
+        theta,
+        felt_radius=float(moduli[felt].max(initial=0.0)),
+        distance_to_flip=_distance_to_flip(values),
+    )
+
+
+def _distance_to_flip(values: Any) -> float:
+    """Return `distance_to_flip` of `ClosedStepStability` from all eigenvalues; those that are deflated are zero."""
+    values = values[np.abs(values) > LINEARITY_TOLERANCE]
+    with np.errstate(over="ignore", invalid="ignore"):  # of growth beyond all numbers
+        return float((np.abs(1.0 + values) ** 2 / np.abs(values)).min(initial=np.inf))
+
+
+def _theta(closed: ClosedStep, free: ClosedStep) -> float | None:
+    """Return theta of a step whose contact force follows from the predicted overlap alone, or None for any other step.
+
+    Such a step is the free step followed by ``I - [X, 0; X, 0]``, where X is symmetric in the weighted displacements
+    and zero except between the ends in contact; its determinant is the product of all ``1 - theta`` over the
+    eigenvalues theta of X. The largest of them is returned.
+    """
+    n = closed.size
+    ends = np.linalg.qr(closed.motions.gaps.T)[0]
+    x = np.zeros((ends.shape[1], ends.shape[1]))
+    size = 0.0
+    for k, end in enumerate(ends.T):
+        velocity = free(np.concatenate([end, np.zeros(n)]))[n:]
+        # The closed step starts from the two states that the free step takes to (end, 0) and to (0, end).
+        place = closed(np.concatenate([end, -velocity])) - np.concatenate([end, np.zeros(n)])
+        rate = closed(np.concatenate([-end, end + velocity])) - np.concatenate([np.zeros(n), end])
+        x[:, k] = -ends.T @ place[:n]
+        size = max(size, float(np.abs(place).max()))
+        local = max(np.abs(place[:n] - place[n:]).max(), np.abs(place[:n] + ends @ x[:, k]).max())
+        if max(local, np.abs(rate).max()) > LINEARITY_TOLERANCE * size:
+            return None
+    if size < LINEARITY_TOLERANCE or np.abs(x - x.T).max() > LINEARITY_TOLERANCE * size:
+        return None
+    return float(np.linalg.eigvalsh(0.5 * (x + x.T))[-1])
+
+
+def _largest_modulus(step: ClosedStep, idle: Floats) -> float:
+    """Return the largest eigenvalue modulus that Arnoldi's iteration finds, or 0 if no eigenvalue converges."""
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+    size = step.parts * step.size
+
+    def product(state: Floats) -> Floats:
+        state = step(state - idle @ (idle.T @ state))
+        return state - idle @ (idle.T @ state)
+
+    operator: Any = LinearOperator((size, size), matvec=product, dtype=float)
+    values: Any
+    try:
+        values = eigs(
+            operator,
+            k=2,
+            ncv=KRYLOV_VECTORS,
+            which="LM",
+            v0=np.random.default_rng(0).standard_normal(size),
+            maxiter=ARNOLDI_RESTARTS if size < LARGE_STATE else ARNOLDI_RESTARTS // 2,
+            tol=1e-9,
+            return_eigenvectors=False,
+        )
+    except ArpackNoConvergence as stopped:
+        values = stopped.eigenvalues
+    return float(np.abs(values).max(initial=0.0))
+
+
+def combinations(count: int) -> list[tuple[int, ...]]:
+    """Return the combinations of closed contacts to be tried among `count` contacts, beginning with none closed."""
+    contacts = range(count)
+    if count <= MOST_TOGETHER:
+        return [closed for k in range(count + 1) for closed in itertools.combinations(contacts, k)]
+    alone = contacts if count <= MOST_ALONE else ()
+    return [(), *((p,) for p in alone), tuple(contacts)]
+
+
+class StepCriterion:
+    """Criterion from the amplification matrix of the solver's own step, for any integrator and contact law.
+
+    Parameters
+    ----------
+    model
+        A stretch of a run, `percuss.march.model.Model.stretches`.
+    guess
+        Function that returns a step that may be the critical one, about which the step itself is asked, or None.
+    """
+
+    by: ClassVar[str] = "black-box"
+
+    def __init__(self, model: Model, guess: Callable[[], float | None] = lambda: None) -> None:
+        self.model = model
+        self.motions = Motions(model)
+        self._guess = guess
+        # Combination that limited the last step of a search, and may limit the next one too.
+        self._limiting_combination: tuple[int, ...] | None = None
+        self._examined: dict[tuple[float, tuple[int, ...]], ClosedStepStability] = {}
+
+    @cached_property
+    def free(self) -> float:
+        """Largest step that is stable with no contact closed but ties."""
+        model = self.model
+        ratio = limit_ratio(model.case.method.integrator, model.stages, model.dt, model.viscosity)
+        return self.motions.operator.free_step() * ratio
+
+    @cached_property
+    def _combinations(self) -> list[tuple[int, ...]]:
+        """Combinations of closed contacts to be tried, ties in each of them.
+
+        Under a multi-stage scheme `free` covers that of no contact, but no load that follows the motion of an end, and
+        not what a tie does to the velocities of its ends.
+        """
+        tied = self.model.tied_points
+        closed_sets = [(*tied, *(self._not_tied[k] for k in closed)) for closed in combinations(len(self._not_tied))]
+        return closed_sets if self.model.stages is None or self.model.followers or tied else closed_sets[1:]
+
+    @cached_property
+    def _not_tied(self) -> list[int]:
+        return not_tied(self.model)
+
+    @property
+    def _why_not_all(self) -> str:
+        """Why the combinations that are tried are not all; empty if they are."""
+        count = len(self._not_tied)
+        if len(combinations(count)) == 1 << count:
+            return ""
+        tried = NONE_AND_ALL if count > MOST_ALONE else "no contact, each one and all"
+        return f"no growth was found with {tried} of them closed; other combinations can be worse"
+
+    def assess_step(self, dt: float) -> Assessment:
+        """Return the assessment of a step over the combinations of closed contacts that are tried."""
+        if self.model.stages is not None and dt > self.free * (1.0 + MARGINAL_DISTANCE):
+            return Assessment("grows")
+        doubts, radius, theta = [self._why_not_all], -1.0, None
+        worst: list[int] = []
+        for closed in self._combinations:
+            found = self._examine(dt, closed)
+            if not found.linear:
+                return Assessment("unknown", list(closed), doubt=found.doubt)
+            if found.theta is not None and (theta is None or found.theta > theta):
+                theta = found.theta
+            if not found.stable:
+                return Assessment("grows", self._smallest_combination(dt, closed), found.theta)
+            doubts.append(found.doubt)
+            if found.radius > radius * (1.0 + 1e-6):
+                radius, worst = found.radius, [p for p in closed if p in self._not_tied]
+        if self._time_dependent_laws:
+            names = ", ".join(self._time_dependent_laws)
+            doubts.append(f"{names} changes with time, and no growth was found as it acts at the start")
+        doubt = next(filter(None, reversed(doubts)), "")
+        return Assessment("no growth found" if doubt else "stable", worst, theta, doubt)
+
+    def excess(self, dt: float) -> float:
+        """Return a `ClosedStepStability.excess` above 0 or else the largest; 1 where it is not known for all sets."""
+        if self._why_not_all:
+            return 1.0
+        largest = -np.inf
+        limiting = self._limiting_combination
+        for closed in sorted(self._combinations, key=lambda closed: closed != limiting):
+            found = self._examine(dt, closed)
+            excess = found.excess if found.conclusive else 1.0
+            if excess > largest:
+                largest, self._limiting_combination = excess, closed
+            if excess > 0.0:
+                break
+        return largest
+
+    def _smallest_combination(self, dt: float, unstable: tuple[int, ...]) -> list[int]:
+        """Return contacts of an unstable combination that suffice for instability and none of which can be left out."""
+        kept = [p for p in unstable if p in self._not_tied]
+        if len(self._not_tied) <= MOST_TOGETHER or len(kept) > MOST_TRIED_CONTACTS:
+            return kept  # All smaller combinations were stable, or there are too many to try.
+        for contact in list(kept):
+            fewer = [other for other in kept if other != contact]
+            found = self._examine(dt, (*self.model.tied_points, *fewer))
+            if found.linear and not found.stable:
+                kept = fewer
+        return kept
+
+    @cached_property
+    def _time_dependent_laws(self) -> list[str]:
+        """Names of the laws with a kernel whose force changes with time."""
+        end = self.model.whole.steps * self.model.whole.dt
+        return [
+            bound_law.law.name
+            for bound_law in self.model.laws
+            if bound_law.linear is None
+            and changes_with_time(bound_law.law, bound_law.kernel_data, bound_law.points, self.model.dt, end)
+        ]
+
+    @cached_property
+    def critical_step(self) -> float:
+        """Largest stable step within the relative tolerance `SEARCH_TOLERANCE`, or nan where the step is not linear.
+
+        It is nan too where bodies have steps of their own.
+
+        A combination of closed contacts that is stable at the free step is taken as stable at all shorter steps.
+        """
+        if self.free in {0.0, np.inf}:
+            return self.free
+        if self.model.own_steps:  # steps of different lengths resonate: a longer step may be stable, a shorter one not
+            return np.nan
+        results = [
+            (closed, self._examine(self.free * (1.0 - MARGINAL_DISTANCE), closed)) for closed in self._combinations
+        ]
+        if not all(found.linear for _, found in results):
+            return np.nan
+        unstable = [closed for closed, found in results if not found.stable]
+        if not unstable:
+            return self.free
+        nonlinear_steps: list[float] = []
+
+        def excess(dt: float) -> float:
+            found = [self._examine(dt, closed) for closed in unstable]
+            nonlinear_steps.extend(dt for one in found if not one.linear)
+            return max(one.excess for one in found)
+
+        critical = largest_step(excess, self.free, SEARCH_TOLERANCE, guess=self._guess())
+        return np.nan if nonlinear_steps else critical
+
+    def _examine(self, dt: float, closed: tuple[int, ...]) -> ClosedStepStability:
+        """Return the stability of a step; if it is certain it is kept, as a search ends where an assessment begins."""
+        known = self._examined.get((dt, closed))
+        if known is None:
+            known = examine(self.motions, dt, closed)
+            if known.conclusive:
+                self._examined[dt, closed] = known
+        return known
+
+
+def not_tied(model: Model) -> list[int]:
+    """Return the contacts that may be open."""
+    return [p for p in range(len(model.contact_pairs)) if p not in model.tied_points]

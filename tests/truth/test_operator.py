@@ -1,0 +1,157 @@
+"""The criterion of the sparse operator on a body in two dimensions, against full matrices."""
+
+import itertools
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+
+from percuss.certificate.closed_contacts import ClosedContacts
+from percuss.certificate.operator import SparseOperator
+from percuss.certificate.operator_criterion import OperatorCriterion
+
+NX, NY, H = 4, 3, 0.25
+YOUNG, POISSON, DENSITY = 3.0, 0.3, 2.0
+GAUSS = (-1.0 / np.sqrt(3.0), 1.0 / np.sqrt(3.0))
+
+
+def plane_strain():
+    """Return the matrix of plane strain: stresses xx, yy, xy from strains xx, yy and twice xy."""
+    factor = YOUNG / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
+    return factor * np.array([[1.0 - POISSON, POISSON, 0.0], [POISSON, 1.0 - POISSON, 0.0], [0.0, 0.0, 0.5 - POISSON]])
+
+
+def square_stiffness():
+    """Return the stiffness of a square of four nodes, counted against the clock, with 2 x 2 Gauss points, (8, 8)."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    out = np.zeros((8, 8))
+    for xi, eta in itertools.product(GAUSS, GAUSS):
+        slope_x = corners[:, 0] * (1.0 + corners[:, 1] * eta) / 4.0 * (2.0 / H)
+        slope_y = corners[:, 1] * (1.0 + corners[:, 0] * xi) / 4.0 * (2.0 / H)
+        strain = np.zeros((3, 8))
+        strain[0, ::2], strain[1, 1::2] = slope_x, slope_y
+        strain[2, ::2], strain[2, 1::2] = slope_y, slope_x
+        out += strain.T @ plane_strain() @ strain * (H / 2.0) ** 2
+    return out
+
+
+def block(held_right):
+    """Return K, the masses, and N of points on the left side with their tributary lengths, as full matrices.
+
+    The points are Gauss points of the edges, so that each has rows at two nodes, in the direction of the wall.
+    """
+    node = {(i, j): i * (NY + 1) + j for i in range(NX + 1) for j in range(NY + 1)}
+    size = 2 * len(node)
+    stiffness, mass = np.zeros((size, size)), np.zeros(size)
+    for i, j in itertools.product(range(NX), range(NY)):
+        cell = [node[i, j], node[i + 1, j], node[i + 1, j + 1], node[i, j + 1]]
+        places = np.array([2 * n + d for n in cell for d in (0, 1)])
+        stiffness[np.ix_(places, places)] += square_stiffness()
+        mass[places] += 0.25 * DENSITY * H * H
+    columns, lengths = [], []
+    for j, xi in itertools.product(range(NY), GAUSS):
+        column = np.zeros(size)
+        column[2 * node[0, j]], column[2 * node[0, j + 1]] = 0.5 * (1.0 - xi), 0.5 * (1.0 + xi)
+        columns.append(column)
+        lengths.append(0.5 * H)
+    moving = [2 * n + d for (i, _), n in node.items() for d in (0, 1) if not (held_right and i == NX)]
+    normals = np.array(columns).T
+    return stiffness[np.ix_(moving, moving)], mass[moving], normals[moving], np.array(lengths)
+
+
+def laws(stiffness, inertia, predicted):
+    count = stiffness.size
+    share = np.divide(inertia, stiffness)
+    return lambda dt: ClosedContacts(
+        stiffness, inertia, np.full(count, predicted), share - dt * dt if predicted else np.full(count, np.nan),
+        1.0 / stiffness, (), (), "", "",
+    )  # fmt: skip
+
+
+def criterion(matrices, stiffness, inertia, *, predicted=False, coupled=None):
+    """The criterion of a block; `coupled` is M^-1 as a full matrix, of which C K C and C N are given."""
+    bulk, mass, normals, lengths = matrices
+    if coupled is None:
+        parts, inverse = (bulk, np.diag(mass), normals), np.diag(1.0 / mass)
+    else:
+        parts, inverse = (coupled @ bulk @ coupled, coupled, coupled @ normals), coupled
+    delassus = normals.T @ inverse @ normals
+    others = [{int(q): float(row[q]) for q in np.flatnonzero(row) if q != p} for p, row in enumerate(delassus)]
+    operator = SparseOperator(*map(scipy.sparse.csc_array, parts), np.zeros((mass.size, 0)))
+    names = [f"p{k}" for k in range(lengths.size)]
+    return OperatorCriterion(operator, (np.diag(delassus).copy(), others), laws(stiffness, inertia, predicted), names)
+
+
+def highest(stiffness, mass):
+    return scipy.linalg.eigh(stiffness, mass, eigvals_only=True)[-1]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_the_free_step_is_that_of_the_full_matrices(held):
+    matrices = block(held)
+    found = criterion(matrices, np.ones(2 * NY), np.zeros(2 * NY)).free
+    assert found == pytest.approx(2.0 / np.sqrt(highest(matrices[0], np.diag(matrices[1]))), rel=1e-10)
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("beta", [0.5, 3.0, 40.0])
+def test_the_critical_step_of_a_penalty_is_that_of_the_full_matrices(beta, held):
+    matrices = bulk, mass, normals, lengths = block(held)
+    stiffness = beta * YOUNG / H * lengths
+    found = criterion(matrices, stiffness, np.zeros_like(stiffness))
+    expected = 2.0 / np.sqrt(highest(bulk + normals @ np.diag(stiffness) @ normals.T, np.diag(mass)))
+    assert found.critical_step == pytest.approx(expected, rel=1e-9)
+    assert expected < 0.999 * found.free or beta < 1.0
+    below, above = (found.assess_step(share * expected) for share in (1.0 - 1e-8, 1.0 + 1e-8))
+    assert (below.answer, above.answer) == ("stable", "grows")
+    if above.worst:  # they suffice
+        some = normals[:, above.worst]
+        with_these = highest(bulk + some @ np.diag(stiffness[above.worst]) @ some.T, np.diag(mass))
+        assert 2.0 / np.sqrt(with_these) < (1.0 + 1e-8) * expected
+
+
+def test_an_inertia_of_contacts_counts_with_the_mass():
+    """All contacts are closed in the worst set, as their eps_s / eps_m is above the highest frequency squared."""
+    matrices = bulk, mass, normals, lengths = block(True)
+    stiffness = 40.0 * YOUNG / H * lengths
+    inertia = stiffness / (4.0 * highest(bulk, np.diag(mass)))
+    found = criterion(matrices, stiffness, inertia)
+    closed = normals @ np.diag(stiffness) @ normals.T, normals @ np.diag(inertia) @ normals.T
+    expected = 2.0 / np.sqrt(highest(bulk + closed[0], np.diag(mass) + closed[1]))
+    assert expected < 0.99 * found.free
+    assert found.critical_step == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_mass_that_couples_nodes_is_given_by_its_inverse():
+    matrices = bulk, mass, normals, lengths = block(False)
+    rng = np.random.default_rng(3)
+    root = np.diag(1.0 / np.sqrt(mass)) + 0.02 * np.diag(rng.uniform(size=mass.size - 2), 2)
+    coupled = root @ root.T
+    stiffness = 10.0 * YOUNG / H * lengths
+    found = criterion(matrices, stiffness, np.zeros_like(stiffness), coupled=coupled)
+    full = np.linalg.inv(coupled)
+    expected = 2.0 / np.sqrt(highest(bulk + normals @ np.diag(stiffness) @ normals.T, 0.5 * (full + full.T)))
+    assert found.critical_step == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3])
+def test_at_the_predicted_gap_the_step_ends_where_theta_is_one(ratio):
+    matrices = _, mass, normals, lengths = block(False)
+    stiffness = 40.0 * YOUNG / H * lengths
+    found = criterion(matrices, stiffness, ratio * 0.01 * stiffness, predicted=True)
+    delassus = normals.T @ np.diag(1.0 / mass) @ normals
+    largest = np.linalg.eigvals(
+        np.linalg.solve(np.eye(lengths.size) + 0.01 * ratio * delassus * stiffness, delassus * stiffness)
+    ).real.max()
+    assert found.assess_step(0.01).theta == pytest.approx(0.01**2 * largest, rel=1e-10)
+    assert found.critical_step == pytest.approx(min(1.0 / np.sqrt(largest), found.free), rel=1e-9)
+
+
+def test_a_factor_proves_what_it_says():
+    bulk, mass, normals, _ = block(False)
+    operator = SparseOperator(*map(scipy.sparse.csc_array, (bulk, np.diag(mass), normals)), np.zeros((mass.size, 0)))
+    squared = highest(bulk, np.diag(mass))
+    assert operator.factor(squared * (1.0 + 1e-9)) is not None
+    assert operator.factor(squared * (1.0 - 1e-9)) is None
+    assert operator.factor(0.5 * squared) is None
